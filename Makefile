@@ -1,0 +1,36 @@
+# Two commands matter: `make fly` and `make test`. Both start from a fresh checkout.
+PYTHON ?= python3
+VENV := .venv
+BIN := $(VENV)/bin
+PIP_INSTALL = $(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt
+
+.PHONY: fly test lint bench clean
+
+fly: $(VENV)/.ground
+	$(BIN)/clearway fly
+
+test: lint
+	$(BIN)/pytest --numprocesses 2 --dist worksteal
+
+lint: $(VENV)/.dev
+	$(BIN)/ruff format --check .
+	$(BIN)/ruff check .
+	$(BIN)/mypy
+	$(BIN)/mypy tests
+
+bench: $(VENV)/.dev
+	$(BIN)/python tests/bench.py $(if $(ONLY),--only $(ONLY)) --output build/bench.json
+
+$(VENV)/bin/python:
+	$(PYTHON) -m venv $(VENV)
+
+$(VENV)/.ground: pyproject.toml constraints.txt | $(VENV)/bin/python
+	$(PIP_INSTALL) --editable '.[ground,sitl]'
+	touch $@
+
+$(VENV)/.dev: pyproject.toml constraints.txt | $(VENV)/bin/python
+	$(PIP_INSTALL) --editable '.[dev]'
+	touch $@ $(VENV)/.ground
+
+clean:
+	rm -rf $(VENV) build flights .pytest_cache .mypy_cache .ruff_cache .hypothesis

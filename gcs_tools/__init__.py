@@ -1,0 +1,1 @@
+"""The operator's side: pre-flight check, contract tools, flights, campaigns, reports."""

@@ -1,0 +1,183 @@
+"""What the operator states: contract, mission, daemon; frozen and validated.
+
+Angles are degrees here, as in the files, and radians everywhere else (`onboard.contract`).
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from pathlib import Path
+from typing import Annotated, Any, Literal, Self
+
+import yaml
+from pydantic import Field, model_validator
+
+from onboard.agility import InputSet
+from onboard.yaml_file import FileError, FileModel, load_yaml, read_mapping, validate
+
+Positive = Annotated[float, Field(gt=0.0)]
+NonNegative = Annotated[float, Field(ge=0.0)]
+AcuteAngle = Annotated[float, Field(gt=0.0, lt=90.0)]
+# YAML has lists only; the numbers inside stay strict.
+Pair = Annotated[tuple[float, float], Field(strict=False)]
+NonNegativePair = Annotated[tuple[NonNegative, NonNegative], Field(strict=False)]
+FilePath = Annotated[Path, Field(strict=False)]
+
+
+class VehicleTerms(FileModel):
+    """What the vehicle guarantees."""
+
+    roll_max_deg: AcuteAngle = Field(description="roll available to the planner (phi_max)")
+    pitch_max_deg: AcuteAngle = Field(description="pitch available to the planner (theta_max)")
+    thrust_to_weight: Annotated[float, Field(gt=1.0)] = Field(description="T_max / (m g)")
+    cruise_speed_mps: Positive = Field(description="V_cruise")
+    radius_m: NonNegative = Field(description="of the circle around the vehicle, rotors included")
+    tracking_error_m: NonNegative = Field(description="E_tr: reference to actual position")
+    velocity_error_mps: NonNegativePair = Field(description="dV_x, dV_y")
+    reaction_time_s: NonNegative = Field(description="object within range to changed setpoint")
+    attitude_lag_s: NonNegative = Field(description="T_e: setpoint to acceleration")
+    setpoint_loss_timeout_s: NonNegative = Field(
+        1.0, description="the autopilot coasts this long when the stream stops"
+    )
+    setpoint_loss_run_on_m: NonNegative | None = Field(
+        None, description="measured forward run after the stream stops; replaces the model"
+    )
+
+
+class Requirements(FileModel):
+    """Clauses that may be switched off, knowingly."""
+
+    stop: bool = Field(True, description="braking to hover is always available")
+    passive_safety: bool = Field(True, description="no collision even if the daemon dies")
+
+
+class SensorTerms(FileModel):
+    """What is assumed of the obstacle sensor."""
+
+    detection_range_m: Positive = Field(description="D_od")
+    field_of_view_deg: Annotated[float, Field(gt=0.0, le=360.0)]
+    frame_age_max_s: Positive = Field(description="older or missing frames are a sensor failure")
+    position_error_m: NonNegative = Field(description="of each face of a detected obstacle")
+
+
+class EnvironmentTerms(FileModel):
+    """What is assumed of the obstacle field."""
+
+    obstacle_size_max_m: Positive = Field(description="S_max, both extents, in the leg frame")
+    obstacle_size_min_m: NonNegative = Field(description="smallest extent along the leg, or 0")
+    obstacle_separation_min_m: Positive = Field(description="D_sep, centre to centre")
+
+    @model_validator(mode="after")
+    def _sizes_are_ordered(self) -> Self:
+        if self.obstacle_size_min_m > self.obstacle_size_max_m:
+            raise ValueError(
+                f"obstacle_size_min_m = {self.obstacle_size_min_m} m exceeds "
+                f"obstacle_size_max_m = {self.obstacle_size_max_m} m"
+            )
+        return self
+
+
+class Contract(FileModel):
+    """What the vehicle guarantees, as long as what it assumes holds (contract.yaml)."""
+
+    vehicle: VehicleTerms
+    requirements: Requirements = Requirements(stop=True, passive_safety=True)
+    sensor: SensorTerms
+    environment: EnvironmentTerms
+
+    @property
+    def sha256(self) -> str:
+        """Hash of the terms themselves: comments, key order and notation do not change it."""
+        canonical = json.dumps(self.model_dump(mode="json"), sort_keys=True, separators=(",", ":"))
+        return hashlib.sha256(canonical.encode()).hexdigest()
+
+
+class Leg(FileModel):
+    """One straight leg of a mission; avoidance leaves the vehicle beside it (erratum 16)."""
+
+    end_ned_m: Pair = Field(description="north and east of the end of the leg")
+    target_half_width_m: Positive = Field(
+        5.0, description="how far beside the end the vehicle may arrive (P_D)"
+    )
+
+
+class Mission(FileModel):
+    """Where to fly (mission.yaml)."""
+
+    start_ned_m: Pair = Field((0.0, 0.0), description="north and east of the first leg's start")
+    altitude_m: Positive = Field(description="cruise height above the local origin")
+    climb_max_m: NonNegative = Field(
+        0.0, description="how far avoidance may climb above that to gain agility; 0: planar"
+    )
+    legs: Annotated[tuple[Leg, ...], Field(strict=False, min_length=1)]
+
+
+class MavlinkLink(FileModel):
+    """The daemon's MAVLink link."""
+
+    url: str = Field("udpin://0.0.0.0:14540", description="as in MAVSDK")
+    system_id: Annotated[int, Field(ge=1, le=255)] = 1
+    stale_after_s: Positive = Field(0.5, description="older telemetry is no telemetry")
+
+
+class ZenohEndpoints(FileModel):
+    """How a process joins Zenoh; without endpoints it scouts by multicast."""
+
+    connect: Annotated[tuple[str, ...], Field(strict=False)] = ()
+    listen: Annotated[tuple[str, ...], Field(strict=False)] = ()
+
+
+class DaemonConfig(FileModel):
+    """`clearway-onboard --config F`; paths are relative to the file."""
+
+    vehicle: Annotated[str, Field(pattern=r"^[A-Za-z0-9_-]+$")] = "vehicle"
+    contract: FilePath
+    mission: FilePath
+    input_set: InputSet = "inner"
+    mavlink: MavlinkLink = MavlinkLink(url="udpin://0.0.0.0:14540", system_id=1, stale_after_s=0.5)
+    zenoh: ZenohEndpoints = ZenohEndpoints(connect=(), listen=())
+    log_directory: FilePath = Path("flights")
+    log_level: Literal["debug", "info", "warning", "error"] = "info"
+    fly_outside_contract: bool = Field(
+        False, description="leave STANDBY although the contract does not comply; for tests"
+    )
+
+
+def load_contract(path: Path, overrides: tuple[str, ...] = ()) -> Contract:
+    """Read a contract; ``overrides`` are ``dotted.key=value`` as given to ``--set``.
+
+    Raises:
+        FileError: the file or an override is not usable.
+    """
+    if not overrides:
+        return load_yaml(path, Contract)
+    data = read_mapping(path)
+    for override in overrides:
+        _override(data, override)
+    return validate(data, Contract, source=f"{path} with --set {' '.join(overrides)}")
+
+
+def _override(data: dict[str, Any], override: str) -> None:
+    key, equals, text = override.partition("=")
+    *parents, last = key.split(".")
+    if not equals or not all(parents) or not last:
+        raise FileError(f"--set {override}: write dotted.key=value")
+    target: Any = data
+    for parent in parents:
+        target = target.setdefault(parent, {})
+        if not isinstance(target, dict):
+            raise FileError(f"--set {override}: {parent} holds a value, not keys")
+    target[last] = parse_scalar(text, source=f"--set {override}")
+
+
+def parse_scalar(text: str, *, source: str) -> Any:
+    """Return the value that YAML would read from ``text``.
+
+    Raises:
+        FileError: the text is not YAML.
+    """
+    try:
+        return yaml.safe_load(text)
+    except yaml.YAMLError as error:
+        raise FileError(f"{source}: {text!r} is not a value") from error

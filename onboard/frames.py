@@ -1,0 +1,94 @@
+"""Frames, and the only place where they change.
+
+* **NED**: local north, east, down; origin where the autopilot put it.
+* **FRD**: body forward, right, down.
+* **leg**: origin at the start of a cruise leg, x along the leg, y to its right, z down.
+
+Rotations are named after what they do: ``rotation_ned_from_frd @ vector_frd`` is in NED; adjacent
+frame names cancel.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class LegFrame:
+    """The frame of one cruise leg.
+
+    Attributes:
+        origin_ned_m: start of the leg, (3,), NED.
+        heading_rad: direction of the leg, from north towards east.
+    """
+
+    origin_ned_m: tuple[float, float, float]
+    heading_rad: float
+
+    @classmethod
+    def between(
+        cls, start_ned_m: tuple[float, float, float], end_ned_m: tuple[float, float, float]
+    ) -> LegFrame:
+        """Return the frame of the leg between two points; their heights do not turn it.
+
+        Raises:
+            ValueError: the two points are less than a centimetre apart on the ground.
+        """
+        north_m, east_m = end_ned_m[0] - start_ned_m[0], end_ned_m[1] - start_ned_m[1]
+        if math.hypot(north_m, east_m) < 0.01:
+            raise ValueError(f"a leg needs length: {start_ned_m} to {end_ned_m} m (NED)")
+        return cls(start_ned_m, math.atan2(east_m, north_m))
+
+    @cached_property
+    def rotation_ned_from_leg(self) -> FloatArray:
+        """Rotation matrix (3, 3): ``vector_ned = rotation_ned_from_leg @ vector_leg``."""
+        return rotation_about_down(self.heading_rad)
+
+    def position_ned_from_leg(self, position_leg_m: FloatArray) -> FloatArray:
+        """Positions (..., 3) in metres, leg -> NED."""
+        return self.vector_ned_from_leg(position_leg_m) + np.asarray(self.origin_ned_m)
+
+    def position_leg_from_ned(self, position_ned_m: FloatArray) -> FloatArray:
+        """Positions (..., 3) in metres, NED -> leg."""
+        return self.vector_leg_from_ned(position_ned_m - np.asarray(self.origin_ned_m))
+
+    def vector_ned_from_leg(self, vector_leg: FloatArray) -> FloatArray:
+        """Velocities, accelerations, ... (..., 3), leg -> NED."""
+        rotated: FloatArray = vector_leg @ self.rotation_ned_from_leg.T
+        return rotated
+
+    def vector_leg_from_ned(self, vector_ned: FloatArray) -> FloatArray:
+        """Velocities, accelerations, ... (..., 3), NED -> leg."""
+        rotated: FloatArray = vector_ned @ self.rotation_ned_from_leg
+        return rotated
+
+    def yaw_leg_from_ned(self, yaw_ned_rad: float) -> float:
+        """Angle about down, NED -> leg, in [-pi, pi)."""
+        return wrap_angle(yaw_ned_rad - self.heading_rad)
+
+
+def rotation_about_down(angle_rad: float) -> FloatArray:
+    """Rotation matrix (3, 3) by ``angle_rad`` about the down axis, from north towards east."""
+    cosine, sine = math.cos(angle_rad), math.sin(angle_rad)
+    return np.array([[cosine, -sine, 0.0], [sine, cosine, 0.0], [0.0, 0.0, 1.0]])
+
+
+def rotation_ned_from_frd(roll_rad: float, pitch_rad: float, yaw_rad: float) -> FloatArray:
+    """Rotation matrix (3, 3) of the attitude (Z-Y-X Euler angles, as in MAVLink ATTITUDE)."""
+    cr, sr = math.cos(roll_rad), math.sin(roll_rad)
+    cp, sp = math.cos(pitch_rad), math.sin(pitch_rad)
+    tilt = np.array([[cp, sp * sr, sp * cr], [0.0, cr, -sr], [-sp, cp * sr, cp * cr]])
+    rotated: FloatArray = rotation_about_down(yaw_rad) @ tilt
+    return rotated
+
+
+def wrap_angle(angle_rad: float) -> float:
+    """Return the same direction in [-pi, pi)."""
+    return (angle_rad + math.pi) % (2.0 * math.pi) - math.pi
