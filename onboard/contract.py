@@ -225,17 +225,18 @@ def derive(terms: Terms[Q], ops: Arithmetic[Q]) -> Derived[Q]:
 
 def clauses(terms: Terms[Q], derived: Derived[Q], ops: Arithmetic[Q]) -> tuple[Clause[Q], ...]:
     """Every requirement of the contract, in the order in which an operator reads them."""
+    separation = Clause(
+        "separation",
+        derived.required_separation_m,
+        terms.obstacle_separation_min_m,
+        "m",
+        "regions of influence of any two obstacles must not intersect",
+    )
     return (
-        *_agility_clauses(terms, ops),
-        *_sensor_clauses(terms, derived, ops),
-        *_stopping_clauses(terms, derived),
-        Clause(
-            "separation",
-            derived.required_separation_m,
-            terms.obstacle_separation_min_m,
-            "m",
-            "regions of influence of any two obstacles must not intersect",
-        ),
+        _agility_clauses(terms, ops)
+        + _sensor_clauses(terms, derived, ops)
+        + _stopping_clauses(terms, derived)
+        + (separation,)
     )
 
 
@@ -284,7 +285,8 @@ def _sensor_clauses(
 
 
 def _stopping_clauses(terms: Terms[Q], derived: Derived[Q]) -> tuple[Clause[Q], ...]:
-    e, found = derived.encounter, []
+    e = derived.encounter
+    found: list[Clause[Q]] = []
     fixed_m = derived.margin_m + terms.tracking_error_m
     stop_m = e.speed_mps * e.speed_mps / (2.0 * e.brake_mps2) + e.speed_mps * e.attitude_lag_s
     if terms.stop:

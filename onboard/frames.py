@@ -53,7 +53,8 @@ class LegFrame:
 
     def position_ned_from_leg(self, position_leg_m: FloatArray) -> FloatArray:
         """Positions (..., 3) in metres, leg -> NED."""
-        return self.vector_ned_from_leg(position_leg_m) + np.asarray(self.origin_ned_m)
+        moved: FloatArray = self.vector_ned_from_leg(position_leg_m) + np.array(self.origin_ned_m)
+        return moved
 
     def position_leg_from_ned(self, position_ned_m: FloatArray) -> FloatArray:
         """Positions (..., 3) in metres, NED -> leg."""
