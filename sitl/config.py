@@ -1,0 +1,147 @@
+"""What ``clearway-sitl --config F`` reads: every key has a default that flies."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Annotated, Literal
+
+from pydantic import Field, model_validator
+
+from onboard.yaml_file import FileModel, load_yaml
+from sitl.battery import BatteryConfig
+from sitl.multirotor import MultirotorParameters, quadrotor
+from sitl.sensor import SensorConfig
+from sitl.wind import WindConfig
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+Positive = Annotated[float, Field(gt=0.0)]
+
+
+class MultirotorConfig(FileModel):
+    """The vehicle's body."""
+
+    mass_kg: Positive = 1.5
+    thrust_to_weight: Annotated[float, Field(gt=1.0)] = 2.0
+    radius_m: Positive = 0.30
+    arm_length_m: Positive = 0.22
+    inertia_kgm2: Annotated[tuple[Positive, Positive, Positive], Field(strict=False)] = (
+        0.022,
+        0.022,
+        0.040,
+    )
+    rotor_time_constant_s: Annotated[float, Field(ge=0.005)] = 0.035
+    rotor_speed_max_rpm: Positive = 9000.0
+    rotor_drag_n_per_mps: Annotated[float, Field(ge=0.0)] = 0.15
+    drag_area_m2: Annotated[float, Field(ge=0.0)] = 0.015
+
+    def parameters(self) -> MultirotorParameters:
+        """Return the physical model's parameters."""
+        return quadrotor(
+            mass_kg=self.mass_kg,
+            thrust_to_weight=self.thrust_to_weight,
+            arm_length_m=self.arm_length_m,
+            inertia_kgm2=self.inertia_kgm2,
+            rotor_time_constant_s=self.rotor_time_constant_s,
+            rotor_speed_max_rpm=self.rotor_speed_max_rpm,
+            rotor_drag_n_per_mps=self.rotor_drag_n_per_mps,
+            drag_area_m2=self.drag_area_m2,
+        )
+
+
+class StartConfig(FileModel):
+    """Where the vehicle is when the simulation begins.
+
+    Attributes:
+        position_ned_m: above the ground (negative down) it starts armed, hovering in hold.
+    """
+
+    position_ned_m: Annotated[tuple[float, float, float], Field(strict=False)] = (0.0, 0.0, 0.0)
+    yaw_deg: float = 0.0
+
+    @model_validator(mode="after")
+    def _require_above_ground(self) -> StartConfig:
+        if self.position_ned_m[2] > 0.0:
+            raise ValueError("the vehicle cannot start below the ground (down > 0 m)")
+        return self
+
+
+class HomeConfig(FileModel):
+    """Geographic position of the local NED origin, on the ground."""
+
+    latitude_deg: Annotated[float, Field(ge=-85.0, le=85.0)] = 47.397742
+    longitude_deg: Annotated[float, Field(ge=-180.0, le=180.0)] = 8.545594
+    altitude_m: float = 488.0
+
+
+class VehicleConfig(FileModel):
+    """Body, autopilot and surroundings of one simulated vehicle.
+
+    Attributes:
+        system_id: MAVLink system id.
+        parameters: autopilot parameters that differ from the defaults, by their PX4 names.
+        physics_rate_hz: integration steps per second, a multiple of the autopilot's 100 Hz.
+    """
+
+    system_id: Annotated[int, Field(ge=1, le=255)] = 1
+    flavour: Literal["px4"] = "px4"
+    multirotor: MultirotorConfig = MultirotorConfig()
+    battery: BatteryConfig = BatteryConfig()
+    wind: WindConfig = WindConfig()
+    start: StartConfig = StartConfig()
+    home: HomeConfig = HomeConfig()
+    parameters: dict[str, float] = Field(default_factory=dict)
+    physics_rate_hz: Annotated[int, Field(ge=400, le=4000, multiple_of=100)] = 400
+
+
+class ZenohConfig(FileModel):
+    """Zenoh endpoints; with any given, multicast scouting is off.
+
+    Attributes:
+        file: a Zenoh configuration file (JSON5) to start from.
+    """
+
+    listen: Annotated[tuple[str, ...], Field(strict=False)] = ("tcp/127.0.0.1:7447",)
+    connect: Annotated[tuple[str, ...], Field(strict=False)] = ()
+    file: str | None = None
+
+
+class SitlConfig(VehicleConfig):
+    """The whole file.
+
+    Attributes:
+        vehicle: name in Zenoh keys, ``clearway/<vehicle>/...``.
+        mavlink: connection URLs, one link each.
+        field: obstacle file, relative to the configuration file; null for open space.
+        truth_log: MCAP file to write ground truth to, relative to the working directory.
+    """
+
+    vehicle: Annotated[str, Field(pattern=r"^[A-Za-z0-9_-]+$")] = "v1"
+    mavlink: Annotated[tuple[str, ...], Field(strict=False)] = (
+        "udpout://127.0.0.1:14540",
+        "udpout://127.0.0.1:14550",
+    )
+    zenoh: ZenohConfig = ZenohConfig()
+    sensors: Annotated[tuple[SensorConfig, ...], Field(strict=False)] = (SensorConfig(),)
+    field: str | None = None
+    seed: int = 0
+    truth_log: str | None = None
+
+    @model_validator(mode="after")
+    def _require_distinct_sources(self) -> SitlConfig:
+        sources = [sensor.source for sensor in self.sensors]
+        if len(set(sources)) < len(sources):
+            raise ValueError("two sensors have the same source name")
+        return self
+
+
+def load_sitl_config(path: Path) -> SitlConfig:
+    """Read a configuration file; its ``field`` becomes relative to the working directory.
+
+    Raises:
+        FileError: names the file, key, value and unit.
+    """
+    config = load_yaml(path, SitlConfig)
+    if config.field is None:
+        return config
+    return config.model_copy(update={"field": str(path.parent / config.field)})

@@ -1,0 +1,147 @@
+"""Obstacle field: a YAML list of boxes, or a CSV of tree stems, read into immutable arrays.
+
+An obstacle is a pillar of unbounded height whose plan view is a rectangle, in local NED.  A stem
+becomes the square box that encloses its trunk.
+"""
+
+from __future__ import annotations
+
+import csv
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Annotated, Any
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field, RootModel, model_validator
+
+from onboard.yaml_file import FileError, FileModel, read_document, validate
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+    from pathlib import Path
+
+FloatArray = NDArray[np.float64]
+
+PositiveLength = Annotated[float, Field(gt=0.0)]
+
+_STEM_COLUMNS = ("x_m", "y_m", "dbh_cm")
+
+
+class Obstacle(FileModel):
+    """One box.
+
+    Attributes:
+        id: unique name.
+        center_ned_m: centre (north, east).
+        size_m: full extents (along, across) before rotation, towards north and east.
+        yaw_deg: rotation from north towards east.
+    """
+
+    id: Annotated[str, Field(min_length=1)]
+    center_ned_m: Annotated[tuple[float, float], Field(strict=False)]
+    size_m: Annotated[tuple[PositiveLength, PositiveLength], Field(strict=False)]
+    yaw_deg: float = 0.0
+
+    @model_validator(mode="before")
+    @classmethod
+    def _accept_numbers_as_ids(cls, data: Any) -> Any:
+        if isinstance(data, dict) and type(data.get("id")) is int:
+            return {**data, "id": str(data["id"])}
+        return data
+
+
+class ObstacleList(RootModel[list[Obstacle]]):
+    """The YAML form of a field; ``ObstacleList.model_json_schema()`` describes it to editors."""
+
+    @model_validator(mode="after")
+    def _require_unique_ids(self) -> ObstacleList:
+        if not self.root:
+            raise ValueError("a field needs at least one obstacle")
+        seen: set[str] = set()
+        for obstacle in self.root:
+            if obstacle.id in seen:
+                raise ValueError(f"two obstacles have the id {obstacle.id!r}")
+            seen.add(obstacle.id)
+        return self
+
+
+@dataclass(frozen=True, eq=False)
+class ObstacleField:
+    """N boxes as arrays, so that a hundred thousand of them can be searched at once.
+
+    Attributes:
+        ids: N names.
+        center_ned_m: (N, 2), north and east.
+        half_size_m: (N, 2), half extents along the box's own axes.
+        yaw_rad: (N,), from north towards east.
+    """
+
+    ids: tuple[str, ...]
+    center_ned_m: FloatArray
+    half_size_m: FloatArray
+    yaw_rad: FloatArray
+
+    @classmethod
+    def of(cls, obstacles: Sequence[Obstacle]) -> ObstacleField:
+        """Return the field of these obstacles; none is allowed (open space)."""
+        return cls(
+            ids=tuple(obstacle.id for obstacle in obstacles),
+            center_ned_m=np.array([o.center_ned_m for o in obstacles]).reshape(-1, 2),
+            half_size_m=np.array([o.size_m for o in obstacles]).reshape(-1, 2) / 2.0,
+            yaw_rad=np.radians([o.yaw_deg for o in obstacles]),
+        )
+
+    def __len__(self) -> int:
+        return len(self.ids)
+
+
+def load_field(path: Path) -> ObstacleField:
+    """Read a field: CSV of stems if the name ends in ``.csv``, else YAML.
+
+    Raises:
+        FileError: names the file, the row or key, the value and its unit.
+    """
+    if path.suffix.lower() == ".csv":
+        return ObstacleField.of(_read_stems(path))
+    return ObstacleField.of(validate(read_document(path), ObstacleList, source=str(path)).root)
+
+
+def _read_stems(path: Path) -> list[Obstacle]:
+    try:
+        with path.open(encoding="utf-8", newline="") as file:
+            rows = csv.DictReader(file, strict=True)
+            if tuple(rows.fieldnames or ()) != _STEM_COLUMNS:
+                header = ",".join(rows.fieldnames or ())
+                raise FileError(f"{path}: header is {header!r}, not {','.join(_STEM_COLUMNS)!r}")
+            stems = [_stem(row, f"{path}: row {number}") for number, row in enumerate(rows, 2)]
+    except OSError as error:
+        raise FileError(f"{path}: cannot be read: {error.strerror or error}") from error
+    except (csv.Error, UnicodeDecodeError) as error:
+        raise FileError(f"{path}: is not a CSV file: {error}") from error
+    if not stems:
+        raise FileError(f"{path}: a field needs at least one obstacle")
+    return stems
+
+
+def _stem(row: dict[str, str], source: str) -> Obstacle:
+    north_m, east_m, diameter_cm = (_number(row, column, source) for column in _STEM_COLUMNS)
+    if diameter_cm <= 0.0:
+        raise FileError(f"{source}: dbh_cm [cm] = {diameter_cm:g} must be greater than 0")
+    side_m = diameter_cm / 100.0
+    name = source.rsplit(" ", 1)[1]
+    return Obstacle(id=name, center_ned_m=(north_m, east_m), size_m=(side_m, side_m))
+
+
+def _number(row: dict[str, str], column: str, source: str) -> float:
+    text = row.get(column)
+    unit = column.rsplit("_", 1)[1]
+    try:
+        value = float(text or "")
+    except ValueError:
+        value = math.nan
+    if not math.isfinite(value) or None in row:
+        raise FileError(
+            f"{source}: {column} [{unit}] = {text!r} is not a finite number in its place"
+        )
+    return value

@@ -1,0 +1,237 @@
+"""Obstacle detector: what a sensor with limited range and field of view reports, and when.
+
+The model is *ideal* in one respect, a shortcut of the simulation: an obstacle of which any point is
+within range and field of view is reported whole, even where another obstacle hides it.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import random
+from collections import deque
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+from pydantic import Field
+
+from onboard.yaml_file import FileModel
+from sitl.world import Neighbourhood
+
+if TYPE_CHECKING:
+    from sitl.field import ObstacleField
+    from sitl.truth import VehicleTruth
+
+Point = tuple[float, float]
+
+
+class SensorFault(FileModel):
+    """One fault and its time.
+
+    Attributes:
+        kind: ``silent``: no frames; ``stuck``: the last frame again and again, unchanged;
+            ``range``: the range falls to ``range_m``, and frames say so.
+        start_s, end_s: seconds after start; never ends when ``end_s`` is null.
+        range_m: remaining range of a ``range`` fault.
+    """
+
+    kind: Literal["silent", "stuck", "range"]
+    start_s: Annotated[float, Field(ge=0.0)] = 0.0
+    end_s: float | None = None
+    range_m: Annotated[float, Field(gt=0.0)] = 1.0
+
+    def active(self, now_s: float) -> bool:
+        """Whether the fault is present at ``now_s``."""
+        return self.start_s <= now_s and (self.end_s is None or now_s < self.end_s)
+
+
+class SensorConfig(FileModel):
+    """One detector.
+
+    Attributes:
+        source: name of the sensor in its frames.
+        yaw_deg: direction of its axis in the body, clockwise from forward.
+        noise_m: centres are wrong by at most this much along each axis (uniform).
+        uncertainty_m: what frames declare for each face.
+        latency_s: measurement to publication.
+        frame: frame of the reported boxes; ``body_frd`` is levelled, turned by yaw only.
+    """
+
+    source: Annotated[str, Field(pattern=r"^[A-Za-z0-9_-]+$")] = "front"
+    range_m: Annotated[float, Field(gt=0.0)] = 12.0
+    field_of_view_deg: Annotated[float, Field(gt=0.0, le=360.0)] = 120.0
+    yaw_deg: float = 0.0
+    rate_hz: Annotated[float, Field(gt=0.0, le=200.0)] = 20.0
+    latency_s: Annotated[float, Field(ge=0.0, le=10.0)] = 0.03
+    noise_m: Annotated[float, Field(ge=0.0)] = 0.0
+    uncertainty_m: Annotated[float, Field(ge=0.0)] = 0.05
+    frame: Literal["local_ned", "body_frd"] = "local_ned"
+    faults: Annotated[tuple[SensorFault, ...], Field(strict=False)] = ()
+
+
+class ObstacleSensor:
+    """Measures at its rate and hands out each frame after its latency; no clock, no I/O."""
+
+    def __init__(
+        self, config: SensorConfig, field: ObstacleField, seed: int, start_unix_s: float = 0.0
+    ) -> None:
+        self.config = config
+        self._field = field
+        self._neighbourhood = Neighbourhood(field)
+        self._random = random.Random(seed)
+        self._start_unix_s = start_unix_s
+        self._frames_due = 0
+        self._sequence = 0
+        self._last_payload: bytes | None = None
+        self._in_flight: deque[tuple[float, bytes]] = deque()
+
+    def sense(self, now_s: float, truth: VehicleTruth) -> tuple[bytes, ...]:
+        """Measure if it is time to, and return the payloads that leave the sensor by ``now_s``."""
+        # The epsilon keeps a frame from slipping by one call when now_s carries round-off.
+        if now_s >= self._frames_due / self.config.rate_hz - 1e-9:
+            self._frames_due = math.floor(now_s * self.config.rate_hz + 1e-6) + 1
+            payload = self._measure(now_s, truth)
+            if payload is not None:
+                self._in_flight.append((now_s + self.config.latency_s, payload))
+        leaving = []
+        while self._in_flight and self._in_flight[0][0] <= now_s + 1e-9:
+            leaving.append(self._in_flight.popleft()[1])
+        return tuple(leaving)
+
+    def _measure(self, now_s: float, truth: VehicleTruth) -> bytes | None:
+        faults = {fault.kind: fault for fault in self.config.faults if fault.active(now_s)}
+        if "silent" in faults:
+            return None
+        if "stuck" in faults:
+            return self._last_payload
+        range_m = min(self.config.range_m, *(f.range_m for f in faults.values()), math.inf)
+        self._last_payload = json.dumps(
+            {
+                "version": 1,
+                "source": self.config.source,
+                "sequence": self._sequence,
+                "stamp_unix_s": self._start_unix_s + now_s,
+                "frame": self.config.frame,
+                "range_m": range_m,
+                "field_of_view_deg": self.config.field_of_view_deg,
+                "obstacles": [
+                    self._detection(index, truth) for index in self._visible(truth, range_m)
+                ],
+            },
+            separators=(",", ":"),
+        ).encode()
+        self._sequence += 1
+        return self._last_payload
+
+    def _visible(self, truth: VehicleTruth, range_m: float) -> list[int]:
+        """Indices of the obstacles with a point within range and field of view."""
+        north_m, east_m, _ = truth.position_ned_m
+        axis_rad = truth.yaw_rad + math.radians(self.config.yaw_deg)
+        half_view_rad = math.radians(self.config.field_of_view_deg) / 2.0
+        return [
+            int(index)
+            for index in self._neighbourhood.within((north_m, east_m), range_m)
+            if distance_in_view_m(
+                [
+                    _turned((corner_north - north_m, corner_east - east_m), -axis_rad)
+                    for corner_north, corner_east in self._corners_ned_m(int(index))
+                ],
+                half_view_rad,
+            )
+            <= range_m
+        ]
+
+    def _corners_ned_m(self, index: int) -> list[Point]:
+        field = self._field
+        north_m, east_m = field.center_ned_m[index].tolist()
+        half_along_m, half_across_m = field.half_size_m[index].tolist()
+        yaw_rad = float(field.yaw_rad[index])
+        corners = []
+        for along, across in ((1, 1), (-1, 1), (-1, -1), (1, -1)):
+            turned = _turned((along * half_along_m, across * half_across_m), yaw_rad)
+            corners.append((north_m + turned[0], east_m + turned[1]))
+        return corners
+
+    def _detection(self, index: int, truth: VehicleTruth) -> dict[str, Any]:
+        field, noise_m = self._field, self.config.noise_m
+        center_m = [
+            coordinate_m + self._random.uniform(-noise_m, noise_m)
+            for coordinate_m in field.center_ned_m[index].tolist()
+        ]
+        yaw_rad = float(field.yaw_rad[index])
+        if self.config.frame == "body_frd":
+            offset_m = (
+                center_m[0] - truth.position_ned_m[0],
+                center_m[1] - truth.position_ned_m[1],
+            )
+            center_m = list(_turned(offset_m, -truth.yaw_rad))
+            yaw_rad -= truth.yaw_rad
+        return {
+            "id": field.ids[index],
+            "center_m": center_m,
+            "size_m": (2.0 * field.half_size_m[index]).tolist(),
+            "yaw_deg": math.degrees(yaw_rad),
+            "uncertainty_m": self.config.uncertainty_m,
+        }
+
+
+def distance_in_view_m(polygon_m: list[Point], half_view_rad: float) -> float:
+    """Distance from the origin to the part of a convex polygon within the field of view.
+
+    Args:
+        polygon_m: corners (x ahead, y right) in order.
+        half_view_rad: the view covers this angle to either side of +x; at most pi.
+
+    Returns:
+        The distance; 0 if the origin is inside, ``inf`` if no part is in view.
+    """
+    if half_view_rad >= math.pi:
+        return _distance_m(polygon_m)
+    if half_view_rad > math.pi / 2.0:  # a reflex wedge is two convex ones
+        quarter_rad = half_view_rad / 2.0
+        return min(
+            distance_in_view_m([_turned(p, -quarter_rad) for p in polygon_m], quarter_rad),
+            distance_in_view_m([_turned(p, quarter_rad) for p in polygon_m], quarter_rad),
+        )
+    sine, cosine = math.sin(half_view_rad), math.cos(half_view_rad)
+    part = _clipped(polygon_m, (sine, -cosine))  # left of the right-hand edge
+    return _distance_m(_clipped(part, (sine, cosine)))
+
+
+def _clipped(polygon_m: list[Point], normal: Point) -> list[Point]:
+    """Part of a convex polygon on the side of a line through the origin where ``normal`` points."""
+    kept: list[Point] = []
+    for start, end in zip(polygon_m, polygon_m[1:] + polygon_m[:1], strict=True):
+        height_start = start[0] * normal[0] + start[1] * normal[1]
+        height_end = end[0] * normal[0] + end[1] * normal[1]
+        if height_start >= 0.0:
+            kept.append(start)
+        if (height_start >= 0.0) != (height_end >= 0.0):
+            share = height_start / (height_start - height_end)
+            kept.append(
+                (start[0] + share * (end[0] - start[0]), start[1] + share * (end[1] - start[1]))
+            )
+    return kept
+
+
+def _distance_m(polygon_m: list[Point]) -> float:
+    """Distance from the origin to a convex polygon; 0 inside, ``inf`` if it has no corners."""
+    if not polygon_m:
+        return math.inf
+    turns = set()
+    nearest_m = math.inf
+    for start, end in zip(polygon_m, polygon_m[1:] + polygon_m[:1], strict=True):
+        along = (end[0] - start[0], end[1] - start[1])
+        length2 = along[0] ** 2 + along[1] ** 2
+        share = 0.0
+        if length2 > 0.0:
+            share = min(max(-(start[0] * along[0] + start[1] * along[1]) / length2, 0.0), 1.0)
+        foot = (start[0] + share * along[0], start[1] + share * along[1])
+        nearest_m = min(nearest_m, math.hypot(*foot))
+        turns.add(start[0] * end[1] - start[1] * end[0] > 0.0)
+    return 0.0 if len(turns) == 1 and len(polygon_m) > 2 else nearest_m
+
+
+def _turned(vector: Point, angle_rad: float) -> Point:
+    """Rotate a horizontal vector from the first axis towards the second."""
+    cosine, sine = math.cos(angle_rad), math.sin(angle_rad)
+    return cosine * vector[0] - sine * vector[1], sine * vector[0] + cosine * vector[1]

@@ -1,0 +1,358 @@
+"""Telemetry: one builder for each message, and when each link is due to get it."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from sitl.geodesy import geographic_from_ned
+from sitl.multirotor import rotate_frd_from_ned
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from sitl.battery import BatteryReading
+    from sitl.commander import Commander
+    from sitl.config import HomeConfig
+    from sitl.truth import Vector, VehicleTruth
+
+_ESTIMATOR_SENSORS = (
+    mavlink.MAV_SYS_STATUS_SENSOR_3D_GYRO
+    | mavlink.MAV_SYS_STATUS_SENSOR_3D_ACCEL
+    | mavlink.MAV_SYS_STATUS_SENSOR_3D_MAG
+    | mavlink.MAV_SYS_STATUS_SENSOR_ABSOLUTE_PRESSURE
+    | mavlink.MAV_SYS_STATUS_SENSOR_GPS
+    | mavlink.MAV_SYS_STATUS_AHRS
+)
+_OTHER_SENSORS = mavlink.MAV_SYS_STATUS_SENSOR_MOTOR_OUTPUTS | mavlink.MAV_SYS_STATUS_SENSOR_BATTERY
+
+# PX4's onboard link, with rates between its own; others are on request only.
+DEFAULT_RATES_HZ = {
+    mavlink.MAVLINK_MSG_ID_HEARTBEAT: 1.0,
+    mavlink.MAVLINK_MSG_ID_ATTITUDE: 50.0,
+    mavlink.MAVLINK_MSG_ID_LOCAL_POSITION_NED: 50.0,
+    mavlink.MAVLINK_MSG_ID_POSITION_TARGET_LOCAL_NED: 10.0,
+    mavlink.MAVLINK_MSG_ID_GLOBAL_POSITION_INT: 5.0,
+    mavlink.MAVLINK_MSG_ID_VFR_HUD: 4.0,
+    mavlink.MAVLINK_MSG_ID_GPS_RAW_INT: 2.0,
+    mavlink.MAVLINK_MSG_ID_SYS_STATUS: 2.0,
+    mavlink.MAVLINK_MSG_ID_EXTENDED_SYS_STATE: 2.0,
+    mavlink.MAVLINK_MSG_ID_BATTERY_STATUS: 1.0,
+    mavlink.MAVLINK_MSG_ID_SYSTEM_TIME: 1.0,
+    mavlink.MAVLINK_MSG_ID_HOME_POSITION: 0.5,
+}
+
+
+@dataclass(frozen=True)
+class Snapshot:
+    """Everything that telemetry tells about, at one instant."""
+
+    truth: VehicleTruth
+    battery: BatteryReading
+    commander: Commander
+    home: HomeConfig
+    start_unix_s: float
+
+    @property
+    def boot_ms(self) -> int:
+        """Time since start [ms]."""
+        return round(self.truth.time_s * 1e3) & 0xFFFFFFFF
+
+    @property
+    def unix_us(self) -> int:
+        """Time of day [us]."""
+        return round((self.start_unix_s + self.truth.time_s) * 1e6)
+
+
+class StreamSchedule:
+    """When each message is due on one link."""
+
+    def __init__(self) -> None:
+        self._interval_s: dict[int, float] = {}
+        self._next_s: dict[int, float] = {}
+        for message_id, rate_hz in DEFAULT_RATES_HZ.items():
+            self.set_interval(message_id, 1.0 / rate_hz, 0.0)
+
+    def set_interval(self, message_id: int, interval_s: float, now_s: float) -> None:
+        """Send the message at this interval from now on; ``inf`` stops it."""
+        self._interval_s[message_id] = interval_s
+        self._next_s[message_id] = now_s if math.isfinite(interval_s) else math.inf
+
+    def reset_interval(self, message_id: int, now_s: float) -> None:
+        """Send the message at its default interval."""
+        rate_hz = DEFAULT_RATES_HZ.get(message_id, 0.0)
+        self.set_interval(message_id, 1.0 / rate_hz if rate_hz else math.inf, now_s)
+
+    def interval_s(self, message_id: int) -> float:
+        """Interval of a message; ``inf`` if it is not streamed."""
+        return self._interval_s.get(message_id, math.inf)
+
+    def due(self, now_s: float) -> list[int]:
+        """Return the messages to send now; each call takes them off the schedule."""
+        ids = [message_id for message_id, next_s in self._next_s.items() if next_s <= now_s + 1e-6]
+        for message_id in ids:
+            interval_s = self._interval_s[message_id]
+            # Keep the phase, but never owe more than one message.
+            self._next_s[message_id] = max(self._next_s[message_id] + interval_s, now_s)
+        return ids
+
+
+def heartbeat(s: Snapshot) -> Any:
+    """HEARTBEAT: type, mode, armed, system status."""
+    commander = s.commander
+    base_mode = mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED | mavlink.MAV_MODE_FLAG_STABILIZE_ENABLED
+    base_mode |= mavlink.MAV_MODE_FLAG_AUTO_ENABLED | mavlink.MAV_MODE_FLAG_GUIDED_ENABLED
+    status = mavlink.MAV_STATE_STANDBY
+    if commander.armed:
+        base_mode |= mavlink.MAV_MODE_FLAG_SAFETY_ARMED
+        status = mavlink.MAV_STATE_CRITICAL if commander.failsafe else mavlink.MAV_STATE_ACTIVE
+    return mavlink.MAVLink_heartbeat_message(
+        mavlink.MAV_TYPE_QUADROTOR,
+        mavlink.MAV_AUTOPILOT_PX4,
+        base_mode,
+        commander.mode.custom_mode,
+        status,
+        3,
+    )
+
+
+def attitude(s: Snapshot) -> Any:
+    """ATTITUDE: Euler angles and body rates."""
+    truth = s.truth
+    return mavlink.MAVLink_attitude_message(
+        s.boot_ms, truth.roll_rad, truth.pitch_rad, truth.yaw_rad, *truth.body_rates_radps
+    )
+
+
+def attitude_quaternion(s: Snapshot) -> Any:
+    """ATTITUDE_QUATERNION."""
+    return mavlink.MAVLink_attitude_quaternion_message(
+        s.boot_ms, *s.truth.attitude_quaternion, *s.truth.body_rates_radps
+    )
+
+
+def local_position_ned(s: Snapshot) -> Any:
+    """LOCAL_POSITION_NED."""
+    return mavlink.MAVLink_local_position_ned_message(
+        s.boot_ms, *s.truth.position_ned_m, *s.truth.velocity_ned_mps
+    )
+
+
+def position_target_local_ned(s: Snapshot) -> Any:
+    """POSITION_TARGET_LOCAL_NED: the setpoint flown; None while there is none."""
+    setpoint = s.commander.setpoint
+    if setpoint is None:
+        return None
+    return mavlink.MAVLink_position_target_local_ned_message(
+        s.boot_ms,
+        mavlink.MAV_FRAME_LOCAL_NED,
+        0,
+        *setpoint[:9],
+        setpoint.yaw_rad,
+        setpoint.yaw_rate_radps,
+    )
+
+
+def global_position_int(s: Snapshot) -> Any:
+    """GLOBAL_POSITION_INT."""
+    truth = s.truth
+    place = geographic_from_ned(s.home, truth.position_ned_m)
+    north, east, down = truth.velocity_ned_mps
+    return mavlink.MAVLink_global_position_int_message(
+        s.boot_ms,
+        round(place.latitude_deg * 1e7),
+        round(place.longitude_deg * 1e7),
+        round(place.altitude_m * 1e3),
+        round((s.commander.home_ned_m[2] - truth.position_ned_m[2]) * 1e3),
+        _int16(north * 100.0),
+        _int16(east * 100.0),
+        _int16(down * 100.0),
+        round(math.degrees(truth.yaw_rad) * 100.0) % 36000,
+    )
+
+
+def gps_raw_int(s: Snapshot) -> Any:
+    """GPS_RAW_INT: a good three-dimensional fix."""
+    place = geographic_from_ned(s.home, s.truth.position_ned_m)
+    north, east, _ = s.truth.velocity_ned_mps
+    return mavlink.MAVLink_gps_raw_int_message(
+        s.unix_us,
+        mavlink.GPS_FIX_TYPE_3D_FIX,
+        round(place.latitude_deg * 1e7),
+        round(place.longitude_deg * 1e7),
+        round(place.altitude_m * 1e3),
+        70,
+        90,
+        min(round(s.truth.ground_speed_mps * 100.0), 65534),
+        round(math.degrees(math.atan2(east, north)) * 100.0) % 36000,
+        14,
+        h_acc=300,
+        v_acc=500,
+        vel_acc=100,
+    )
+
+
+def vfr_hud(s: Snapshot) -> Any:
+    """VFR_HUD."""
+    truth = s.truth
+    return mavlink.MAVLink_vfr_hud_message(
+        truth.ground_speed_mps,
+        truth.ground_speed_mps,
+        round(math.degrees(truth.yaw_rad)) % 360,
+        0 if s.commander.setpoint is None else 50,
+        s.home.altitude_m - truth.position_ned_m[2],
+        -truth.velocity_ned_mps[2],
+    )
+
+
+def altitude(s: Snapshot) -> Any:
+    """ALTITUDE."""
+    height_m = -s.truth.position_ned_m[2]
+    above_home_m = s.commander.home_ned_m[2] + height_m
+    above_sea_m = s.home.altitude_m + height_m
+    return mavlink.MAVLink_altitude_message(
+        s.unix_us, above_sea_m, above_sea_m, height_m, above_home_m, height_m, height_m
+    )
+
+
+def sys_status(s: Snapshot) -> Any:
+    """SYS_STATUS: health, battery, and in the pre-arm bit whether arming would succeed."""
+    present = _ESTIMATOR_SENSORS | _OTHER_SENSORS | mavlink.MAV_SYS_STATUS_PREARM_CHECK
+    health = _OTHER_SENSORS
+    if s.commander.estimator_ready:
+        health |= _ESTIMATOR_SENSORS
+    if not s.commander.prearm_failures():
+        health |= mavlink.MAV_SYS_STATUS_PREARM_CHECK
+    battery = s.battery
+    return mavlink.MAVLink_sys_status_message(
+        present,
+        present,
+        health,
+        200,
+        round(battery.voltage_v * 1e3),
+        _int16(battery.current_a * 100.0),
+        round(battery.remaining * 100.0),
+        *(0,) * 6,
+    )
+
+
+def battery_status(s: Snapshot) -> Any:
+    """BATTERY_STATUS: one pack, its voltage reported as a whole."""
+    battery = s.battery
+    return mavlink.MAVLink_battery_status_message(
+        0,
+        mavlink.MAV_BATTERY_FUNCTION_ALL,
+        mavlink.MAV_BATTERY_TYPE_LIPO,
+        2500,
+        [round(battery.voltage_v * 1e3), *(0xFFFF,) * 9],
+        _int16(battery.current_a * 100.0),
+        round(battery.consumed_ah * 1e3),
+        -1,
+        round(battery.remaining * 100.0),
+    )
+
+
+def extended_sys_state(s: Snapshot) -> Any:
+    """EXTENDED_SYS_STATE: the landed state."""
+    return mavlink.MAVLink_extended_sys_state_message(
+        mavlink.MAV_VTOL_STATE_UNDEFINED, s.commander.landed_state
+    )
+
+
+def home_position(s: Snapshot) -> Any:
+    """HOME_POSITION."""
+    place = geographic_from_ned(s.home, s.commander.home_ned_m)
+    return mavlink.MAVLink_home_position_message(
+        round(place.latitude_deg * 1e7),
+        round(place.longitude_deg * 1e7),
+        round(place.altitude_m * 1e3),
+        *s.commander.home_ned_m,
+        [1.0, 0.0, 0.0, 0.0],
+        0.0,
+        0.0,
+        0.0,
+        s.unix_us,
+    )
+
+
+def gps_global_origin(s: Snapshot) -> Any:
+    """GPS_GLOBAL_ORIGIN: where local NED is zero."""
+    return mavlink.MAVLink_gps_global_origin_message(
+        round(s.home.latitude_deg * 1e7),
+        round(s.home.longitude_deg * 1e7),
+        round(s.home.altitude_m * 1e3),
+        s.unix_us,
+    )
+
+
+def system_time(s: Snapshot) -> Any:
+    """SYSTEM_TIME."""
+    return mavlink.MAVLink_system_time_message(s.unix_us, s.boot_ms)
+
+
+def odometry(s: Snapshot) -> Any:
+    """ODOMETRY: pose in local NED, velocity in FRD, covariances unknown."""
+    truth = s.truth
+    unknown = [math.nan] * 21
+    return mavlink.MAVLink_odometry_message(
+        s.unix_us,
+        mavlink.MAV_FRAME_LOCAL_NED,
+        mavlink.MAV_FRAME_BODY_FRD,
+        *truth.position_ned_m,
+        list(truth.attitude_quaternion),
+        *_frd_from_ned(truth, truth.velocity_ned_mps),
+        *truth.body_rates_radps,
+        unknown,
+        unknown,
+        estimator_type=mavlink.MAV_ESTIMATOR_TYPE_AUTOPILOT,
+    )
+
+
+def autopilot_version(_: Snapshot) -> Any:
+    """AUTOPILOT_VERSION: what this autopilot can do."""
+    capabilities = (
+        mavlink.MAV_PROTOCOL_CAPABILITY_MAVLINK2
+        | mavlink.MAV_PROTOCOL_CAPABILITY_COMMAND_INT
+        | mavlink.MAV_PROTOCOL_CAPABILITY_SET_POSITION_TARGET_LOCAL_NED
+        | mavlink.MAV_PROTOCOL_CAPABILITY_PARAM_ENCODE_BYTEWISE
+        | mavlink.MAV_PROTOCOL_CAPABILITY_FLIGHT_TERMINATION
+    )
+    nothing = [0] * 8
+    return mavlink.MAVLink_autopilot_version_message(
+        capabilities, _FLIGHT_VERSION, 0, 0, 0, nothing, nothing, nothing, 0, 0, 0
+    )
+
+
+_FLIGHT_VERSION = 1 << 24 | 15 << 16 | 255  # major 1, minor 15, official release: PX4's encoding
+
+BUILDERS: dict[int, Callable[[Snapshot], Any]] = {
+    mavlink.MAVLINK_MSG_ID_HEARTBEAT: heartbeat,
+    mavlink.MAVLINK_MSG_ID_ATTITUDE: attitude,
+    mavlink.MAVLINK_MSG_ID_ATTITUDE_QUATERNION: attitude_quaternion,
+    mavlink.MAVLINK_MSG_ID_LOCAL_POSITION_NED: local_position_ned,
+    mavlink.MAVLINK_MSG_ID_POSITION_TARGET_LOCAL_NED: position_target_local_ned,
+    mavlink.MAVLINK_MSG_ID_GLOBAL_POSITION_INT: global_position_int,
+    mavlink.MAVLINK_MSG_ID_GPS_RAW_INT: gps_raw_int,
+    mavlink.MAVLINK_MSG_ID_VFR_HUD: vfr_hud,
+    mavlink.MAVLINK_MSG_ID_ALTITUDE: altitude,
+    mavlink.MAVLINK_MSG_ID_SYS_STATUS: sys_status,
+    mavlink.MAVLINK_MSG_ID_BATTERY_STATUS: battery_status,
+    mavlink.MAVLINK_MSG_ID_EXTENDED_SYS_STATE: extended_sys_state,
+    mavlink.MAVLINK_MSG_ID_HOME_POSITION: home_position,
+    mavlink.MAVLINK_MSG_ID_GPS_GLOBAL_ORIGIN: gps_global_origin,
+    mavlink.MAVLINK_MSG_ID_SYSTEM_TIME: system_time,
+    mavlink.MAVLINK_MSG_ID_ODOMETRY: odometry,
+    mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION: autopilot_version,
+}
+
+
+def _frd_from_ned(truth: VehicleTruth, vector_ned: Vector) -> Vector:
+    w, x, y, z = truth.attitude_quaternion
+    return rotate_frd_from_ned(w, x, y, z, *vector_ned)
+
+
+def _int16(value: float) -> int:
+    return min(max(round(value), -32767), 32767)

@@ -1,0 +1,147 @@
+"""One simulated vehicle in virtual time: plant, controller, autopilot, battery and wind."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+from sitl.autopilot import Autopilot
+from sitl.battery import Battery
+from sitl.commander import Drive
+from sitl.controller import ControllerGains, ControllerMemory, Flight, fly, spin
+from sitl.multirotor import (
+    GRAVITY_MPS2,
+    RotorSpeeds,
+    Wind,
+    hover_speed_rpm,
+    standing_state,
+)
+from sitl.truth import VehicleTruth
+from sitl.wind import WindModel
+
+if TYPE_CHECKING:
+    from sitl.commander import Actuation
+    from sitl.config import VehicleConfig
+    from sitl.multirotor import MultirotorState
+
+AUTOPILOT_RATE_HZ = 100
+_AUTOPILOT_PERIOD_S = 1.0 / AUTOPILOT_RATE_HZ
+
+
+class SimulatedVehicle:
+    """A vehicle that flies when told to over MAVLink; time advances only in :meth:`advance`.
+
+    Attributes:
+        truth: true state at the current instant.
+        autopilot: its commander and parameters, for tests to look into.
+    """
+
+    def __init__(self, config: VehicleConfig, seed: int = 0, start_unix_s: float = 0.0) -> None:
+        """Put the vehicle at its start.
+
+        Args:
+            config: body, autopilot and surroundings.
+            seed: of everything random about the vehicle.
+            start_unix_s: time of day at simulation time zero.
+
+        Raises:
+            ParameterError: a configured autopilot parameter does not exist or is out of range.
+        """
+        self._parameters = config.multirotor.parameters()
+        self._step_s = 1.0 / config.physics_rate_hz
+        self._steps_per_tick = config.physics_rate_hz // AUTOPILOT_RATE_HZ
+        self._ticks = 0
+        north_m, east_m, down_m = config.start.position_ned_m
+        self._flight = Flight(
+            standing_state(
+                north_m,
+                east_m,
+                down_m,
+                math.radians(config.start.yaw_deg),
+                hover_speed_rpm(self._parameters) if down_m < 0.0 else 0.0,
+            ),
+            ControllerMemory(),
+            0.0,
+            0.0,
+            0.0,
+        )
+        self._battery = Battery(config.battery)
+        self._wind_model = WindModel(config.wind, seed, _AUTOPILOT_PERIOD_S)
+        self.truth = self._observe()
+        self.autopilot = Autopilot(config, self.truth, self._battery.reading, start_unix_s)
+
+    def receive(self, data: bytes, link: int = 0) -> None:
+        """Take MAVLink bytes that arrive on a link now."""
+        self.autopilot.receive(data, link, self.truth.time_s)
+
+    def bytes_to_send(self, link: int = 0) -> bytes:
+        """Return and clear the MAVLink bytes queued for a link."""
+        return self.autopilot.bytes_to_send(link)
+
+    def advance(self, until_s: float) -> None:
+        """Fly on in whole ticks of 10 ms, as far as they fit before ``until_s``."""
+        while (self._ticks + 1) * _AUTOPILOT_PERIOD_S <= until_s + 1e-9:
+            self._tick()
+
+    def _tick(self) -> None:
+        state = self._flight.state
+        actuation = self.autopilot.step(
+            self.truth, self._battery.reading, self._thrust_share(state), _AUTOPILOT_PERIOD_S
+        )
+        wind = self._wind_model.sample(
+            self.truth.time_s, -state.down_m, self.truth.ground_speed_mps
+        )
+        self._flight = self._moved(actuation, wind)
+        power_w = self._battery.drive_power_w(self._flight.state, self._parameters)
+        self._battery.drain(power_w, _AUTOPILOT_PERIOD_S)
+        self._ticks += 1
+        self.truth = self._observe()
+
+    def _moved(self, actuation: Actuation, wind: Wind) -> Flight:
+        """Fly one tick of plant and controller."""
+        state, memory = self._flight.state, self._flight.memory
+        if self.autopilot.commander.on_ground:
+            memory = ControllerMemory()  # the ground's support is no disturbance to trim out
+        if actuation.drive is Drive.FLY and actuation.setpoint is not None:
+            return fly(
+                state,
+                memory,
+                actuation.setpoint,
+                self._gains(),
+                self._parameters,
+                wind,
+                self._step_s,
+                self._steps_per_tick,
+            )
+        idle_rpm = self._parameters.rotor_speed_min_rpm if actuation.drive is Drive.IDLE else 0.0
+        command = RotorSpeeds(idle_rpm, idle_rpm, idle_rpm, idle_rpm)
+        return spin(state, command, self._parameters, wind, self._step_s, self._steps_per_tick)
+
+    def _gains(self) -> ControllerGains:
+        """Controller limits as the autopilot's parameters have them now."""
+        parameters = self.autopilot.parameters
+        return ControllerGains(
+            tilt_max_rad=math.radians(parameters["MPC_TILTMAX_AIR"]),
+            speed_max_mps=parameters["MPC_XY_VEL_MAX"],
+            climb_max_mps=parameters["MPC_Z_VEL_MAX_UP"],
+            sink_max_mps=parameters["MPC_Z_VEL_MAX_DN"],
+        )
+
+    def _thrust_share(self, state: MultirotorState) -> float:
+        squares = (
+            state.rotor1_rpm**2 + state.rotor2_rpm**2 + state.rotor3_rpm**2 + state.rotor4_rpm**2
+        )
+        thrust_n = self._parameters.thrust_coefficient_n_per_rpm2 * squares
+        return thrust_n / (self._parameters.mass_kg * GRAVITY_MPS2)
+
+    def _observe(self) -> VehicleTruth:
+        state, flight = self._flight.state, self._flight
+        return VehicleTruth(
+            time_s=self._ticks * _AUTOPILOT_PERIOD_S,
+            position_ned_m=state[0:3],
+            velocity_ned_mps=state[3:6],
+            acceleration_ned_mps2=flight[2:5],
+            attitude_quaternion=state[6:10],
+            body_rates_radps=state[10:13],
+            rotor_speeds_rpm=state[13:17],
+        )

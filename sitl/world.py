@@ -1,0 +1,111 @@
+"""Ground truth: how far the vehicle is from the obstacles, and whether it has hit one."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    from sitl.field import FloatArray, ObstacleField
+
+IndexArray = NDArray[np.intp]
+
+
+def distance_to_box_m(
+    point_ned_m: tuple[float, float],
+    center_ned_m: FloatArray,
+    half_size_m: FloatArray,
+    yaw_rad: FloatArray,
+) -> FloatArray:
+    """Signed distance of one point to N boxes, negative inside; (N, 2), (N, 2), (N,) -> (N,)."""
+    offset = np.asarray(point_ned_m) - center_ned_m
+    cosine, sine = np.cos(yaw_rad), np.sin(yaw_rad)
+    along = np.abs(cosine * offset[:, 0] + sine * offset[:, 1]) - half_size_m[:, 0]
+    across = np.abs(cosine * offset[:, 1] - sine * offset[:, 0]) - half_size_m[:, 1]
+    outside = np.hypot(np.maximum(along, 0.0), np.maximum(across, 0.0))
+    distance: FloatArray = outside + np.minimum(np.maximum(along, across), 0.0)
+    return distance
+
+
+class Neighbourhood:
+    """Finds the obstacles near a slowly moving point without searching the field each time.
+
+    A full search is made once; its result, taken a margin wider than asked, stays valid until the
+    point has moved by that margin.
+    """
+
+    def __init__(self, field: ObstacleField, margin_m: float = 5.0) -> None:
+        self._field = field
+        self._margin_m = margin_m
+        self._anchor_ned_m = (math.inf, math.inf)
+        self._reach_m = 0.0
+        self._near = np.empty(0, dtype=np.intp)
+        self._nearest_m = math.inf
+
+    def within(self, point_ned_m: tuple[float, float], reach_m: float) -> IndexArray:
+        """Indices of a superset of the obstacles within ``reach_m`` of the point, ascending."""
+        moved_m = math.dist(point_ned_m, self._anchor_ned_m)
+        if moved_m > self._margin_m or reach_m > self._reach_m:
+            self._search(point_ned_m, reach_m)
+        return self._near
+
+    def nearest(self, point_ned_m: tuple[float, float]) -> IndexArray:
+        """Indices among which the nearest obstacle is; empty only in an empty field."""
+        moved_m = math.dist(point_ned_m, self._anchor_ned_m)
+        if moved_m > self._margin_m or self._nearest_m + self._margin_m > self._reach_m:
+            self._search(point_ned_m, None)
+        return self._near
+
+    def _search(self, point_ned_m: tuple[float, float], reach_m: float | None) -> None:
+        field = self._field
+        distance_m = distance_to_box_m(
+            point_ned_m, field.center_ned_m, field.half_size_m, field.yaw_rad
+        )
+        self._nearest_m = float(distance_m.min(initial=math.inf))
+        # The nearest box from any point at most one margin away lies within this reach of it.
+        self._reach_m = self._nearest_m + self._margin_m if reach_m is None else reach_m
+        self._near = np.flatnonzero(distance_m <= self._reach_m + self._margin_m)
+        self._anchor_ned_m = point_ned_m
+
+
+class World:
+    """A disc of the vehicle's radius among pillars: clearance and collisions.
+
+    Attributes:
+        clearance_m: centre to nearest obstacle face, less the radius; ``inf`` in open space.
+        clearance_min_m: smallest clearance so far.
+        collisions: how often contact with the obstacles began.
+    """
+
+    def __init__(self, field: ObstacleField, radius_m: float) -> None:
+        self.field = field
+        self.radius_m = radius_m
+        self.clearance_m = math.inf
+        self.clearance_min_m = math.inf
+        self.collisions = 0
+        self._neighbourhood = Neighbourhood(field)
+
+    @property
+    def in_collision(self) -> bool:
+        """Whether the disc overlaps an obstacle now."""
+        return self.clearance_m < 0.0
+
+    def observe(self, position_ned_m: tuple[float, float, float]) -> None:
+        """Take note of where the vehicle is now."""
+        was_in_collision = self.in_collision
+        self.clearance_m = self.clearance_at_m((position_ned_m[0], position_ned_m[1]))
+        self.clearance_min_m = min(self.clearance_min_m, self.clearance_m)
+        if self.in_collision and not was_in_collision:
+            self.collisions += 1
+
+    def clearance_at_m(self, point_ned_m: tuple[float, float]) -> float:
+        """Clearance of a vehicle centred on the point (north, east)."""
+        near = self._neighbourhood.nearest(point_ned_m)
+        field = self.field
+        distance_m = distance_to_box_m(
+            point_ned_m, field.center_ned_m[near], field.half_size_m[near], field.yaw_rad[near]
+        )
+        return float(distance_m.min(initial=math.inf)) - self.radius_m
