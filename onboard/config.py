@@ -138,6 +138,7 @@ class DaemonConfig(FileModel):
     mavlink: MavlinkLink = MavlinkLink(url="udpin://0.0.0.0:14540", system_id=1, stale_after_s=0.5)
     zenoh: ZenohEndpoints = ZenohEndpoints(connect=(), listen=())
     log_directory: FilePath = Path("flights")
+    log_file: FilePath | None = Field(None, description="instead of a new file in log_directory")
     log_level: Literal["debug", "info", "warning", "error"] = "info"
     fly_outside_contract: bool = Field(
         False, description="leave STANDBY although the contract does not comply; for tests"

@@ -276,6 +276,7 @@ class RegionOfInfluence:
         drift_left_m, drift_right_m: y beyond the side faces within which a vehicle that drifts
             towards the face still counts as heading for it (theory A).
         collision_set_depth_m: D.
+        lateral_speed_mps: the lateral speed at entry that the region allows for.
     """
 
     obstacle: Box
@@ -286,6 +287,7 @@ class RegionOfInfluence:
     drift_left_m: float
     drift_right_m: float
     collision_set_depth_m: float
+    lateral_speed_mps: float
 
     @classmethod
     def around(cls, obstacle: Box, e: Encounter[float]) -> RegionOfInfluence:
@@ -310,6 +312,7 @@ class RegionOfInfluence:
             drift_left_m=w * e.attitude_lag_s + w * w / (2.0 * e.left_mps2),
             drift_right_m=w * e.attitude_lag_s + w * w / (2.0 * e.right_mps2),
             collision_set_depth_m=size.collision_set_depth_m,
+            lateral_speed_mps=w,
         )
 
     @property

@@ -1,0 +1,68 @@
+"""`clearway-onboard --config F`: arguments -> configuration -> daemon."""
+
+from __future__ import annotations
+
+import argparse
+import asyncio
+import logging
+import sys
+import time
+from pathlib import Path
+
+import zenoh
+
+from onboard import daemon
+from onboard.config import Contract, DaemonConfig, Mission
+from onboard.contract import assess
+from onboard.links import LinkError
+from onboard.yaml_file import FileError, load_yaml
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Run the daemon; return the exit code: 0 after SIGINT or SIGTERM, 2 on bad input."""
+    parser = argparse.ArgumentParser(prog="clearway-onboard", description=daemon.__doc__)
+    parser.add_argument("--config", type=Path, required=True, help="daemon configuration, YAML")
+    options = parser.parse_args(arguments)
+    try:
+        config = load_yaml(options.config, DaemonConfig)
+        base = options.config.parent
+        contract = load_yaml(base / config.contract, Contract)
+        mission = load_yaml(base / config.mission, Mission)
+        logging.basicConfig(
+            level=config.log_level.upper(), format="%(asctime)s %(levelname)s %(name)s: %(message)s"
+        )
+        _warn_if_not_compliant(contract, config)
+        asyncio.run(daemon.run(config, contract, mission, _log_path(base, config)))
+    except (FileError, LinkError) as error:
+        return _refuse(str(error))
+    except zenoh.ZError as error:
+        return _refuse(f"{options.config}: no Zenoh session: {error}")
+    except OSError as error:
+        return _refuse(f"{options.config}: {error}")
+    return 0
+
+
+def _warn_if_not_compliant(contract: Contract, config: DaemonConfig) -> None:
+    broken = [c.name for c in assess(contract, config.input_set).clauses if not c.holds]
+    if broken:
+        logging.getLogger(__name__).warning("the contract does not comply: %s", ", ".join(broken))
+
+
+def _log_path(base: Path, config: DaemonConfig) -> Path:
+    if config.log_file is not None:
+        path = base / config.log_file
+    else:
+        path = (
+            base / config.log_directory / time.strftime("flight-%Y%m%d-%H%M%S.mcap", time.gmtime())
+        )
+    path.parent.mkdir(parents=True, exist_ok=True)
+    return path
+
+
+def _refuse(message: str) -> int:
+    sys.stderr.write(f"clearway-onboard: error: {message}\n")
+    return 2
+
+
+if __name__ == "__main__":
+    sys.exit(main())

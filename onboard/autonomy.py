@@ -1,0 +1,332 @@
+"""The whole service without I/O: bytes and time in, bytes and events out.
+
+Inputs are latched as they come; every decision is made in `Autonomy.tick`.  The daemon calls it
+with real bytes and the real clock, the simulation with virtual time: what is tested is what flies.
+"""
+
+from __future__ import annotations
+
+import logging
+import math
+from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+
+from onboard.agility import InputSet
+from onboard.config import Contract, Mission
+from onboard.contract import Assessment, assess
+from onboard.events import Event, Severity
+from onboard.guidance import Phase
+from onboard.mavlink import MavlinkEndpoint, Pose, Setpoint
+from onboard.monitor import (
+    Assumption,
+    DetectionWatch,
+    TrackingWatch,
+    Violation,
+    check_frame,
+    check_obstacle,
+)
+from onboard.navigator import Navigator
+from onboard.obstacles import (
+    Detection,
+    DetectionFrame,
+    MalformedFrameError,
+    PoseHistory,
+    corners_ned,
+    parse_frame,
+)
+from onboard.planner import Planner
+
+log = logging.getLogger(__name__)
+
+# At 20 Hz a tick sees one frame; a burst beyond this is a fault, and the oldest are dropped.
+MAX_PENDING_FRAMES: Final = 32
+AUTOPILOT_SILENCE_S: Final = 3.0
+
+
+@dataclass
+class DetectionCounters:
+    """What arrived from the sensors and was not used; nothing of it ever raises."""
+
+    malformed_frames: int = 0
+    unplaced_frames: int = 0
+    dropped_frames: int = 0
+
+
+class Autonomy:
+    """The onboard service.
+
+    Args:
+        contract: what the vehicle guarantees and assumes.
+        mission: where to fly.
+        system_id: MAVLink id of the vehicle.
+        stale_after_s: older telemetry is no telemetry.
+        input_set: which set of accelerations to plan on.
+        fly_outside_contract: leave STANDBY although the contract does not comply.
+        stopwatch: reads a clock in seconds, only to report how long plans took.
+    """
+
+    def __init__(
+        self,
+        contract: Contract,
+        mission: Mission,
+        *,
+        system_id: int = 1,
+        stale_after_s: float = 0.5,
+        input_set: InputSet = "inner",
+        fly_outside_contract: bool = False,
+        stopwatch: Callable[[], float] = lambda: 0.0,
+    ) -> None:
+        self.assessment: Assessment = assess(contract, input_set)
+        self.link = MavlinkEndpoint(system_id)
+        self.navigator = Navigator(self.assessment, mission, Planner(), stopwatch)
+        self.detections = DetectionCounters()
+        terms = self.assessment.terms
+        self._fly_outside_contract = fly_outside_contract
+        self._detection_watch = DetectionWatch(terms)
+        self._tracking_watch = TrackingWatch(terms, stale_after_s)
+        self._poses = PoseHistory()
+        self._pending: deque[bytes] = deque()
+        self._events: list[Event] = []
+        self._reported: set[tuple[Assumption, str]] = set()
+        self._hold: Setpoint | None = None
+        self._refusal: tuple[str, ...] = ()
+        self._watched_pose: Pose | None = None
+
+    # ------------------------------------------------------------------ inputs, latched
+
+    def receive_mavlink(self, data: bytes, now_s: float) -> None:
+        """Take bytes from the autopilot's link."""
+        before = self.link.pose
+        self.link.receive(data, now_s)
+        if self.link.pose is not None and self.link.pose is not before:
+            self._poses.add(self.link.pose)
+
+    def receive_detection(self, payload: bytes, now_s: float) -> None:  # noqa: ARG002  latched
+        """Take one detection frame; it is read in the next tick."""
+        if len(self._pending) == MAX_PENDING_FRAMES:
+            self._pending.popleft()
+            self.detections.dropped_frames += 1
+        self._pending.append(payload)
+
+    # ------------------------------------------------------------------ outputs
+
+    def mavlink_to_send(self) -> bytes:
+        """Return and forget the bytes for the autopilot's link."""
+        return self.link.bytes_to_send()
+
+    def events(self) -> list[Event]:
+        """Return and forget what happened since the last call, in order."""
+        happened, self._events = self._events, []
+        return happened
+
+    # ------------------------------------------------------------------ the tick
+
+    def tick(self, now_s: float) -> None:
+        """Decide what is flown until the next tick, and queue its setpoint."""
+        navigator = self.navigator
+        self.link.keep_alive(now_s, active=navigator.phase is not Phase.STANDBY)
+        self._take_frames(now_s)
+        pose = self.link.pose
+        if pose is not None:
+            self._follow_mode(pose, now_s)
+            self._watch(pose, now_s)
+            navigator.advance(pose, now_s)
+            self._stream(now_s)
+        self._collect_events()
+
+    def _take_frames(self, now_s: float) -> None:
+        while self._pending:
+            payload = self._pending.popleft()
+            try:
+                frame = parse_frame(payload)
+            except MalformedFrameError as error:
+                self.detections.malformed_frames += 1
+                log.debug("dropped a malformed detection frame: %s", error)
+            else:
+                self._take_frame(frame, now_s)
+
+    def _take_frame(self, frame: DetectionFrame, now_s: float) -> None:
+        clock_fault = self._detection_watch.on_frame(frame, now_s)
+        if clock_fault is not None:
+            self._broken(clock_fault, now_s)
+            return
+        pose = None
+        if frame.frame == "body_frd":
+            pose = self._poses.at(frame.stamp_unix_s)
+            if pose is None:
+                self.detections.unplaced_frames += 1
+                return
+        for violation in check_frame(frame, self.assessment.terms):
+            self._broken(violation, now_s)
+        for detection in frame.obstacles:
+            self._take_detection(frame.source, detection, pose, now_s)
+
+    def _take_detection(
+        self, source: str, detection: Detection, pose: Pose | None, now_s: float
+    ) -> None:
+        obstacles = self.navigator.obstacles
+        obstacle_id = f"{source}/{detection.id}"
+        corners = corners_ned(detection, pose)
+        if not obstacles.add(obstacle_id, corners, detection.uncertainty_m):
+            return
+        obstacle = obstacles.get(obstacle_id)
+        if obstacle is not None:
+            self.navigator.recheck_plan(obstacle, now_s)
+
+    def _follow_mode(self, pose: Pose, now_s: float) -> None:
+        """Fly only while the pilot lets us: the mode is theirs."""
+        status, navigator = self.link.status, self.navigator
+        granted = (
+            status.armed
+            and status.external_control
+            and status.airborne is True
+            and now_s - status.heard_s <= AUTOPILOT_SILENCE_S
+        )
+        if not granted:
+            if navigator.phase is not Phase.STANDBY:
+                navigator.release_control(now_s)
+            self._hold = _hold_at(pose)
+            self._refusal = ()
+        elif navigator.phase is Phase.STANDBY:
+            self._depart(pose, now_s)
+
+    def _depart(self, pose: Pose, now_s: float) -> None:
+        failures = tuple(self._departure_failures(pose, now_s))
+        if not failures:
+            self._reported.clear()
+            self._tracking_watch.restart()
+            self.navigator.take_control(pose, now_s)
+        elif failures != self._refusal:
+            text = "not leaving standby: " + "; ".join(failures)
+            self._events.append(Event(now_s, "refused", Severity.WARNING, text))
+        self._refusal = failures
+
+    def _departure_failures(self, pose: Pose, now_s: float) -> list[str]:
+        failures = []
+        if not (self.assessment.compliant or self._fly_outside_contract):
+            broken = [clause.name for clause in self.assessment.clauses if not clause.holds]
+            failures.append(f"the contract does not comply ({', '.join(broken)})")
+        if self._detection_watch.check(now_s) is not None:
+            failures.append("no fresh detection frames")
+        if self._tracking_watch.check_age(pose, now_s) is not None:
+            failures.append("no fresh telemetry")
+        failures += self.navigator.departure_failures(pose)
+        if not self._fly_outside_contract:
+            failures += map(str, self._environment_violations(now_s))
+        return failures
+
+    def _watch(self, pose: Pose, now_s: float) -> None:
+        """Hold every assumption against what is seen."""
+        if not self.navigator.flying:
+            return
+        silent = self._detection_watch.check(now_s)
+        stale = self._tracking_watch.check_age(pose, now_s)
+        for violation in (silent, stale, *self._environment_violations(now_s)):
+            if violation is not None:
+                self._broken(violation, now_s)
+        if pose is not self._watched_pose:
+            self._watched_pose = pose
+            self._watch_pose(pose, now_s)
+
+    def _watch_pose(self, pose: Pose, now_s: float) -> None:
+        jump = self._tracking_watch.check_jump(pose)
+        if jump is not None:
+            self._broken(jump, now_s, measured=pose)
+            return
+        for violation in self._tracking_violations(pose):
+            self._broken(violation, now_s)
+
+    def _environment_violations(self, now_s: float) -> list[Violation]:
+        """Check the obstacles that the flight is about to meet; others may be as they like."""
+        obstacles = self.navigator.obstacles
+        found: list[Violation] = []
+        for obstacle in self.navigator.obstacles_to_meet(now_s):
+            conflict = next(obstacles.conflicts(obstacle), None)
+            found += check_obstacle(obstacle, conflict, self.assessment.terms)
+        return found
+
+    def _tracking_violations(self, pose: Pose) -> list[Violation]:
+        reference = self.navigator.reference(pose.time_s)
+        if reference is None:
+            return []
+        leg = self.navigator.leg
+        x_m, y_m, _ = leg.position_leg_from_ned(np.array(pose.position_ned_m)).tolist()
+        vx_mps, vy_mps, _ = leg.vector_leg_from_ned(np.array(pose.velocity_ned_mps)).tolist()
+        return self._tracking_watch.check_tracking(
+            (x_m - reference.position_leg_m[0], y_m - reference.position_leg_m[1]),
+            (vx_mps, vy_mps),
+            (reference.velocity_leg_mps[0], reference.velocity_leg_mps[1]),
+            cruising=self.navigator.cruising_freely,
+        )
+
+    def _broken(self, violation: Violation, now_s: float, measured: Pose | None = None) -> None:
+        """Report a violation once per flight, and answer it if we are the ones flying."""
+        key = (violation.assumption, violation.subject)
+        if not self.navigator.flying:
+            return
+        if key not in self._reported:
+            self._reported.add(key)
+            self._events.append(violation.event(now_s))
+        self.navigator.fail(violation, now_s, measured)
+
+    def _stream(self, now_s: float) -> None:
+        """Send this tick's setpoint; on the ground none, or ArduPilot would not take off."""
+        if self.link.status.airborne is not True:
+            return
+        setpoint = self.navigator.setpoint(now_s) or self._hold
+        if setpoint is not None:
+            self.link.send_setpoint(setpoint, now_s)
+
+    def _collect_events(self) -> None:
+        self._events.extend(self.navigator.events)
+        self.navigator.events.clear()
+        for event in self._events:
+            if event.severity <= Severity.WARNING or event.name == "phase":
+                self.link.send_text(event.severity, f"Clearway: {event.text}")
+
+    # ------------------------------------------------------------------ what others may know
+
+    def snapshot(self, now_s: float) -> dict[str, Any]:
+        """Return the state of this tick as it is logged and published; JSON values only."""
+        pose, status, watch = self.link.pose, self.link.status, self._tracking_watch
+        setpoint = self.navigator.setpoint(now_s)
+        age_s = self._detection_watch.age_s(now_s)
+        return {
+            "time_s": now_s,
+            "phase": self.navigator.phase.value,
+            "mode": status.mode,
+            "armed": status.armed,
+            "airborne": status.airborne,
+            "position_ned_m": None if pose is None else pose.position_ned_m,
+            "velocity_ned_mps": None if pose is None else pose.velocity_ned_mps,
+            "roll_rad": None if pose is None else pose.roll_rad,
+            "pitch_rad": None if pose is None else pose.pitch_rad,
+            "yaw_rad": None if pose is None else pose.yaw_rad,
+            "reference_position_ned_m": None if setpoint is None else setpoint.position_ned_m,
+            "reference_velocity_ned_mps": None if setpoint is None else setpoint.velocity_ned_mps,
+            "reference_acceleration_ned_mps2": (
+                None if setpoint is None else setpoint.acceleration_ned_mps2
+            ),
+            "tracking_error_m": watch.position_error_m,
+            "velocity_error_mps": watch.velocity_error_mps,
+            "cruising": self.navigator.cruising_freely,
+            "detection_age_s": age_s if math.isfinite(age_s) else None,
+            "obstacles_known": len(self.navigator.obstacles),
+            "dropped": {
+                "mavlink_garbage_bytes": self.link.counters.garbage_bytes,
+                "mavlink_malformed": self.link.counters.malformed_messages,
+                "mavlink_foreign": self.link.counters.foreign_messages,
+                "frames_malformed": self.detections.malformed_frames,
+                "frames_unplaced": self.detections.unplaced_frames,
+                "frames_dropped": self.detections.dropped_frames,
+            },
+        }
+
+
+def _hold_at(pose: Pose) -> Setpoint:
+    still = (0.0, 0.0, 0.0)
+    return Setpoint(pose.position_ned_m, still, still, pose.yaw_rad)

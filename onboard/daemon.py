@@ -1,0 +1,170 @@
+"""The daemon: the only onboard part with sockets, threads, a clock and a Zenoh session.
+
+It feeds `onboard.autonomy` with what arrives, ticks it at 50 Hz, and carries out what it says.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import json
+import logging
+import signal
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any, Final
+
+import zenoh
+
+from onboard.autonomy import Autonomy
+from onboard.config import Contract, DaemonConfig, Mission, ZenohEndpoints
+from onboard.contract import TICK_S
+from onboard.journal import Journal, Record
+from onboard.links import Link, open_link
+from onboard.recorder import FlightLog
+
+log = logging.getLogger(__name__)
+
+STATUS_PERIOD_S: Final = 0.2
+# A tick this late means that the computer cannot keep up, or was suspended.
+LATE_TICK_S: Final = 2.0 * TICK_S
+
+
+class Clock:
+    """Unix time that no clock adjustment can move: monotonic, anchored once."""
+
+    def __init__(self) -> None:
+        self._offset_s = time.time() - time.monotonic()
+
+    def now_s(self) -> float:
+        """Return the time in seconds since the Unix epoch."""
+        return time.monotonic() + self._offset_s
+
+
+async def run(config: DaemonConfig, contract: Contract, mission: Mission, log_path: Path) -> None:
+    """Serve until SIGINT or SIGTERM.
+
+    Raises:
+        LinkError: the MAVLink link cannot be opened.
+        OSError: the flight log cannot be written.
+        zenoh.ZError: no Zenoh session with this configuration.
+    """
+    clock = Clock()
+    autonomy = Autonomy(
+        contract,
+        mission,
+        system_id=config.mavlink.system_id,
+        stale_after_s=config.mavlink.stale_after_s,
+        input_set=config.input_set,
+        fly_outside_contract=config.fly_outside_contract,
+        stopwatch=time.perf_counter,
+    )
+    link = await open_link(
+        config.mavlink.url, lambda data: autonomy.receive_mavlink(data, clock.now_s())
+    )
+    with contextlib.ExitStack() as stack:
+        stack.callback(link.close)
+        flight_log = stack.enter_context(FlightLog(log_path, _metadata(contract)))
+        session = stack.enter_context(open_session(config.zenoh))
+        bus = Bus(session, config.vehicle, contract)
+        bus.subscribe(autonomy, clock)
+        log.info("ready: %s, contract %s", config.mavlink.url, contract.sha256[:12])
+        await _serve(autonomy, link, flight_log, bus, clock)
+    log.info("stopped")
+
+
+async def _serve(
+    autonomy: Autonomy, link: Link, flight_log: FlightLog, bus: Bus, clock: Clock
+) -> None:
+    stop = asyncio.Event()
+    loop = asyncio.get_running_loop()
+    for number in (signal.SIGINT, signal.SIGTERM):
+        loop.add_signal_handler(number, stop.set)
+    journal = Journal(autonomy)
+    due_s = clock.now_s()
+    while not stop.is_set():
+        now_s = clock.now_s()
+        if now_s - due_s > LATE_TICK_S:
+            log.warning("tick %.0f ms late", (now_s - due_s) * 1e3)
+            due_s = now_s
+        autonomy.tick(now_s)
+        if data := autonomy.mavlink_to_send():
+            link.send(data)
+        records = journal.collect(now_s)
+        flight_log.write(records)
+        bus.publish(records)
+        due_s += TICK_S
+        with contextlib.suppress(TimeoutError):
+            await asyncio.wait_for(stop.wait(), max(0.0, due_s - clock.now_s()))
+
+
+class Bus:
+    """Our keys on Zenoh: detections in; status, events and plans out; the contract on request.
+
+    Args:
+        session: an open session.
+        vehicle: name in the keys.
+        contract: what the queryable answers with.
+    """
+
+    def __init__(self, session: zenoh.Session, vehicle: str, contract: Contract) -> None:
+        self._session = session
+        self._prefix = f"clearway/{vehicle}"
+        self._publishers = {
+            topic: session.declare_publisher(f"{self._prefix}/{key}")
+            for topic, key in {"state": "status", "events": "events", "plan": "plan"}.items()
+        }
+        self._status_due_s = 0.0
+        answer = {"contract": contract.model_dump(mode="json"), "sha256": contract.sha256}
+        payload = json.dumps(answer).encode()
+        key = f"{self._prefix}/contract"
+        session.declare_queryable(key, lambda query: query.reply(key, payload))
+
+    def subscribe(self, autonomy: Autonomy, clock: Clock) -> None:
+        """Pass detections on; Zenoh calls from its own thread, so they cross into the loop."""
+        loop = asyncio.get_running_loop()
+
+        def receive(sample: zenoh.Sample) -> None:
+            payload = sample.payload.to_bytes()
+            with contextlib.suppress(RuntimeError):  # the loop has closed: we are stopping
+                loop.call_soon_threadsafe(_deliver, autonomy, payload, clock)
+
+        self._session.declare_subscriber(f"{self._prefix}/obstacles", receive)
+
+    def publish(self, records: list[Record]) -> None:
+        """Publish what others may want to know; the state at a rate for people."""
+        for record in records:
+            publisher = self._publishers.get(record.topic)
+            if publisher is None or (record.topic == "state" and not self._status_is_due(record)):
+                continue
+            publisher.put(json.dumps(record.payload, allow_nan=False).encode())
+
+    def _status_is_due(self, record: Record) -> bool:
+        if record.time_s < self._status_due_s:
+            return False
+        self._status_due_s = record.time_s + STATUS_PERIOD_S
+        return True
+
+
+def _deliver(autonomy: Autonomy, payload: bytes, clock: Clock) -> None:
+    autonomy.receive_detection(payload, clock.now_s())
+
+
+@contextlib.contextmanager
+def open_session(endpoints: ZenohEndpoints) -> Iterator[zenoh.Session]:
+    """Open a Zenoh session, and close it whatever happens: an open one keeps the process alive."""
+    config = zenoh.Config()
+    if endpoints.connect or endpoints.listen:
+        config.insert_json5("scouting/multicast/enabled", "false")
+    config.insert_json5("connect/endpoints", json.dumps(endpoints.connect))
+    config.insert_json5("listen/endpoints", json.dumps(endpoints.listen))
+    session = zenoh.open(config)
+    try:
+        yield session
+    finally:
+        session.close()  # type: ignore[no-untyped-call]
+
+
+def _metadata(contract: Contract) -> dict[str, Any]:
+    return {"contract": contract.model_dump_json(), "contract_sha256": contract.sha256}

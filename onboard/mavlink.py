@@ -1,0 +1,269 @@
+"""MAVLink 2 without I/O: bytes in, telemetry out; setpoints in, bytes out.
+
+Clearway is component 196 (MAV_COMP_ID_OBSTACLE_AVOIDANCE) on the vehicle's own system id.  PX4 and
+ArduPilot differ only in how a heartbeat spells its mode; `_mode_of` knows both.
+"""
+
+from __future__ import annotations
+
+import logging
+import math
+from collections import deque
+from dataclasses import dataclass, replace
+from typing import Any, Final
+
+from pymavlink.dialects.v20 import common as mavlink
+
+log = logging.getLogger(__name__)
+
+COMPONENT_ID: Final = mavlink.MAV_COMP_ID_OBSTACLE_AVOIDANCE
+HEARTBEAT_PERIOD_S: Final = 1.0
+TELEMETRY_RATE_HZ: Final = 50.0
+
+# Every field of the setpoint is meant except the yaw rate.
+_TYPE_MASK: Final = mavlink.POSITION_TARGET_TYPEMASK_YAW_RATE_IGNORE
+_PX4_MAIN_MODE_OFFBOARD: Final = 6
+_COPTER_MODE_GUIDED: Final = 4
+_STATUSTEXT_BYTES: Final = 50
+
+_REQUESTED_MESSAGES: Final = (
+    (mavlink.MAVLINK_MSG_ID_LOCAL_POSITION_NED, TELEMETRY_RATE_HZ),
+    (mavlink.MAVLINK_MSG_ID_ATTITUDE, TELEMETRY_RATE_HZ),
+    (mavlink.MAVLINK_MSG_ID_EXTENDED_SYS_STATE, 5.0),
+)
+# ArduPilot sends nothing until asked, and forgets what it was asked when it reboots.
+_REQUEST_PERIOD_S: Final = 2.0
+
+
+@dataclass(frozen=True)
+class Setpoint:
+    """One point of a plan, as SET_POSITION_TARGET_LOCAL_NED carries it.
+
+    Attributes:
+        position_ned_m, velocity_ned_mps, acceleration_ned_mps2: NED.
+        yaw_ned_rad: heading of the nose, from north towards east.
+    """
+
+    position_ned_m: tuple[float, float, float]
+    velocity_ned_mps: tuple[float, float, float]
+    acceleration_ned_mps2: tuple[float, float, float]
+    yaw_ned_rad: float
+
+
+@dataclass(frozen=True)
+class Pose:
+    """Position, velocity and attitude at one instant of the daemon's clock.
+
+    Attributes:
+        time_s: when the position arrived.
+        position_ned_m, velocity_ned_mps: NED.
+        roll_rad, pitch_rad, yaw_rad: attitude, the latest known at that time.
+    """
+
+    time_s: float
+    position_ned_m: tuple[float, float, float]
+    velocity_ned_mps: tuple[float, float, float]
+    roll_rad: float
+    pitch_rad: float
+    yaw_rad: float
+
+
+@dataclass(frozen=True)
+class VehicleStatus:
+    """What the autopilot says of itself.
+
+    Attributes:
+        heard_s: time of its last heartbeat.
+        armed: motors armed.
+        external_control: its mode obeys our setpoints (OFFBOARD, GUIDED).
+        mode: name for people.
+        airborne: from EXTENDED_SYS_STATE; None until known.
+    """
+
+    heard_s: float = -math.inf
+    armed: bool = False
+    external_control: bool = False
+    mode: str = "unknown"
+    airborne: bool | None = None
+
+
+@dataclass
+class LinkCounters:
+    """What arrived and was not used; nothing of it ever raises."""
+
+    garbage_bytes: int = 0
+    malformed_messages: int = 0
+    foreign_messages: int = 0
+
+
+class MavlinkEndpoint:
+    """Our end of the link to one autopilot.
+
+    Args:
+        system_id: MAVLink id of the vehicle, and ours.
+    """
+
+    def __init__(self, system_id: int) -> None:
+        self.status = VehicleStatus()
+        self.pose: Pose | None = None
+        self.counters = LinkCounters()
+        self._system_id = system_id
+        self._attitude_rad: tuple[float, float, float] | None = None
+        self._outgoing: deque[bytes] = deque(maxlen=1000)
+        self._mavlink = mavlink.MAVLink(_Sink(self._outgoing), system_id, COMPONENT_ID)
+        self._mavlink.robust_parsing = True
+        self._heartbeat_due_s = -math.inf
+        self._request_due_s = -math.inf
+
+    def receive(self, data: bytes, now_s: float) -> None:
+        """Take bytes from the link; malformed ones are counted and dropped."""
+        try:
+            messages = self._mavlink.parse_buffer(data) or []
+        except mavlink.MAVError as error:
+            log.debug("dropped a malformed message: %s", error)
+            self.counters.malformed_messages += 1
+            return
+        for message in messages:
+            self._handle(message, now_s)
+
+    def bytes_to_send(self) -> bytes:
+        """Return and forget what is to be sent."""
+        data = b"".join(self._outgoing)
+        self._outgoing.clear()
+        return data
+
+    def keep_alive(self, now_s: float, *, active: bool) -> None:
+        """Send the heartbeat and, while telemetry is missing, ask for it."""
+        if now_s >= self._heartbeat_due_s:
+            self._heartbeat_due_s = now_s + HEARTBEAT_PERIOD_S
+            state = mavlink.MAV_STATE_ACTIVE if active else mavlink.MAV_STATE_STANDBY
+            self._mavlink.heartbeat_send(
+                mavlink.MAV_TYPE_ONBOARD_CONTROLLER, mavlink.MAV_AUTOPILOT_INVALID, 0, 0, state
+            )
+        if now_s >= self._request_due_s and math.isfinite(self.status.heard_s):
+            self._request_due_s = now_s + _REQUEST_PERIOD_S
+            if self._telemetry_is_missing(now_s):
+                self._request_telemetry()
+
+    def send_setpoint(self, setpoint: Setpoint, now_s: float) -> None:
+        """Queue one SET_POSITION_TARGET_LOCAL_NED."""
+        self._mavlink.set_position_target_local_ned_send(
+            int(now_s * 1000.0) & 0xFFFFFFFF,
+            self._system_id,
+            mavlink.MAV_COMP_ID_AUTOPILOT1,
+            mavlink.MAV_FRAME_LOCAL_NED,
+            _TYPE_MASK,
+            *setpoint.position_ned_m,
+            *setpoint.velocity_ned_mps,
+            *setpoint.acceleration_ned_mps2,
+            setpoint.yaw_ned_rad,
+            0.0,
+        )
+
+    def send_text(self, severity: int, text: str) -> None:
+        """Queue one STATUSTEXT; ``severity`` is a MAV_SEVERITY, longer text is cut."""
+        data = text.encode("ascii", "replace")[:_STATUSTEXT_BYTES]
+        self._mavlink.statustext_send(severity, data)
+
+    def _telemetry_is_missing(self, now_s: float) -> bool:
+        silent = self.pose is None or now_s - self.pose.time_s > 1.0
+        return silent or self.status.airborne is None
+
+    def _request_telemetry(self) -> None:
+        for message_id, rate_hz in _REQUESTED_MESSAGES:
+            self._mavlink.command_long_send(
+                self._system_id,
+                mavlink.MAV_COMP_ID_AUTOPILOT1,
+                mavlink.MAV_CMD_SET_MESSAGE_INTERVAL,
+                0,
+                message_id,
+                1e6 / rate_hz,
+                0,
+                0,
+                0,
+                0,
+                0,
+            )
+
+    def _handle(self, message: Any, now_s: float) -> None:
+        kind = message.get_type()
+        if kind == "BAD_DATA":
+            self.counters.garbage_bytes += len(message.data)
+        elif (
+            message.get_srcSystem() != self._system_id
+            or message.get_srcComponent() != mavlink.MAV_COMP_ID_AUTOPILOT1
+        ):
+            self.counters.foreign_messages += 1
+        elif kind == "HEARTBEAT":
+            self._on_heartbeat(message, now_s)
+        elif kind == "LOCAL_POSITION_NED":
+            self._on_position(message, now_s)
+        elif kind == "ATTITUDE":
+            self._on_attitude(message)
+        elif kind == "EXTENDED_SYS_STATE":
+            self._on_extended_state(message)
+
+    def _on_heartbeat(self, message: Any, now_s: float) -> None:
+        mode, external_control = _mode_of(message)
+        self.status = replace(
+            self.status,
+            heard_s=now_s,
+            armed=bool(message.base_mode & mavlink.MAV_MODE_FLAG_SAFETY_ARMED),
+            external_control=external_control,
+            mode=mode,
+        )
+
+    def _on_position(self, message: Any, now_s: float) -> None:
+        position_ned_m = (message.x, message.y, message.z)
+        velocity_ned_mps = (message.vx, message.vy, message.vz)
+        if not all(map(math.isfinite, position_ned_m + velocity_ned_mps)):
+            self.counters.malformed_messages += 1
+        elif self._attitude_rad is not None:
+            self.pose = Pose(now_s, position_ned_m, velocity_ned_mps, *self._attitude_rad)
+
+    def _on_attitude(self, message: Any) -> None:
+        attitude_rad = (message.roll, message.pitch, message.yaw)
+        if all(map(math.isfinite, attitude_rad)):
+            self._attitude_rad = attitude_rad
+        else:
+            self.counters.malformed_messages += 1
+
+    def _on_extended_state(self, message: Any) -> None:
+        known = message.landed_state != mavlink.MAV_LANDED_STATE_UNDEFINED
+        airborne = message.landed_state == mavlink.MAV_LANDED_STATE_IN_AIR
+        self.status = replace(self.status, airborne=airborne if known else None)
+
+
+class _Sink:
+    """The write-only file that pymavlink wants."""
+
+    def __init__(self, queue: deque[bytes]) -> None:
+        self._queue = queue
+
+    def write(self, data: bytes) -> None:
+        self._queue.append(bytes(data))
+
+
+_PX4_MAIN_MODES: Final = {
+    1: "MANUAL",
+    2: "ALTCTL",
+    3: "POSCTL",
+    4: "AUTO",
+    5: "ACRO",
+    6: "OFFBOARD",
+    7: "STABILIZED",
+}
+_PX4_AUTO_MODES: Final = {1: "READY", 2: "TAKEOFF", 3: "LOITER", 4: "MISSION", 5: "RTL", 6: "LAND"}
+
+
+def _mode_of(heartbeat: Any) -> tuple[str, bool]:
+    """Return the mode's name and whether it obeys external setpoints."""
+    if heartbeat.autopilot == mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA:
+        guided = heartbeat.custom_mode == _COPTER_MODE_GUIDED
+        return ("GUIDED" if guided else f"COPTER {heartbeat.custom_mode}"), guided
+    main = heartbeat.custom_mode >> 16 & 0xFF
+    sub = heartbeat.custom_mode >> 24 & 0xFF
+    name = _PX4_MAIN_MODES.get(main, f"PX4 {main}")
+    if name == "AUTO":
+        name = _PX4_AUTO_MODES.get(sub, f"AUTO {sub}")
+    return name, main == _PX4_MAIN_MODE_OFFBOARD

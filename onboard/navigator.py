@@ -1,0 +1,475 @@
+"""Flies the mission by induction: cruise, avoid one obstacle of interest, cruise on (Fig. 14).
+
+The navigator owns the *reference*: a trajectory in the leg frame that is continuous over phases.
+Plans start at the reference, not at the measured state; the tracking error is in the contract.
+Only certified trajectories become the reference, and each ends in a phase that follows it.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from onboard.agility import GRAVITY_MPS2
+from onboard.avoidance import AvoidanceProblem, Envelope
+from onboard.certify import certify_clear
+from onboard.config import Mission
+from onboard.contract import TICK_S, Assessment
+from onboard.events import Event, Severity
+from onboard.frames import FloatArray, LegFrame, wrap_angle
+from onboard.guidance import (
+    Phase,
+    Trigger,
+    next_phase,
+    post_condition,
+    pre_condition,
+)
+from onboard.manoeuvre import brake_to_hover, stop_at
+from onboard.mavlink import Pose, Setpoint
+from onboard.monitor import Assumption, Violation
+from onboard.obstacles import Obstacle, ObstacleMap
+from onboard.planner import Plan, Planner
+from onboard.trajectory import State, Trajectory, X
+
+# A leg starts once the nose points along it and the sensor has had time to look there.
+HEADING_TOLERANCE_RAD: Final = math.radians(5.0)
+LOOK_AROUND_S: Final = 0.5
+# How near the vehicle must hover to the start of the mission.
+START_TOLERANCE_M: Final = 1.5
+
+
+@dataclass(frozen=True)
+class Avoidance:
+    """One induction step in progress: the obstacle, its region as planned against, and the plan."""
+
+    obstacle: Obstacle
+    plan: Plan
+    entry_speed_mps: float
+
+
+@dataclass(frozen=True)
+class PlannedStep:
+    """A plan as it was made, for the log."""
+
+    plan: Plan
+    obstacle: Obstacle
+    leg: LegFrame
+
+
+class Navigator:
+    """Decides, tick by tick, which reference is flown.
+
+    Args:
+        assessment: the contract and what follows from it.
+        mission: where to fly.
+        planner: Eq. 17.
+        stopwatch: reads a clock in seconds, only to report how long plans took.
+    """
+
+    def __init__(
+        self,
+        assessment: Assessment,
+        mission: Mission,
+        planner: Planner,
+        stopwatch: Callable[[], float],
+    ) -> None:
+        self.phase = Phase.STANDBY
+        self.avoidance: Avoidance | None = None
+        self._planned: list[PlannedStep] = []
+        self.plan_times_s: list[float] = []
+        self.events: list[Event] = []
+        self._assessment = assessment
+        self._planner = planner
+        self._stopwatch = stopwatch
+        self._mission = mission
+        self._waypoints_ned_m = _waypoints(mission)
+        self._leg_index = 0
+        self.leg = LegFrame.between(*self._waypoints_ned_m[:2])
+        self.obstacles = ObstacleMap(self.leg, assessment.region_around)
+        self._envelope = _envelope(assessment)
+        # What is flown now; in STANDBY nothing is.
+        self._reference: Trajectory | None = None
+        # What takes over from it, between this tick and the next.
+        self._upcoming: Trajectory | None = None
+        self._aligned_since_s: float | None = None
+        self._aligning = False
+
+    # ------------------------------------------------------------------ what is flown
+
+    def reference(self, time_s: float) -> State | None:
+        """Return the reference at a time, leg frame; None in STANDBY."""
+        flown = self._reference
+        if self._upcoming is not None and time_s >= self._upcoming.start_s:
+            flown = self._upcoming
+        return None if flown is None else flown.sample(time_s)
+
+    def setpoint(self, time_s: float) -> Setpoint | None:
+        """Return the reference at a time as a setpoint in NED; None in STANDBY."""
+        state = self.reference(time_s)
+        if state is None:
+            return None
+        return Setpoint(
+            _vector(self.leg.position_ned_from_leg(np.array(state.position_leg_m))),
+            _vector(self.leg.vector_ned_from_leg(np.array(state.velocity_leg_mps))),
+            _vector(self.leg.vector_ned_from_leg(np.array(state.acceleration_leg_mps2))),
+            self.leg.heading_rad,
+        )
+
+    @property
+    def cruising_freely(self) -> bool:
+        """Whether the vehicle cruises outside every Region of Influence."""
+        return self.phase is Phase.CRUISE and not self._aligning
+
+    @property
+    def flying(self) -> bool:
+        """Whether the guarantee is at stake: the vehicle is on its way."""
+        return self.phase in (Phase.CRUISE, Phase.AVOID)
+
+    def take_planned(self) -> list[PlannedStep]:
+        """Return and forget the plans made since the last call."""
+        planned, self._planned = self._planned, []
+        return planned
+
+    def obstacles_to_meet(self, now_s: float) -> list[Obstacle]:
+        """Obstacles whose properties matter now: the one avoided, and the next one ahead.
+
+        Ahead means on the line that the vehicle is on, or will be on after its avoidance; in
+        STANDBY, on the line from the start of the leg.
+        """
+        state = self.reference(now_s)
+        x_m, y_m = (0.0, 0.0) if state is None else state.position_leg_m[:2]
+        met = []
+        if self.avoidance is not None:
+            met.append(self.avoidance.obstacle)
+            x_m, y_m, _ = self.avoidance.plan.trajectory.final.position_leg_m
+        range_m = self._assessment.terms.detection_range_m
+        following = self.obstacles.obstacle_of_interest(x_m, y_m, horizon_m=range_m)
+        if following is not None:
+            met.append(following)
+        # As they are known now, not as they were when the plan was made.
+        return [self.obstacles.get(obstacle.id) or obstacle for obstacle in met]
+
+    # ------------------------------------------------------------------ triggers from outside
+
+    def departure_failures(self, pose: Pose) -> list[str]:
+        """Return why the leg may not be started or resumed from here; empty if it may."""
+        x_m, y_m, z_m = _vector(self.leg.position_leg_from_ned(np.array(pose.position_ned_m)))
+        beside_max_m = self._mission.legs[self._leg_index].target_half_width_m
+        checks = [
+            (x_m >= -START_TOLERANCE_M, f"{-x_m:.1f} m before the start of the leg"),
+            (x_m < self._goal_x_m - START_TOLERANCE_M, "the leg is already flown"),
+            (abs(y_m) <= beside_max_m, f"{abs(y_m):.1f} m beside the leg"),
+            (abs(z_m) <= START_TOLERANCE_M, f"{abs(z_m):.1f} m off the cruise height"),
+        ]
+        failures = [text for passed, text in checks if not passed]
+        failures += [
+            f"inside the region of influence of obstacle {obstacle.id}"
+            for obstacle in self.obstacles.between(x_m, x_m)
+            if obstacle.region.lane_left_m <= y_m <= obstacle.region.lane_right_m
+        ]
+        return failures
+
+    def take_control(self, pose: Pose, now_s: float) -> None:
+        """Come to a hover and start, or resume, the current leg (CONTROL_GRANTED)."""
+        self._trigger(Trigger.CONTROL_GRANTED, now_s)
+        self._align(self._measured_state(pose), now_s)
+
+    def release_control(self, now_s: float) -> None:
+        """Stop flying: somebody else does (CONTROL_TAKEN)."""
+        if self.phase is not Phase.STANDBY:
+            self._trigger(Trigger.CONTROL_TAKEN, now_s)
+        self._reference = self._upcoming = self.avoidance = None
+        self._aligning = False
+
+    def fail(self, violation: Violation, now_s: float, measured: Pose | None = None) -> None:
+        """Answer a failed assumption by braking to hover (ASSUMPTION_FAILED).
+
+        Args:
+            violation: what failed.
+            now_s: when.
+            measured: brake from this pose, when the reference itself cannot be believed.
+        """
+        if self.phase not in (Phase.CRUISE, Phase.AVOID) or self._reference is None:
+            return
+        if measured is None:
+            self._reference, how = self._way_to_hover(now_s)
+        else:
+            state = self._measured_state(measured)
+            self._reference = brake_to_hover(state, now_s, self._envelope)
+            how = "braking to hover where the vehicle is now"
+        self._upcoming, self._aligning = None, False
+        self._trigger(Trigger.ASSUMPTION_FAILED, now_s, text=f"holding: {violation}; {how}")
+
+    def _measured_state(self, pose: Pose) -> State:
+        return State(
+            _vector(self.leg.position_leg_from_ned(np.array(pose.position_ned_m))),
+            _vector(self.leg.vector_leg_from_ned(np.array(pose.velocity_ned_mps))),
+        )
+
+    # ------------------------------------------------------------------ one tick
+
+    def advance(self, pose: Pose, now_s: float) -> None:
+        """Decide what is flown until the next tick."""
+        if self.phase is Phase.AVOID:
+            self._continue_avoiding(now_s)
+        if self.phase is Phase.CRUISE:
+            self._continue_cruising(pose, now_s)
+
+    def recheck_plan(self, obstacle: Obstacle, now_s: float) -> None:
+        """Hold what is flown against an obstacle that is new or has grown."""
+        if self.phase is not Phase.AVOID or self._reference is None or self.avoidance is None:
+            return
+        if now_s >= self._reference.end_s:
+            return
+        if self._clear(self._reference.from_time(now_s), [obstacle]):
+            return
+        of_interest = self.avoidance.obstacle.id == obstacle.id
+        if of_interest and self._replan(obstacle, now_s):
+            return
+        self._break(Violation(Assumption.PLAN_EXISTS, 0.0, 1.0, "plans", obstacle.id), now_s)
+
+    # ------------------------------------------------------------------ cruise
+
+    def _continue_cruising(self, pose: Pose, now_s: float) -> None:
+        if self._reference is None:
+            return
+        if self._aligning:
+            self._await_alignment(pose, now_s)
+            return
+        if now_s >= self._reference.end_s:
+            self._finish_leg(now_s)
+            return
+        here, soon = self._reference.sample(now_s), self._reference.sample(now_s + TICK_S)
+        (x_m, y_m, _), soon_m = here.position_leg_m, soon.position_leg_m[0]
+        obstacle = self.obstacles.obstacle_of_interest(x_m, y_m, horizon_m=soon_m - x_m)
+        if obstacle is None or self._goal_x_m < obstacle.region.keep_out.x_min_m:
+            return
+        if self._goal_x_m <= obstacle.region.x_pob_m:
+            short_m = obstacle.region.x_pob_m - self._goal_x_m
+            self._break(Violation(Assumption.LEG_END_CLEAR, short_m, 0.0, "m", obstacle.id), now_s)
+            return
+        self._avoid(obstacle, now_s)
+
+    def _await_alignment(self, pose: Pose, now_s: float) -> None:
+        error_rad = abs(wrap_angle(pose.yaw_rad - self.leg.heading_rad))
+        slow = math.hypot(*pose.velocity_ned_mps) < 0.3
+        if error_rad > HEADING_TOLERANCE_RAD or not slow:
+            self._aligned_since_s = None
+        elif self._aligned_since_s is None:
+            self._aligned_since_s = now_s
+        elif now_s - self._aligned_since_s >= LOOK_AROUND_S:
+            self._aligning = False
+            state = self.reference(now_s)
+            assert state is not None  # noqa: S101  aligning implies a reference
+            self._cruise_from(state, now_s)
+
+    def _finish_leg(self, now_s: float) -> None:
+        assert self._reference is not None  # noqa: S101  the caller checked
+        final = self._reference.final
+        beside_m = max(abs(final.position_leg_m[1]), abs(final.position_leg_m[0] - self._goal_x_m))
+        allowed_m = self._mission.legs[self._leg_index].target_half_width_m
+        if beside_m > allowed_m:
+            self._break(Violation(Assumption.TARGET_REACHED, beside_m, allowed_m, "m"), now_s)
+        elif self._leg_index + 1 == len(self._mission.legs):
+            self._trigger(Trigger.MISSION_FLOWN, now_s)
+        else:
+            self._start_next_leg(final, now_s)
+
+    def _start_next_leg(self, final: State, now_s: float) -> None:
+        position_ned_m = self.leg.position_ned_from_leg(np.array(final.position_leg_m))
+        self._leg_index += 1
+        end_ned_m = self._waypoints_ned_m[self._leg_index + 1]
+        here_ned_m = (float(position_ned_m[0]), float(position_ned_m[1]), end_ned_m[2])
+        # From where the vehicle is: the last leg may have left it beside its end (erratum 16).
+        self.leg = LegFrame.between(here_ned_m, end_ned_m)
+        self.obstacles.start_leg(self.leg)
+        self._trigger(Trigger.LEG_FLOWN, now_s)
+        self._align(State((0.0, 0.0, 0.0), (0.0, 0.0, 0.0)), now_s)
+
+    def _align(self, state: State, now_s: float) -> None:
+        """Hover and turn the nose, and with it the sensor, along the leg."""
+        self._reference = brake_to_hover(state, now_s, self._envelope)
+        self._aligned_since_s, self._aligning = None, True
+
+    def _cruise_from(self, state: State, start_s: float) -> None:
+        """Fly on along the leg and stop at its end, or beyond it if that is too near."""
+        speed_mps = self._assessment.terms.cruise_speed_mps
+        stopping = stop_at(state, start_s, self._envelope, self._goal_x_m, speed_mps, z_m=0.0)
+        self._reference = stopping or brake_to_hover(state, start_s, self._envelope)
+
+    @property
+    def _goal_x_m(self) -> float:
+        start, end = self.leg.origin_ned_m, self._waypoints_ned_m[self._leg_index + 1]
+        return math.hypot(end[0] - start[0], end[1] - start[1])
+
+    # ------------------------------------------------------------------ avoidance
+
+    def _avoid(self, obstacle: Obstacle, now_s: float) -> None:
+        """Plan the induction step for an obstacle whose pre-condition holds by the next tick."""
+        assert self._reference is not None  # noqa: S101  the caller checked
+        region = obstacle.region
+        start_s = self._reference.from_time(now_s).first_time_s(X, region.extent.x_min_m)
+        # An obstacle first seen inside its region is planned against from where we are.
+        start_s = now_s if start_s is None or start_s < now_s else min(start_s, now_s + TICK_S)
+        start = self._reference.sample(start_s)
+        terms = self._assessment.terms
+        allowed_m = self._assessment.inflated.encounter.speed_mps * terms.reaction_time_s
+        condition = pre_condition(
+            start,
+            region,
+            speed_max_mps=terms.cruise_speed_mps + 1e-9,
+            late_m=allowed_m,
+        )
+        if not condition.holds:
+            late_m = start.position_leg_m[0] - region.extent.x_min_m
+            late = Violation(Assumption.LATE_FIRST_SIGHT, late_m, allowed_m, "m", obstacle.id)
+            self._note(late.event(now_s))
+        entry_mps = start.velocity_leg_mps[0]
+        plan = self._plan(self._problem(obstacle, start, start_s, entry_mps), None)
+        if plan is None:
+            self._break(Violation(Assumption.PLAN_EXISTS, 0.0, 1.0, "plans", obstacle.id), now_s)
+            return
+        self._fly(Avoidance(obstacle, plan, entry_mps))
+        self._trigger(Trigger.PRE_CONDITION, now_s, text=f"avoiding {obstacle.id} ({plan.kind})")
+
+    def _continue_avoiding(self, now_s: float) -> None:
+        assert self.avoidance is not None  # noqa: S101  AVOID implies it
+        plan = self.avoidance.plan
+        if self._upcoming is not None and now_s >= self._upcoming.start_s:
+            self._reference, self._upcoming = self._upcoming, None
+        if now_s < plan.trajectory.end_s:
+            return
+        final = plan.trajectory.final
+        condition = post_condition(
+            final,
+            self.avoidance.obstacle.region,
+            entry_speed_mps=self.avoidance.entry_speed_mps,
+        )
+        if not condition.holds:
+            # The certificate promised otherwise: a defect, and answered like one.
+            text = "; ".join(condition.failures)
+            self._note(Event(now_s, "post_condition", Severity.CRITICAL, text))
+        self.avoidance = None
+        self._cruise_from(final, plan.trajectory.end_s)
+        self._trigger(Trigger.POST_CONDITION, now_s)
+
+    def _fly(self, avoidance: Avoidance) -> None:
+        self.avoidance = avoidance
+        self._upcoming = avoidance.plan.trajectory
+        self._planned.append(PlannedStep(avoidance.plan, avoidance.obstacle, self.leg))
+
+    def _replan(self, obstacle: Obstacle, now_s: float) -> bool:
+        """Plan again in mid-manoeuvre, around an obstacle that has grown."""
+        assert self.avoidance is not None  # noqa: S101  the caller checked
+        start_s = now_s + TICK_S
+        start = self.reference(start_s)
+        if start is None:
+            return False
+        problem = self._problem(obstacle, start, start_s, self.avoidance.entry_speed_mps)
+        plan = self._plan(problem, self.avoidance.plan)
+        if plan is None:
+            return False
+        self._fly(Avoidance(obstacle, plan, self.avoidance.entry_speed_mps))
+        text = f"replanned around {obstacle.id} ({plan.kind})"
+        self._note(Event(now_s, "replanned", Severity.NOTICE, text))
+        return True
+
+    def _problem(
+        self, obstacle: Obstacle, start: State, start_s: float, exit_speed_mps: float
+    ) -> AvoidanceProblem:
+        return AvoidanceProblem(
+            start=start,
+            start_s=start_s,
+            region=obstacle.region,
+            envelope=self._envelope,
+            exit_speed_mps=exit_speed_mps,
+            climb_m=self._mission.climb_max_m,
+            climb_preferred=self._mission.climb_max_m > 0.0,
+            coast_time_s=self._assessment.inflated.encounter.coast_time_s,
+        )
+
+    def _plan(self, problem: AvoidanceProblem, current: Plan | None) -> Plan | None:
+        """Return the first plan that certifies and passes the obstacle."""
+        began_s = self._stopwatch()
+        plan = self._planner.plan(problem, current)
+        self.plan_times_s.append(self._stopwatch() - began_s)
+        return plan if isinstance(plan, Plan) and plan.kind != "brake" else None
+
+    # ------------------------------------------------------------------ hover
+
+    def _way_to_hover(self, now_s: float) -> tuple[Trajectory, str]:
+        """Brake now if that is clear; else after the plan if that is; else brake all the same."""
+        state = self.reference(now_s)
+        assert state is not None  # noqa: S101  the caller checked
+        brake = brake_to_hover(state, now_s, self._envelope)
+        if self._clear(brake):
+            return brake, "braking to hover"
+        if self.avoidance is not None and now_s < self.avoidance.plan.trajectory.end_s:
+            planned = self.avoidance.plan.trajectory
+            after = brake_to_hover(planned.final, planned.end_s, self._envelope)
+            if self._clear(planned) and self._clear(after):
+                return planned.followed_by(after), "finishing the avoidance, then braking to hover"
+        return brake, "braking to hover, although no way to stop is certified"
+
+    def _clear(self, trajectory: Trajectory, obstacles: Iterable[Obstacle] | None = None) -> bool:
+        """Tell whether a trajectory certifies; by default against every obstacle in its way."""
+        if obstacles is None:
+            obstacles = self.obstacles.between(*trajectory.position_range_m(X))
+        start = trajectory.sample(trajectory.start_s)
+        boxes = [obstacle.region.obstacle for obstacle in obstacles]
+        return certify_clear(trajectory, start, trajectory.start_s, self._envelope, boxes).valid
+
+    # ------------------------------------------------------------------ bookkeeping
+
+    def _trigger(self, trigger: Trigger, now_s: float, *, text: str = "") -> None:
+        before, self.phase = self.phase, next_phase(self.phase, trigger)
+        failed = trigger is Trigger.ASSUMPTION_FAILED
+        self._note(
+            Event(
+                now_s,
+                "phase",
+                Severity.ERROR if failed else Severity.INFO,
+                text or f"{self.phase} ({trigger})",
+                {"from": before, "to": self.phase, "trigger": trigger},
+            )
+        )
+
+    def _note(self, event: Event) -> None:
+        self.events.append(event)
+
+    def _break(self, violation: Violation, now_s: float) -> None:
+        """Report an assumption that failed in planning, and answer it."""
+        self._note(violation.event(now_s))
+        self.fail(violation, now_s)
+
+
+def _envelope(assessment: Assessment) -> Envelope:
+    """What plans may ask for: W, the thrust limit, and jerk that the attitude can follow.
+
+    Full acceleration builds up within the attitude lag that the contract allows for (theory D).
+    """
+    terms, limits = assessment.terms, assessment.limits
+    jerk_x_mps3 = jerk_y_mps3 = math.inf
+    if terms.attitude_lag_s > 0.0:
+        jerk_x_mps3 = max(limits.brake_mps2, limits.forward_mps2) / terms.attitude_lag_s
+        jerk_y_mps3 = max(limits.left_mps2, limits.right_mps2) / terms.attitude_lag_s
+    return Envelope(
+        limits=limits,
+        thrust_max_mps2=terms.thrust_to_weight * GRAVITY_MPS2,
+        jerk_max_mps3=(jerk_x_mps3, jerk_y_mps3, jerk_y_mps3),
+        speed_max_mps=terms.cruise_speed_mps,
+    )
+
+
+def _vector(array: FloatArray) -> tuple[float, float, float]:
+    x, y, z = array.tolist()
+    return x, y, z
+
+
+def _waypoints(mission: Mission) -> list[tuple[float, float, float]]:
+    points = [mission.start_ned_m, *(leg.end_ned_m for leg in mission.legs)]
+    return [(north_m, east_m, -mission.altitude_m) for north_m, east_m in points]
