@@ -8,23 +8,19 @@ from __future__ import annotations
 
 import logging
 import struct
-from typing import TYPE_CHECKING, Any
+from collections.abc import Callable
+from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from sitl.commander import Commander
+from sitl.battery import BatteryReading
+from sitl.commander import Actuation, Commander
 from sitl.commands import Command, CommandContext, execute
+from sitl.config import VehicleConfig
 from sitl.mavlink_link import MavlinkLink
 from sitl.parameters import ParameterStore, SetResult
 from sitl.telemetry import BUILDERS, Snapshot, StreamSchedule
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
-
-    from sitl.battery import BatteryReading
-    from sitl.commander import Actuation
-    from sitl.config import VehicleConfig
-    from sitl.truth import VehicleTruth
+from sitl.truth import VehicleTruth
 
 logger = logging.getLogger(__name__)
 

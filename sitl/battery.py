@@ -9,14 +9,12 @@ from __future__ import annotations
 import math
 from bisect import bisect_right
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 from pydantic import Field
 
 from onboard.yaml_file import FileModel
-
-if TYPE_CHECKING:
-    from sitl.multirotor import MultirotorParameters, MultirotorState
+from sitl.multirotor import MultirotorParameters, MultirotorState
 
 # Typical rest voltage of one lithium-polymer cell.
 _CHARGE = (0.0, 0.05, 0.10, 0.20, 0.40, 0.60, 0.80, 0.90, 1.0)

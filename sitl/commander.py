@@ -10,20 +10,17 @@ from __future__ import annotations
 import enum
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
+from sitl.battery import BatteryReading
+from sitl.controller import Setpoint
 from sitl.land_detector import LandDetector, climbs
 from sitl.modes import LandedState, Mode
 from sitl.navigator import MotionLimits, MotionReference
 from sitl.offboard import OffboardStream
-
-if TYPE_CHECKING:
-    from sitl.battery import BatteryReading
-    from sitl.controller import Setpoint
-    from sitl.parameters import ParameterStore
-    from sitl.truth import Vector, VehicleTruth
+from sitl.parameters import ParameterStore
+from sitl.truth import Vector, VehicleTruth
 
 _ESTIMATOR_START_S = 1.0
 _STREAM_RETURN_S = 0.25  # an unbroken stream this long ends the offboard-loss failsafe

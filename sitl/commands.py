@@ -3,23 +3,18 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from sitl.commander import Verdict
+from sitl.commander import Commander, Verdict
+from sitl.config import HomeConfig
 from sitl.geodesy import GeographicPosition, ned_from_geographic
+from sitl.mavlink_link import MavlinkLink
 from sitl.modes import Mode, mode_from_code
-from sitl.telemetry import BUILDERS
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
-
-    from sitl.commander import Commander
-    from sitl.config import HomeConfig
-    from sitl.mavlink_link import MavlinkLink
-    from sitl.telemetry import Snapshot, StreamSchedule
+from sitl.telemetry import BUILDERS, Snapshot, StreamSchedule
 
 _ARM_FORCE = 21196.0  # the magic number of MAV_CMD_COMPONENT_ARM_DISARM
 _GLOBAL_FRAMES = {mavlink.MAV_FRAME_GLOBAL, mavlink.MAV_FRAME_GLOBAL_INT}

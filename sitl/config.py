@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Annotated, Literal
+from pathlib import Path
+from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
@@ -12,9 +13,7 @@ from sitl.multirotor import MultirotorParameters, quadrotor
 from sitl.sensor import SensorConfig
 from sitl.wind import WindConfig
 
-if TYPE_CHECKING:
-    from pathlib import Path
-
+FilePath = Annotated[Path, Field(strict=False)]
 Positive = Annotated[float, Field(gt=0.0)]
 
 
@@ -94,16 +93,11 @@ class VehicleConfig(FileModel):
     physics_rate_hz: Annotated[int, Field(ge=400, le=4000, multiple_of=100)] = 400
 
 
-class ZenohConfig(FileModel):
-    """Zenoh endpoints; with any given, multicast scouting is off.
-
-    Attributes:
-        file: a Zenoh configuration file (JSON5) to start from.
-    """
+class ZenohEndpoints(FileModel):
+    """How the simulator joins Zenoh; with endpoints, multicast scouting is off."""
 
     listen: Annotated[tuple[str, ...], Field(strict=False)] = ("tcp/127.0.0.1:7447",)
     connect: Annotated[tuple[str, ...], Field(strict=False)] = ()
-    file: str | None = None
 
 
 class SitlConfig(VehicleConfig):
@@ -112,20 +106,20 @@ class SitlConfig(VehicleConfig):
     Attributes:
         vehicle: name in Zenoh keys, ``clearway/<vehicle>/...``.
         mavlink: connection URLs, one link each.
-        field: obstacle file, relative to the configuration file; null for open space.
-        truth_log: MCAP file to write ground truth to, relative to the working directory.
+        field: obstacle file; null for open space.
+        truth_log: MCAP file to write ground truth to.
     """
 
-    vehicle: Annotated[str, Field(pattern=r"^[A-Za-z0-9_-]+$")] = "v1"
+    vehicle: Annotated[str, Field(pattern=r"^[A-Za-z0-9_-]+$")] = "vehicle"
     mavlink: Annotated[tuple[str, ...], Field(strict=False)] = (
         "udpout://127.0.0.1:14540",
         "udpout://127.0.0.1:14550",
     )
-    zenoh: ZenohConfig = ZenohConfig()
+    zenoh: ZenohEndpoints = ZenohEndpoints()
     sensors: Annotated[tuple[SensorConfig, ...], Field(strict=False)] = (SensorConfig(),)
-    field: str | None = None
+    field: FilePath | None = None
     seed: int = 0
-    truth_log: str | None = None
+    truth_log: FilePath | None = None
 
     @model_validator(mode="after")
     def _require_distinct_sources(self) -> SitlConfig:
@@ -136,12 +130,12 @@ class SitlConfig(VehicleConfig):
 
 
 def load_sitl_config(path: Path) -> SitlConfig:
-    """Read a configuration file; its ``field`` becomes relative to the working directory.
+    """Read a configuration file; the paths in it are relative to the file.
 
     Raises:
         FileError: names the file, key, value and unit.
     """
     config = load_yaml(path, SitlConfig)
-    if config.field is None:
-        return config
-    return config.model_copy(update={"field": str(path.parent / config.field)})
+    named = {"field": config.field, "truth_log": config.truth_log}
+    absolute = {key: path.parent / name for key, name in named.items() if name is not None}
+    return config.model_copy(update=absolute)

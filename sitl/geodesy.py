@@ -4,11 +4,9 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
-if TYPE_CHECKING:
-    from sitl.config import HomeConfig
-    from sitl.truth import Vector
+from sitl.config import HomeConfig
+from sitl.truth import Vector
 
 _EARTH_RADIUS_M = 6_371_000.0
 

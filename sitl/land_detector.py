@@ -3,13 +3,10 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
 
+from sitl.controller import Setpoint
 from sitl.modes import LandedState
-
-if TYPE_CHECKING:
-    from sitl.controller import Setpoint
-    from sitl.truth import VehicleTruth
+from sitl.truth import VehicleTruth
 
 _TOUCHDOWN_S = 0.5  # signs of standing must last this long
 _LIFTED_M = 0.15

@@ -100,3 +100,19 @@ def _frame_length(data: bytearray, start: int) -> int | None:
         if flags:
             length += _SIGNATURE_LENGTH
     return None if len(data) < start + length else length
+
+
+def split_frames(data: bytes, length_max: int) -> list[bytes]:
+    """Cut a run of whole frames into portions of at most ``length_max``, between frames only."""
+    frames = bytearray(data)
+    portions = []
+    start = end = 0
+    while end < len(frames):
+        length = _frame_length(frames, end) or len(frames) - end
+        if end > start and end + length - start > length_max:
+            portions.append(data[start:end])
+            start = end
+        end += length
+    if end > start:
+        portions.append(data[start:end])
+    return portions

@@ -8,12 +8,9 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 from sitl.controller import Setpoint
-
-if TYPE_CHECKING:
-    from sitl.truth import Vector, VehicleTruth
+from sitl.truth import Vector, VehicleTruth
 
 _ARRIVED_M = 0.1
 _NEAR_GAIN_PER_S = 1.2  # speed per distance close to the target

@@ -10,16 +10,14 @@ import json
 import math
 import random
 from collections import deque
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
 from onboard.yaml_file import FileModel
+from sitl.field import ObstacleField
+from sitl.truth import VehicleTruth
 from sitl.world import Neighbourhood
-
-if TYPE_CHECKING:
-    from sitl.field import ObstacleField
-    from sitl.truth import VehicleTruth
 
 Point = tuple[float, float]
 
@@ -72,12 +70,16 @@ class ObstacleSensor:
     """Measures at its rate and hands out each frame after its latency; no clock, no I/O."""
 
     def __init__(
-        self, config: SensorConfig, field: ObstacleField, seed: int, start_unix_s: float = 0.0
+        self,
+        config: SensorConfig,
+        field: ObstacleField,
+        noise: random.Random,
+        start_unix_s: float = 0.0,
     ) -> None:
         self.config = config
         self._field = field
         self._neighbourhood = Neighbourhood(field)
-        self._random = random.Random(seed)
+        self._noise = noise
         self._start_unix_s = start_unix_s
         self._frames_due = 0
         self._sequence = 0
@@ -154,7 +156,7 @@ class ObstacleSensor:
     def _detection(self, index: int, truth: VehicleTruth) -> dict[str, Any]:
         field, noise_m = self._field, self.config.noise_m
         center_m = [
-            coordinate_m + self._random.uniform(-noise_m, noise_m)
+            coordinate_m + self._noise.uniform(-noise_m, noise_m)
             for coordinate_m in field.center_ned_m[index].tolist()
         ]
         yaw_rad = float(field.yaw_rad[index])

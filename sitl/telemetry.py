@@ -3,21 +3,18 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
+from sitl.battery import BatteryReading
+from sitl.commander import Commander
+from sitl.config import HomeConfig
 from sitl.geodesy import geographic_from_ned
 from sitl.multirotor import rotate_frd_from_ned
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
-
-    from sitl.battery import BatteryReading
-    from sitl.commander import Commander
-    from sitl.config import HomeConfig
-    from sitl.truth import Vector, VehicleTruth
+from sitl.truth import Vector, VehicleTruth
 
 _ESTIMATOR_SENSORS = (
     mavlink.MAV_SYS_STATUS_SENSOR_3D_GYRO

@@ -51,9 +51,9 @@ class WindConfig(FileModel):
 class WindModel:
     """Wind at the vehicle, sampled at a fixed period."""
 
-    def __init__(self, config: WindConfig, seed: int, period_s: float) -> None:
+    def __init__(self, config: WindConfig, noise: random.Random, period_s: float) -> None:
         self._config = config
-        self._random = random.Random(seed)
+        self._noise = noise
         self._period_s = period_s
         self._along_mps = 0.0
         self._across = (0.0, 0.0)
@@ -86,7 +86,7 @@ class WindModel:
 
         decay = math.exp(-self._period_s * air_speed_mps / length_m)
         kick = sigma_mps * math.sqrt(1.0 - decay * decay)
-        self._along_mps = decay * self._along_mps + kick * self._random.gauss(0.0, 1.0)
+        self._along_mps = decay * self._along_mps + kick * self._noise.gauss(0.0, 1.0)
         self._across, across = self._second_order(self._across, length_m, sigma_mps, air_speed_mps)
         self._down, down = self._second_order(
             self._down, length_down_m, sigma_down_mps, air_speed_mps
@@ -102,7 +102,7 @@ class WindModel:
         """
         tau_s = length_m / air_speed_mps
         decay = math.exp(-self._period_s / tau_s)
-        noise = self._random.gauss(0.0, 1.0) * sigma_mps * math.sqrt(tau_s / self._period_s)
+        noise = self._noise.gauss(0.0, 1.0) * sigma_mps * math.sqrt(tau_s / self._period_s)
         first = decay * memory[0] + (1.0 - decay) * noise
         second = decay * memory[1] + (1.0 - decay) * first
         # (1 + sqrt3 tau s)/(1 + tau s) = sqrt3 + (1 - sqrt3)/(1 + tau s), applied to the first lag.

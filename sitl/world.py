@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-if TYPE_CHECKING:
-    from sitl.field import FloatArray, ObstacleField
+from sitl.field import FloatArray, ObstacleField
 
 IndexArray = NDArray[np.intp]
 

@@ -1,0 +1,172 @@
+"""The simulator in real time: sockets, Zenoh, the clock; everything it does is in ``scene``."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import logging
+import signal
+import time
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+
+import zenoh
+
+from sitl.config import SitlConfig, ZenohEndpoints
+from sitl.field import ObstacleField, load_field
+from sitl.scene import Scene
+from sitl.transport import Send, Transport
+from sitl.truth_log import TRUTH_LOG_RATE_HZ, TruthLog
+from sitl.vehicle import warm_up
+
+log = logging.getLogger(__name__)
+
+_POLL_S = 0.002
+_TRUTH_RATE_HZ = 20
+_BEHIND_MAX_S = 0.5  # after a longer stall time is let go instead of caught up
+
+
+class ZenohError(RuntimeError):
+    """A Zenoh session that cannot be opened; the message names the endpoints."""
+
+
+class LiveSimulator:
+    """Owner of the links: couples the scene to sockets and Zenoh."""
+
+    def __init__(self, config: SitlConfig, field: ObstacleField) -> None:
+        self._config = config
+        self._scene = Scene(config, field, start_unix_s=time.time())
+        self._senders: dict[int, Send] = {}
+        self._origin_s = time.monotonic()
+
+    def link_opened(self, link: int, send: Send) -> None:
+        """Start to stream to a peer."""
+        self._senders[link] = send
+        self._scene.vehicle.autopilot.open_link(link)
+
+    def link_received(self, link: int, data: bytes) -> None:
+        """Pass bytes on to the autopilot."""
+        self._scene.vehicle.receive(data, link)
+
+    def link_closed(self, link: int) -> None:
+        """Forget a peer."""
+        self._senders.pop(link, None)
+        self._scene.vehicle.autopilot.close_link(link)
+
+    async def run(self, stop: asyncio.Event) -> None:
+        """Serve until ``stop`` is set.
+
+        Raises:
+            TransportError: a MAVLink URL cannot be used.
+            ZenohError: the Zenoh session cannot be opened.
+            OSError: the truth log cannot be written.
+        """
+        config = self._config
+        transport = Transport(self)
+        with ExitStack() as stack:
+            stack.callback(transport.close)
+            for url in config.mavlink:
+                await transport.open(url)
+            truth_log = None
+            if config.truth_log is not None:
+                truth_log = TruthLog(stack.enter_context(config.truth_log.open("wb")))
+                stack.callback(truth_log.close)
+            bus = Bus(stack.enter_context(open_session(config.zenoh)), config)
+            self._origin_s = time.monotonic()
+            log.info("ready: %s on %s", config.vehicle, ", ".join(config.mavlink))
+            await self._serve(stop, bus, truth_log)
+
+    async def _serve(self, stop: asyncio.Event, bus: Bus, truth_log: TruthLog | None) -> None:
+        scene = self._scene
+        published = logged = -1
+        while not stop.is_set():
+            scene.advance(self._now_s())
+            for link, send in tuple(self._senders.items()):
+                if data := scene.vehicle.bytes_to_send(link):
+                    send(data)
+            for detection in scene.take_detections():
+                bus.publish_obstacles(detection.payload)
+            time_s = scene.vehicle.truth.time_s
+            if (due := int(time_s * _TRUTH_RATE_HZ + 1e-6)) > published:
+                published = due
+                bus.publish_truth(json.dumps(scene.truth_record()).encode())
+            if truth_log is not None and (due := int(time_s * TRUTH_LOG_RATE_HZ + 1e-6)) > logged:
+                logged = due
+                truth_log.write(scene.truth_record())
+            await asyncio.sleep(_POLL_S)
+
+    def _now_s(self) -> float:
+        """Simulation time that real time asks for."""
+        now_s = time.monotonic() - self._origin_s
+        behind_s = now_s - self._scene.vehicle.truth.time_s
+        if behind_s > _BEHIND_MAX_S:
+            log.warning("simulation stalled for %.2f s, which will not be caught up", behind_s)
+            self._origin_s += behind_s
+            now_s -= behind_s
+        return now_s
+
+
+class Bus:
+    """The simulator's keys on Zenoh.
+
+    ``clearway/<vehicle>/obstacles`` carries the frames of every sensor, ``.../truth`` ground truth;
+    a liveliness token ``clearway/<vehicle>/obstacles/<source>`` stands for each sensor.
+    """
+
+    def __init__(self, session: zenoh.Session, config: SitlConfig) -> None:
+        prefix = f"clearway/{config.vehicle}"
+        self._obstacles = session.declare_publisher(f"{prefix}/obstacles")
+        self._truth = session.declare_publisher(f"{prefix}/truth")
+        self._tokens = [
+            session.liveliness().declare_token(f"{prefix}/obstacles/{sensor.source}")
+            for sensor in config.sensors
+        ]
+
+    def publish_obstacles(self, payload: bytes) -> None:
+        """Publish a detection frame."""
+        self._obstacles.put(payload)
+
+    def publish_truth(self, payload: bytes) -> None:
+        """Publish ground truth."""
+        self._truth.put(payload)
+
+
+@contextmanager
+def open_session(endpoints: ZenohEndpoints) -> Iterator[zenoh.Session]:
+    """Open a Zenoh session, and close it whatever happens: an open one keeps the process alive.
+
+    Raises:
+        ZenohError: an endpoint is malformed or cannot be listened on.
+    """
+    config = zenoh.Config()
+    try:
+        if endpoints.listen or endpoints.connect:
+            config.insert_json5("scouting/multicast/enabled", "false")
+        config.insert_json5("listen/endpoints", json.dumps(endpoints.listen))
+        config.insert_json5("connect/endpoints", json.dumps(endpoints.connect))
+        session = zenoh.open(config)
+    except zenoh.ZError as error:
+        where = f"listen {list(endpoints.listen)}, connect {list(endpoints.connect)}"
+        raise ZenohError(f"zenoh: {where}: {error}") from error
+    try:
+        yield session
+    finally:
+        session.close()  # type: ignore[no-untyped-call]  # untyped in its own stubs
+
+
+async def serve(config: SitlConfig) -> None:
+    """Run the simulator until SIGINT or SIGTERM.
+
+    Raises:
+        FileError: the obstacle field is not usable.
+        ParameterError: a configured autopilot parameter does not exist or is out of range.
+        TransportError, ZenohError, OSError: as :meth:`LiveSimulator.run`.
+    """
+    field = ObstacleField.of([]) if config.field is None else load_field(config.field)
+    warm_up()
+    stop = asyncio.Event()
+    loop = asyncio.get_running_loop()
+    for number in (signal.SIGINT, signal.SIGTERM):
+        loop.add_signal_handler(number, stop.set)
+    await LiveSimulator(config, field).run(stop)
+    log.info("stopped")

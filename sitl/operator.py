@@ -1,0 +1,144 @@
+"""A scripted operator over MAVLink: arms, takes off, hands over, lands; no I/O.
+
+It does in virtual time what `gcs_tools` does with MAVSDK in real time, with the same commands.
+"""
+
+from __future__ import annotations
+
+from enum import Enum, auto
+from typing import Any, Final
+
+from pymavlink.dialects.v20 import common as mavlink
+
+REPEAT_S: Final = 0.5
+HEALTH: Final = mavlink.MAV_SYS_STATUS_PREARM_CHECK
+OFFBOARD: Final = (6.0, 0.0)
+HOLD: Final = (4.0, 3.0)
+HEIGHT_TOLERANCE_M: Final = 0.15
+SETTLED_MPS: Final = 0.1
+
+
+class Step(Enum):
+    """What the operator is about."""
+
+    ARM = auto()
+    TAKE_OFF = auto()
+    CLIMB = auto()
+    HAND_OVER = auto()
+    WATCH = auto()
+    LAND = auto()
+    DONE = auto()
+
+
+class Operator:
+    """Flies one mission from the ground and back to it.
+
+    Args:
+        system_id: MAVLink id of the vehicle.
+        altitude_m: height above the local origin to take off to.
+    """
+
+    def __init__(self, system_id: int, altitude_m: float) -> None:
+        self.step = Step.ARM
+        self._system_id = system_id
+        self._altitude_m = altitude_m
+        self._outgoing = _Outgoing()
+        self._mavlink = mavlink.MAVLink(self._outgoing, 255, mavlink.MAV_COMP_ID_MISSIONPLANNER)
+        self._mavlink.robust_parsing = True
+        self._armed = self._ready = False
+        self._offboard = False
+        self._height_m = self._speed_mps = 0.0
+        self._repeat_s = 0.0
+
+    def receive(self, data: bytes) -> None:
+        """Take bytes from the vehicle."""
+        for message in self._mavlink.parse_buffer(data) or []:
+            self._handle(message)
+
+    def bytes_to_send(self) -> bytes:
+        """Return and forget the bytes for the vehicle."""
+        return self._outgoing.take()
+
+    def land(self) -> None:
+        """End the mission from wherever it is."""
+        if self.step is Step.WATCH:
+            self.step, self._repeat_s = Step.LAND, 0.0
+
+    def advance(self, now_s: float) -> None:
+        """Go on with the script."""
+        self._change_step()
+        if now_s < self._repeat_s:
+            return
+        self._repeat_s = now_s + REPEAT_S
+        self._mavlink.heartbeat_send(
+            mavlink.MAV_TYPE_GCS, mavlink.MAV_AUTOPILOT_INVALID, 0, 0, mavlink.MAV_STATE_ACTIVE
+        )
+        match self.step:
+            case Step.ARM if self._ready:
+                self._command(mavlink.MAV_CMD_COMPONENT_ARM_DISARM, 1.0)
+            case Step.TAKE_OFF:
+                # Without a height PX4 climbs to MIS_TAKEOFF_ALT, which the scenario sets.
+                nan = float("nan")
+                self._command(mavlink.MAV_CMD_NAV_TAKEOFF, nan, 0.0, 0.0, nan, nan, nan, nan)
+            case Step.HAND_OVER:
+                self._set_mode(OFFBOARD)
+            case Step.LAND:
+                self._command(mavlink.MAV_CMD_NAV_LAND)
+
+    def _change_step(self) -> None:
+        before = self.step
+        match self.step:
+            case Step.ARM if self._armed:
+                self.step = Step.TAKE_OFF
+            case Step.TAKE_OFF if self._height_m > HEIGHT_TOLERANCE_M:
+                self.step = Step.CLIMB
+            case Step.CLIMB if self._settled:
+                self.step = Step.HAND_OVER
+            case Step.HAND_OVER if self._offboard:
+                self.step = Step.WATCH
+            case Step.LAND if not self._armed:
+                self.step = Step.DONE
+        if self.step is not before:
+            self._repeat_s = 0.0
+
+    @property
+    def _settled(self) -> bool:
+        near = abs(self._height_m - self._altitude_m) < HEIGHT_TOLERANCE_M
+        return near and self._speed_mps < SETTLED_MPS
+
+    def _handle(self, message: Any) -> None:
+        match message.get_type():
+            case "HEARTBEAT":
+                self._armed = bool(message.base_mode & mavlink.MAV_MODE_FLAG_SAFETY_ARMED)
+                self._offboard = message.custom_mode >> 16 & 0xFF == OFFBOARD[0]
+            case "SYS_STATUS":
+                self._ready = bool(message.onboard_control_sensors_health & HEALTH)
+            case "LOCAL_POSITION_NED":
+                self._height_m = -message.z
+                self._speed_mps = (message.vx**2 + message.vy**2 + message.vz**2) ** 0.5
+
+    def _set_mode(self, mode: tuple[float, float]) -> None:
+        armed = mavlink.MAV_MODE_FLAG_SAFETY_ARMED if self._armed else 0
+        base_mode = mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED | armed
+        self._command(mavlink.MAV_CMD_DO_SET_MODE, base_mode, *mode)
+
+    def _command(self, command: int, *parameters: float) -> None:
+        padded = (*parameters, *(0.0,) * (7 - len(parameters)))
+        self._mavlink.command_long_send(
+            self._system_id, mavlink.MAV_COMP_ID_AUTOPILOT1, command, 0, *padded
+        )
+
+
+class _Outgoing:
+    """The write-only file that pymavlink wants."""
+
+    def __init__(self) -> None:
+        self._data = bytearray()
+
+    def write(self, data: bytes) -> None:
+        self._data += data
+
+    def take(self) -> bytes:
+        data = bytes(self._data)
+        self._data.clear()
+        return data

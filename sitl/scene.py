@@ -1,0 +1,90 @@
+"""Vehicle, world and sensors together in virtual time: what a flight happens in."""
+
+from __future__ import annotations
+
+import math
+import random
+from dataclasses import dataclass
+from typing import Any
+
+from sitl.config import SitlConfig
+from sitl.field import ObstacleField
+from sitl.sensor import ObstacleSensor
+from sitl.vehicle import AUTOPILOT_RATE_HZ, SimulatedVehicle
+from sitl.world import World
+
+
+@dataclass(frozen=True)
+class Detection:
+    """One frame that leaves a sensor: the JSON payload of ``clearway/<vehicle>/obstacles``."""
+
+    source: str
+    payload: bytes
+
+
+class Scene:
+    """Advances everything in lock step; the live simulator and the virtual flight share it.
+
+    Attributes:
+        vehicle: speaks MAVLink.
+        world: clearance and collisions.
+        start_unix_s: time of day at simulation time zero.
+    """
+
+    def __init__(self, config: SitlConfig, field: ObstacleField, start_unix_s: float = 0.0) -> None:
+        """Set everything up at time zero; ``config.seed`` decides all that is random.
+
+        Raises:
+            ParameterError: a configured autopilot parameter does not exist or is out of range.
+        """
+        self.start_unix_s = start_unix_s
+        self.vehicle = SimulatedVehicle(config, config.seed, start_unix_s)
+        self.world = World(field, config.multirotor.radius_m)
+        self._sensors = [
+            ObstacleSensor(
+                sensor, field, random.Random(f"{config.seed} {sensor.source}"), start_unix_s
+            )
+            for sensor in config.sensors
+        ]
+        self._detections: list[Detection] = []
+        self._look()
+
+    def advance(self, until_s: float) -> None:
+        """Let time pass until ``until_s``, in the autopilot's ticks."""
+        while (next_s := self._next_tick_s()) <= until_s + 1e-9:
+            self.vehicle.advance(next_s)
+            self._look()
+
+    def take_detections(self) -> list[Detection]:
+        """Return and clear the frames that have left the sensors."""
+        detections, self._detections = self._detections, []
+        return detections
+
+    def truth_record(self) -> dict[str, Any]:
+        """Ground truth now, ready for JSON; clearances are null in open space."""
+        truth, world = self.vehicle.truth, self.world
+        return {
+            "time_unix_s": self.start_unix_s + truth.time_s,
+            "position_ned_m": truth.position_ned_m,
+            "velocity_ned_mps": truth.velocity_ned_mps,
+            "acceleration_ned_mps2": truth.acceleration_ned_mps2,
+            "attitude_quaternion": truth.attitude_quaternion,
+            "rpm": truth.rotor_speeds_rpm,
+            "clearance_m": _finite(world.clearance_m),
+            "clearance_min_m": _finite(world.clearance_min_m),
+            "collisions": world.collisions,
+        }
+
+    def _next_tick_s(self) -> float:
+        return (round(self.vehicle.truth.time_s * AUTOPILOT_RATE_HZ) + 1) / AUTOPILOT_RATE_HZ
+
+    def _look(self) -> None:
+        truth = self.vehicle.truth
+        self.world.observe(truth.position_ned_m)
+        for sensor in self._sensors:
+            for payload in sensor.sense(truth.time_s, truth):
+                self._detections.append(Detection(sensor.config.source, payload))
+
+
+def _finite(value: float) -> float | None:
+    return value if math.isfinite(value) else None
