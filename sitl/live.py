@@ -69,8 +69,9 @@ class LiveSimulator:
                 await transport.open(url)
             truth_log = None
             if config.truth_log is not None:
-                truth_log = TruthLog(stack.enter_context(config.truth_log.open("wb")))
-                stack.callback(truth_log.close)
+                truth_log = stack.enter_context(
+                    TruthLog(config.truth_log, self._scene.start_unix_s)
+                )
             bus = Bus(stack.enter_context(open_session(config.zenoh)), config)
             self._origin_s = time.monotonic()
             log.info("ready: %s on %s", config.vehicle, ", ".join(config.mavlink))
@@ -92,7 +93,7 @@ class LiveSimulator:
                 bus.publish_truth(json.dumps(scene.truth_record()).encode())
             if truth_log is not None and (due := int(time_s * TRUTH_LOG_RATE_HZ + 1e-6)) > logged:
                 logged = due
-                truth_log.write(scene.truth_record())
+                truth_log.write(scene.vehicle.truth, scene.world)
             await asyncio.sleep(_POLL_S)
 
     def _now_s(self) -> float:

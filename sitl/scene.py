@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import math
-import random
 from dataclasses import dataclass
 from typing import Any
 
 from sitl.config import SitlConfig
 from sitl.field import ObstacleField
 from sitl.sensor import ObstacleSensor
+from sitl.truth_log import truth_record
 from sitl.vehicle import AUTOPILOT_RATE_HZ, SimulatedVehicle
 from sitl.world import World
 
@@ -41,10 +40,7 @@ class Scene:
         self.vehicle = SimulatedVehicle(config, config.seed, start_unix_s)
         self.world = World(field, config.multirotor.radius_m)
         self._sensors = [
-            ObstacleSensor(
-                sensor, field, random.Random(f"{config.seed} {sensor.source}"), start_unix_s
-            )
-            for sensor in config.sensors
+            ObstacleSensor(sensor, field, config.seed, start_unix_s) for sensor in config.sensors
         ]
         self._detections: list[Detection] = []
         self._look()
@@ -61,19 +57,8 @@ class Scene:
         return detections
 
     def truth_record(self) -> dict[str, Any]:
-        """Ground truth now, ready for JSON; clearances are null in open space."""
-        truth, world = self.vehicle.truth, self.world
-        return {
-            "time_unix_s": self.start_unix_s + truth.time_s,
-            "position_ned_m": truth.position_ned_m,
-            "velocity_ned_mps": truth.velocity_ned_mps,
-            "acceleration_ned_mps2": truth.acceleration_ned_mps2,
-            "attitude_quaternion": truth.attitude_quaternion,
-            "rpm": truth.rotor_speeds_rpm,
-            "clearance_m": _finite(world.clearance_m),
-            "clearance_min_m": _finite(world.clearance_min_m),
-            "collisions": world.collisions,
-        }
+        """Ground truth now, ready for JSON."""
+        return truth_record(self.vehicle.truth, self.world, self.start_unix_s)
 
     def _next_tick_s(self) -> float:
         return (round(self.vehicle.truth.time_s * AUTOPILOT_RATE_HZ) + 1) / AUTOPILOT_RATE_HZ
@@ -84,7 +69,3 @@ class Scene:
         for sensor in self._sensors:
             for payload in sensor.sense(truth.time_s, truth):
                 self._detections.append(Detection(sensor.config.source, payload))
-
-
-def _finite(value: float) -> float | None:
-    return value if math.isfinite(value) else None

@@ -73,13 +73,13 @@ class ObstacleSensor:
         self,
         config: SensorConfig,
         field: ObstacleField,
-        noise: random.Random,
+        seed: int,
         start_unix_s: float = 0.0,
     ) -> None:
         self.config = config
         self._field = field
         self._neighbourhood = Neighbourhood(field)
-        self._noise = noise
+        self._noise = random.Random(f"{seed} {config.source}")
         self._start_unix_s = start_unix_s
         self._frames_due = 0
         self._sequence = 0

@@ -13,7 +13,7 @@ import asyncio
 import itertools
 from abc import abstractmethod
 from collections.abc import Callable
-from typing import Protocol
+from typing import Protocol, cast
 from urllib.parse import urlsplit
 
 from sitl.mavlink_link import split_frames
@@ -69,11 +69,15 @@ class Transport:
                 )
                 self._closers.append(server.close)
                 return
-            local = {"local_addr": address} if scheme == "udpin" else {"remote_addr": address}
-            protocol = _UdpServer if scheme == "udpin" else _UdpClient
-            transport, _ = await loop.create_datagram_endpoint(
-                lambda: protocol(self._owner, self._links), **local
-            )
+            transport: asyncio.DatagramTransport
+            if scheme == "udpin":
+                transport, _ = await loop.create_datagram_endpoint(
+                    lambda: _UdpServer(self._owner, self._links), local_addr=address
+                )
+            else:
+                transport, _ = await loop.create_datagram_endpoint(
+                    lambda: _UdpClient(self._owner, self._links), remote_addr=address
+                )
             self._closers.append(transport.close)
         except OSError as error:
             raise TransportError(f"{url}: {error.strerror or error}") from error
@@ -108,8 +112,9 @@ class _UdpClient(asyncio.DatagramProtocol):
         self._owner = owner
         self._link = next(links)
 
-    def connection_made(self, transport: asyncio.DatagramTransport) -> None:
-        self._owner.link_opened(self._link, lambda data: _send_datagrams(transport, data, None))
+    def connection_made(self, transport: asyncio.BaseTransport) -> None:
+        socket = cast("asyncio.DatagramTransport", transport)
+        self._owner.link_opened(self._link, lambda data: _send_datagrams(socket, data, None))
 
     def datagram_received(self, data: bytes, _: Address) -> None:
         self._owner.link_received(self._link, data)
@@ -127,8 +132,8 @@ class _UdpServer(asyncio.DatagramProtocol):
         self._links: dict[Address, int] = {}
         self._transport: asyncio.DatagramTransport | None = None
 
-    def connection_made(self, transport: asyncio.DatagramTransport) -> None:
-        self._transport = transport
+    def connection_made(self, transport: asyncio.BaseTransport) -> None:
+        self._transport = cast("asyncio.DatagramTransport", transport)
 
     def datagram_received(self, data: bytes, address: Address) -> None:
         if address not in self._links and not self._admit(address):
@@ -158,13 +163,14 @@ class _TcpClient(asyncio.Protocol):
         self._owner = owner
         self._link = link
 
-    # A stream server makes no other kind of transport.
-    def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
+    def connection_made(self, transport: asyncio.BaseTransport) -> None:
+        stream = cast("asyncio.Transport", transport)
+
         def send(data: bytes) -> None:
-            if transport.get_write_buffer_size() > _TCP_BACKLOG_BYTES:
-                transport.abort()
+            if stream.get_write_buffer_size() > _TCP_BACKLOG_BYTES:
+                stream.abort()
             else:
-                transport.write(data)
+                stream.write(data)
 
         self._owner.link_opened(self._link, send)
 

@@ -3,9 +3,15 @@
 from __future__ import annotations
 
 import json
-from typing import IO, Any
+import math
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Self
 
 from mcap.writer import Writer
+
+from sitl.truth import VehicleTruth
+from sitl.world import World
 
 TRUTH_LOG_RATE_HZ = 50
 _SCHEMA = {
@@ -26,26 +32,68 @@ _SCHEMA = {
 
 
 class TruthLog:
-    """Writes records of :meth:`sitl.scene.Scene.truth_record`; equal records, equal bytes."""
+    """Writes ground truth to a file; the same flight gives the same bytes.
 
-    def __init__(self, stream: IO[bytes]) -> None:
-        self._writer = Writer(stream)
-        self._writer.start(profile="", library="clearway")
-        schema_id = self._writer.register_schema(
+    Args:
+        path: the file, overwritten.
+        start_unix_s: time of day at simulation time zero.
+
+    Raises:
+        OSError: the file cannot be written.
+    """
+
+    def __init__(self, path: Path, start_unix_s: float) -> None:
+        self._start_unix_s = start_unix_s
+        self._file = path.open("wb")
+        self._writer = Writer(self._file)
+        self._writer.start(profile="clearway", library="clearway")
+        schema = self._writer.register_schema(
             "clearway.truth", "jsonschema", json.dumps(_SCHEMA).encode()
         )
-        self._channel_id = self._writer.register_channel("/truth", "json", schema_id)
+        self._channel = self._writer.register_channel("/truth", "json", schema)
 
-    def write(self, record: dict[str, Any]) -> None:
-        """Append one record at its own time."""
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        self.close()
+
+    def write(self, truth: VehicleTruth, world: World) -> None:
+        """Append the state of this instant."""
+        record = truth_record(truth, world, self._start_unix_s)
         time_ns = round(record["time_unix_s"] * 1e9)
         self._writer.add_message(
-            self._channel_id,
+            self._channel,
             log_time=time_ns,
             publish_time=time_ns,
             data=json.dumps(record, separators=(",", ":"), allow_nan=False).encode(),
         )
 
     def close(self) -> None:
-        """Write the index; the stream stays open."""
-        self._writer.finish()
+        """Finish the file."""
+        self._writer.finish()  # type: ignore[no-untyped-call]  # untyped in its own source
+        self._file.close()
+
+
+def truth_record(truth: VehicleTruth, world: World, start_unix_s: float) -> dict[str, Any]:
+    """Ground truth ready for JSON; clearances are null in open space."""
+    return {
+        "time_unix_s": start_unix_s + truth.time_s,
+        "position_ned_m": truth.position_ned_m,
+        "velocity_ned_mps": truth.velocity_ned_mps,
+        "acceleration_ned_mps2": truth.acceleration_ned_mps2,
+        "attitude_quaternion": truth.attitude_quaternion,
+        "rpm": truth.rotor_speeds_rpm,
+        "clearance_m": _finite(world.clearance_m),
+        "clearance_min_m": _finite(world.clearance_min_m),
+        "collisions": world.collisions,
+    }
+
+
+def _finite(value: float) -> float | None:
+    return value if math.isfinite(value) else None
