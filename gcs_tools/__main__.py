@@ -1,0 +1,184 @@
+"""``clearway``: the operator's command line.  Parses arguments; each command has its own file."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from gcs_tools.errors import CommandError
+from onboard.yaml_file import FileError
+
+_REFUSED = 1
+_BAD_INPUT = 2
+
+
+class _Parser(argparse.ArgumentParser):
+    """argparse says what is wrong on one line, as every other error does."""
+
+    def error(self, message: str) -> None:  # type: ignore[override]  # it does not return either
+        self.exit(_BAD_INPUT, f"clearway: error: {message} (see {self.prog} --help)\n")
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Run one command; return its exit code."""
+    options = build_parser().parse_args(arguments)
+    command: Callable[[argparse.Namespace], int] = options.command
+    try:
+        return command(options)
+    except (FileError, CommandError) as error:
+        return _fail(str(error))
+    except ModuleNotFoundError as error:
+        if error.name in {"rich", "matplotlib"}:
+            return _fail(f"{error.name} is not installed: pip install 'clearway[ground]'")
+        raise
+    except KeyboardInterrupt:
+        return _fail("interrupted", 128 + 2)
+    except BrokenPipeError:
+        # Whoever read our output, for instance `head`, has had enough.
+        sys.stderr.close()
+        return _REFUSED
+
+
+def build_parser() -> argparse.ArgumentParser:
+    """Return the parser of all commands."""
+    parser = _Parser(prog="clearway", description=__doc__)
+    commands = parser.add_subparsers(required=True, metavar="COMMAND")
+    _add_fly(commands)
+    _add_preflight(commands)
+    _add_contract(commands)
+    _add_schema(commands)
+    return parser
+
+
+def _add_fly(commands: Any) -> None:
+    parser = commands.add_parser("fly", help="fly a scenario against the bundled simulation")
+    parser.add_argument("scenario", type=Path, nargs="?", metavar="SCENARIO")
+    parser.add_argument("--virtual", action="store_true", help="in virtual time, in one process")
+    parser.add_argument("--seed", type=_natural, default=1, metavar="N")
+    parser.add_argument(
+        "--out", type=Path, metavar="DIR", help="default: flights/<scenario>-<seed>"
+    )
+    parser.add_argument(
+        "--force", action="store_true", help="fly what the pre-flight check refuses"
+    )
+    parser.set_defaults(command=_fly)
+
+
+def _add_preflight(commands: Any) -> None:
+    parser = commands.add_parser("preflight", help="may this be flown? exit code 0 yes, 1 no")
+    _add_contract_options(parser)
+    parser.add_argument("--field", type=Path, metavar="F", help="obstacle field, YAML or CSV")
+    parser.add_argument("--mission", type=Path, metavar="F")
+    parser.add_argument("--vehicle", metavar="URL", help="MAVSDK connection URL of a live vehicle")
+    _add_output_options(parser, "table", "json")
+    parser.set_defaults(command=_preflight)
+
+
+def _add_contract(commands: Any) -> None:
+    parser = commands.add_parser("contract", help="what follows from a contract")
+    actions = parser.add_subparsers(required=True, metavar="ACTION")
+    show = actions.add_parser("show", help="clauses with margins, derived quantities")
+    _add_contract_options(show)
+    _add_output_options(show, "table", "json", "csv")
+    show.set_defaults(command=_contract_show)
+
+
+def _add_schema(commands: Any) -> None:
+    parser = commands.add_parser("schema", help="write JSON Schemas of all files, for editors")
+    parser.add_argument("-o", "--output", type=Path, required=True, metavar="DIR")
+    parser.set_defaults(command=_schema)
+
+
+def _add_contract_options(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("--contract", type=Path, required=True, metavar="F")
+    parser.add_argument(
+        "--set",
+        dest="overrides",
+        action="extend",
+        nargs="+",
+        default=[],
+        metavar="key=value",
+        help="override a term, for instance vehicle.cruise_speed_mps=2.8",
+    )
+    parser.add_argument(
+        "--input-set",
+        choices=("inner", "paper"),
+        default="inner",
+        help="accelerations: sound inner box, or Eq. 7 as printed",
+    )
+
+
+def _add_output_options(parser: argparse.ArgumentParser, *forms: str) -> None:
+    parser.add_argument("--format", dest="form", choices=forms, default=forms[0])
+    parser.add_argument("-o", "--output", type=Path, metavar="FILE")
+
+
+def _natural(text: str) -> int:
+    if not text.isdecimal():
+        raise argparse.ArgumentTypeError(f"{text!r} is not a number from 0 on")
+    return int(text)
+
+
+# Each command's module is imported when it is asked for: a daemon's computer that runs
+# `clearway preflight` needs neither matplotlib nor the simulation.
+
+
+def _fly(options: argparse.Namespace) -> int:
+    from gcs_tools.flight import fly  # noqa: PLC0415
+
+    succeeded = fly(
+        options.scenario,
+        virtual=options.virtual,
+        seed=options.seed,
+        out=options.out,
+        force=options.force,
+    )
+    return 0 if succeeded else _REFUSED
+
+
+def _preflight(options: argparse.Namespace) -> int:
+    from gcs_tools.preflight import run_preflight  # noqa: PLC0415
+
+    compliant = run_preflight(
+        options.contract,
+        overrides=tuple(options.overrides),
+        field_path=options.field,
+        mission_path=options.mission,
+        vehicle_url=options.vehicle,
+        input_set=options.input_set,
+        form=options.form,
+        output=options.output,
+    )
+    return 0 if compliant else _REFUSED
+
+
+def _contract_show(options: argparse.Namespace) -> int:
+    from gcs_tools.contract_show import show_contract  # noqa: PLC0415
+
+    show_contract(
+        options.contract,
+        overrides=tuple(options.overrides),
+        input_set=options.input_set,
+        form=options.form,
+        output=options.output,
+    )
+    return 0
+
+
+def _schema(options: argparse.Namespace) -> int:
+    from gcs_tools.schemas import write_schemas  # noqa: PLC0415
+
+    write_schemas(options.output)
+    return 0
+
+
+def _fail(message: str, code: int = _BAD_INPUT) -> int:
+    sys.stderr.write(f"clearway: error: {message}\n")
+    return code
+
+
+if __name__ == "__main__":
+    sys.exit(main())

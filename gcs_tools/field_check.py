@@ -1,0 +1,303 @@
+"""An obstacle field held against a contract, leg by leg, before anything flies.
+
+The field is what is known beforehand, for instance a survey; the flight itself still sees only
+what its sensor sees.  Every obstacle counts, also far beside the leg: avoidance drifts and never
+recovers (erratum 16), so nothing beside the leg is out of reach.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+
+import numpy as np
+from scipy.spatial import KDTree
+
+from onboard.config import Mission
+from onboard.contract import Assessment
+from onboard.frames import FloatArray, LegFrame
+from onboard.region import Box, RegionOfInfluence
+from sitl.field import ObstacleField
+
+# Named in a report; a field that breaks a rule in a million places breaks it all the same.
+OFFENDERS_MAX = 100
+
+# One part in a billion: sizes and distances are sums of floats that were written down as equal.
+_ROUND_OFF = 1e-9
+
+
+@dataclass(frozen=True)
+class FieldRule:
+    """One rule, held against the whole field.
+
+    Attributes:
+        name: of the rule.
+        required, declared: the rule holds while ``declared`` is at least ``required``.
+        unit: of both.
+        reason: why there is such a rule.
+        offenders: who breaks it, at most `OFFENDERS_MAX`.
+    """
+
+    name: str
+    required: float
+    declared: float
+    unit: str
+    reason: str
+    offenders: tuple[str, ...] = ()
+
+    @property
+    def margin(self) -> float:
+        """Declared less required; not negative is compliant."""
+        return self.declared - self.required
+
+    @property
+    def holds(self) -> bool:
+        """Whether the field keeps the rule."""
+        return self.margin >= -_ROUND_OFF * max(1.0, abs(self.required))
+
+
+@dataclass(frozen=True)
+class Stretch:
+    """One leg without its obstacles.
+
+    Attributes:
+        name: for reports.
+        frame: origin at the start of the leg.
+        length_m: of the leg; infinite when no mission says where it ends.
+        start_half_width_m: how far beside its start the leg may begin (after an earlier leg).
+        end_half_width_m: how far beside its end it may arrive.
+    """
+
+    name: str
+    frame: LegFrame
+    length_m: float
+    start_half_width_m: float
+    end_half_width_m: float
+
+
+@dataclass(frozen=True)
+class LegField:
+    """The field as one leg meets it.
+
+    Attributes:
+        stretch: the leg.
+        ids: names of the obstacles.
+        boxes: the obstacles in the leg frame.
+        regions: their Regions of Influence.
+    """
+
+    stretch: Stretch
+    ids: tuple[str, ...]
+    boxes: tuple[Box, ...]
+    regions: tuple[RegionOfInfluence, ...]
+
+    @classmethod
+    def of(cls, stretch: Stretch, assessment: Assessment, obstacles: ObstacleField) -> LegField:
+        """Place every obstacle and its region in the frame of the leg."""
+        boxes = tuple(leg_boxes(stretch.frame, obstacles))
+        error_m = assessment.terms.position_error_m
+        regions = tuple(assessment.region_around(box, error_m) for box in boxes)
+        return cls(stretch, obstacles.ids, boxes, regions)
+
+    def called(self, index: int) -> str:
+        """Name of an obstacle on this leg."""
+        return f"{self.ids[index]} ({self.stretch.name})"
+
+
+@dataclass
+class _Count:
+    """How often a rule is broken, and by whom first."""
+
+    total: int = 0
+    offenders: list[str] = field(default_factory=list)
+
+    def add(self, offender: str) -> None:
+        self.total += 1
+        if len(self.offenders) < OFFENDERS_MAX:
+            self.offenders.append(offender)
+
+
+def check_field(
+    assessment: Assessment, obstacles: ObstacleField, mission: Mission | None
+) -> tuple[FieldRule, ...]:
+    """Hold a field against the contract's assumptions and the induction's conditions.
+
+    Without a mission the one leg runs north from the origin, and its start and end are not checked.
+    """
+    legs = tuple(LegField.of(each, assessment, obstacles) for each in _stretches(mission))
+    rules = (
+        _largest(legs, assessment),
+        _thinnest(legs, assessment),
+        _nearest(obstacles, assessment),
+        _disjoint(legs),
+    )
+    return rules if mission is None else (*rules, _start_clear(legs), _end_clear(legs))
+
+
+def _stretches(mission: Mission | None) -> Iterator[Stretch]:
+    if mission is None:
+        yield Stretch("heading north", LegFrame((0.0, 0.0, 0.0), 0.0), math.inf, 0.0, 0.0)
+        return
+    start_ned_m, start_half_width_m = mission.start_ned_m, 0.0
+    for number, leg in enumerate(mission.legs, start=1):
+        yield Stretch(
+            name=f"leg {number}",
+            frame=LegFrame.between((*start_ned_m, 0.0), (*leg.end_ned_m, 0.0)),
+            length_m=math.dist(start_ned_m, leg.end_ned_m),
+            start_half_width_m=start_half_width_m,
+            end_half_width_m=leg.target_half_width_m,
+        )
+        start_ned_m, start_half_width_m = leg.end_ned_m, leg.target_half_width_m
+
+
+def leg_boxes(frame: LegFrame, obstacles: ObstacleField) -> Iterator[Box]:
+    """Yield the axis-aligned boxes in the leg frame that enclose the obstacles."""
+    turn_rad = obstacles.yaw_rad - frame.heading_rad
+    cosine, sine = np.abs(np.cos(turn_rad)), np.abs(np.sin(turn_rad))
+    along_m, across_m = obstacles.half_size_m.T
+    half_x_m, half_y_m = cosine * along_m + sine * across_m, sine * along_m + cosine * across_m
+    down_m = np.zeros((len(obstacles), 1))
+    x_m, y_m, _ = frame.position_leg_from_ned(np.hstack((obstacles.center_ned_m, down_m))).T
+    corners = (x_m - half_x_m, x_m + half_x_m, y_m - half_y_m, y_m + half_y_m)
+    for x_min, x_max, y_min, y_max in np.column_stack(corners).tolist():
+        yield Box(x_min, x_max, y_min, y_max)
+
+
+def _largest(legs: tuple[LegField, ...], assessment: Assessment) -> FieldRule:
+    allowed_m = assessment.terms.obstacle_size_max_m
+    largest_m, count = 0.0, _Count()
+    for leg in legs:
+        for index, box in enumerate(leg.boxes):
+            size_m = max(box.size_m)
+            largest_m = max(largest_m, size_m)
+            if size_m > allowed_m * (1.0 + _ROUND_OFF):
+                count.add(f"{leg.called(index)}: {size_m:.2f} m")
+    return FieldRule(
+        "obstacle_size_max",
+        largest_m,
+        allowed_m,
+        "m",
+        "no obstacle may be larger, in the leg frame, than the contract assumes",
+        tuple(count.offenders),
+    )
+
+
+def _thinnest(legs: tuple[LegField, ...], assessment: Assessment) -> FieldRule:
+    assumed_m = assessment.terms.obstacle_size_min_m
+    thinnest_m, count = math.inf, _Count()
+    for leg in legs:
+        for index, box in enumerate(leg.boxes):
+            size_m = box.size_m[0]
+            thinnest_m = min(thinnest_m, size_m)
+            if size_m < assumed_m * (1.0 - _ROUND_OFF):
+                count.add(f"{leg.called(index)}: {size_m:.2f} m")
+    return FieldRule(
+        "obstacle_size_min",
+        assumed_m,
+        thinnest_m,
+        "m",
+        "no obstacle may be thinner along the leg than the contract assumes",
+        tuple(count.offenders),
+    )
+
+
+def _nearest(obstacles: ObstacleField, assessment: Assessment) -> FieldRule:
+    assumed_m = assessment.terms.obstacle_separation_min_m
+    distance_m, neighbour = _nearest_neighbours(obstacles.center_ned_m)
+    near = np.flatnonzero(distance_m < assumed_m * (1.0 - _ROUND_OFF))
+    pairs = {
+        (min(i, j), max(i, j)): distance_m[i]
+        for i, j in zip(near.tolist(), neighbour[near].tolist(), strict=True)
+    }
+    return FieldRule(
+        "separation",
+        assumed_m,
+        float(distance_m.min(initial=math.inf)),
+        "m",
+        "no two obstacles may stand closer, centre to centre, than the contract assumes",
+        tuple(
+            f"{obstacles.ids[i]} and {obstacles.ids[j]}: {apart_m:.2f} m"
+            for (i, j), apart_m in list(pairs.items())[:OFFENDERS_MAX]
+        ),
+    )
+
+
+def _nearest_neighbours(points_m: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Distance to, and index of, the nearest other point; (N, 2) -> (N,), (N,)."""
+    if len(points_m) < 2:
+        return np.full(len(points_m), math.inf), np.full(len(points_m), -1)
+    distance_m, index = KDTree(points_m).query(points_m, k=2)
+    # Of two obstacles in one place, either may come first.
+    itself_first = index[:, 0] == np.arange(len(points_m))
+    return distance_m[:, 1], np.where(itself_first, index[:, 1], index[:, 0])
+
+
+def _disjoint(legs: tuple[LegField, ...]) -> FieldRule:
+    count = _Count()
+    for leg in legs:
+        for i, j in intersecting_pairs([region.extent for region in leg.regions]):
+            count.add(f"{leg.ids[i]} and {leg.called(j)}")
+    return _none_of(
+        count,
+        "roi_disjoint",
+        "pairs",
+        "regions of influence of two obstacles must not intersect: the induction needs one at a "
+        "time",
+    )
+
+
+def intersecting_pairs(boxes: list[Box]) -> Iterator[tuple[int, int]]:
+    """Yield the index pairs of boxes that share a point, by a sweep along their longer spread."""
+    edges_m = np.array([(b.x_min_m, b.x_max_m, b.y_min_m, b.y_max_m) for b in boxes])
+    edges_m = edges_m.reshape(-1, 2, 2)
+    spread_m = np.ptp(edges_m[:, :, 0], axis=0) if len(boxes) else np.zeros(2)
+    along = int(np.argmax(spread_m))
+    order = np.argsort(edges_m[:, along, 0], kind="stable")
+    lower_m, upper_m = edges_m[order, :, 0], edges_m[order, :, 1]
+    ends = np.searchsorted(lower_m[:, along], upper_m[:, along], side="right")
+    across = 1 - along
+    for first, end in enumerate(ends.tolist()):
+        rest = slice(first + 1, end)
+        overlaps = (lower_m[rest, across] <= upper_m[first, across]) & (
+            upper_m[rest, across] >= lower_m[first, across]
+        )
+        for offset in np.flatnonzero(overlaps).tolist():
+            i, j = int(order[first]), int(order[first + 1 + offset])
+            yield min(i, j), max(i, j)
+
+
+def _start_clear(legs: tuple[LegField, ...]) -> FieldRule:
+    count = _Count()
+    for leg in legs:
+        _count_regions_at(leg, 0.0, leg.stretch.start_half_width_m, count)
+    return _none_of(
+        count,
+        "start_clear",
+        "regions",
+        "a leg must start outside every region of influence (pre-condition)",
+    )
+
+
+def _end_clear(legs: tuple[LegField, ...]) -> FieldRule:
+    count = _Count()
+    for leg in legs:
+        _count_regions_at(leg, leg.stretch.length_m, leg.stretch.end_half_width_m, count)
+    return _none_of(
+        count,
+        "end_clear",
+        "regions",
+        "a leg must end outside every region of influence (post-condition)",
+    )
+
+
+def _count_regions_at(leg: LegField, x_m: float, half_width_m: float, count: _Count) -> None:
+    line = Box(x_m, x_m, -half_width_m, half_width_m)
+    for index, region in enumerate(leg.regions):
+        if region.extent.intersects(line):
+            count.add(leg.called(index))
+
+
+def _none_of(count: _Count, name: str, unit: str, reason: str) -> FieldRule:
+    """Return a rule that allows no offender at all."""
+    return FieldRule(name, float(count.total), 0.0, unit, reason, tuple(count.offenders))

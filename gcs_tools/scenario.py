@@ -1,0 +1,184 @@
+"""Scenario file: all that one flight against the bundled SITL needs, and what is expected of it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Any, Literal, Self, TypeVar
+
+import numpy as np
+from pydantic import BaseModel, Discriminator, Field, Tag, model_validator
+
+from onboard.config import Contract, FilePath, Mission
+from onboard.yaml_file import FileError, FileModel, load_yaml
+from sitl.config import SitlConfig, VehicleConfig
+from sitl.field import Obstacle, ObstacleField, ObstacleList, load_field
+from sitl.sensor import SensorConfig, SensorFault
+
+Outcome = Literal["arrived", "held", "collided", "aborted"]
+
+ModelT = TypeVar("ModelT", bound=BaseModel)
+
+
+def _file_or_inline(value: Any) -> str:
+    return "file" if isinstance(value, str | Path) else "inline"
+
+
+# A path relative to the scenario file, or the content itself.
+AnyContract = Annotated[
+    Annotated[FilePath, Tag("file")] | Annotated[Contract, Tag("inline")],
+    Discriminator(_file_or_inline),
+]
+AnyMission = Annotated[
+    Annotated[FilePath, Tag("file")] | Annotated[Mission, Tag("inline")],
+    Discriminator(_file_or_inline),
+]
+AnyField = Annotated[
+    Annotated[FilePath, Tag("file")] | Annotated[ObstacleList, Tag("inline")],
+    Discriminator(_file_or_inline),
+]
+
+
+class Plant(VehicleConfig):
+    """What is simulated: every key of the SITL's vehicle, and its sensors."""
+
+    sensors: Annotated[tuple[SensorConfig, ...], Field(strict=False, min_length=1)] = (
+        SensorConfig(),
+    )
+
+
+class Fault(SensorFault):
+    """A sensor fault, injected into one of the sensors."""
+
+    source: str = Field("front", description="which sensor")
+
+
+class Expectation(FileModel):
+    """How the flight should come out; what is null is not held against it."""
+
+    outcome: Outcome = "arrived"
+    reason: str | None = Field(None, description="occurs in the reason of the result")
+    collisions: Annotated[int, Field(ge=0)] = 0
+    obstacles_avoided: Annotated[int, Field(ge=0)] | None = None
+
+
+class ScenarioFile(FileModel):
+    """A scenario as it is written (scenario.yaml)."""
+
+    contract: AnyContract = Field(description="contract file, or its content")
+    field: AnyField = Field(description="obstacle field file (YAML or CSV), or its content")
+    mission: AnyMission = Field(description="mission file, or its content")
+    sitl: Plant = Field(default_factory=Plant, description="what is simulated")
+    faults: Annotated[tuple[Fault, ...], Field(strict=False)] = ()
+    force: bool = Field(False, description="fly although the pre-flight check refuses; for tests")
+    expect: Expectation = Field(default_factory=lambda: Expectation.model_validate({}))
+
+    @model_validator(mode="after")
+    def _faults_have_sensors(self) -> Self:
+        sources = {sensor.source for sensor in self.sitl.sensors}
+        for fault in self.faults:
+            if fault.source not in sources:
+                raise ValueError(f"faults: there is no sensor {fault.source!r} in sitl.sensors")
+        return self
+
+
+@dataclass(frozen=True)
+class Scenario:
+    """A scenario with everything that it refers to.
+
+    Attributes:
+        name: of the file, without its suffix.
+        contract, mission: what the daemon is given.
+        obstacles: what stands in the way.
+        plant: what is simulated, faults included.
+        force: fly although the pre-flight check refuses.
+        expect: how the flight should come out.
+    """
+
+    name: str
+    contract: Contract
+    mission: Mission
+    obstacles: ObstacleField
+    plant: Plant
+    force: bool
+    expect: Expectation
+
+    def sitl_config(self, **live: Any) -> SitlConfig:
+        """Return the SITL's configuration; ``live`` are the keys that the plant does not have.
+
+        Unless the scenario says otherwise, the autopilot has the mission's take-off altitude and
+        the contract's setpoint-loss timeout.
+        """
+        plant = self.plant.model_dump()
+        plant["parameters"] = {
+            "MIS_TAKEOFF_ALT": self.mission.altitude_m,
+            "COM_OF_LOSS_T": self.contract.vehicle.setpoint_loss_timeout_s,
+            **self.plant.parameters,
+        }
+        return SitlConfig.model_validate({**plant, **live})
+
+
+def load_scenario(path: Path) -> Scenario:
+    """Read a scenario and the files that it names, relative to its own place.
+
+    Raises:
+        FileError: one of the files is missing or not usable.
+    """
+    written = load_yaml(path, ScenarioFile)
+    base = path.parent
+    scenario = Scenario(
+        name=path.stem,
+        contract=_loaded(written.contract, base, Contract),
+        mission=_loaded(written.mission, base, Mission),
+        obstacles=_loaded_field(written.field, base),
+        plant=_with_faults(written.sitl, written.faults),
+        force=written.force,
+        expect=written.expect,
+    )
+    _require_mission_start(scenario, path)
+    return scenario
+
+
+def _require_mission_start(scenario: Scenario, path: Path) -> None:
+    north_m, east_m, down_m = scenario.plant.start.position_ned_m
+    if (north_m, east_m) != scenario.mission.start_ned_m or down_m != 0.0:
+        raise FileError(
+            f"{path}: sitl.start.position_ned_m = {[north_m, east_m, down_m]} must be on the "
+            f"ground at mission.start_ned_m = {list(scenario.mission.start_ned_m)} m"
+        )
+
+
+def _loaded(written: Path | ModelT, base: Path, model: type[ModelT]) -> ModelT:
+    return load_yaml(base / written, model) if isinstance(written, Path) else written
+
+
+def _loaded_field(written: Path | ObstacleList, base: Path) -> ObstacleField:
+    if isinstance(written, Path):
+        return load_field(base / written)
+    return ObstacleField.of(written.root)
+
+
+def _with_faults(plant: Plant, faults: tuple[Fault, ...]) -> Plant:
+    sensors = tuple(
+        sensor.model_copy(update={"faults": (*sensor.faults, *_faults_of(sensor, faults))})
+        for sensor in plant.sensors
+    )
+    return plant.model_copy(update={"sensors": sensors})
+
+
+def _faults_of(sensor: SensorConfig, faults: tuple[Fault, ...]) -> list[SensorFault]:
+    return [
+        SensorFault.model_validate(fault.model_dump(exclude={"source"}))
+        for fault in faults
+        if fault.source == sensor.source
+    ]
+
+
+def obstacle_list(field: ObstacleField) -> list[Obstacle]:
+    """Return a field as it would be written in YAML."""
+    columns = (field.center_ned_m, 2.0 * field.half_size_m, np.degrees(field.yaw_rad))
+    rows = zip(field.ids, *(column.tolist() for column in columns), strict=True)
+    return [
+        Obstacle(id=name, center_ned_m=center_m, size_m=size_m, yaw_deg=yaw_deg)
+        for name, center_m, size_m, yaw_deg in rows
+    ]

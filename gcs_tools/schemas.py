@@ -1,0 +1,48 @@
+"""``clearway schema``: JSON Schemas, so that editors complete and check Clearway's files."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from types import MappingProxyType
+
+from pydantic import BaseModel
+from pydantic.json_schema import GenerateJsonSchema
+
+from gcs_tools.errors import CommandError
+from gcs_tools.scenario import ScenarioFile
+from onboard.config import Contract, DaemonConfig, Mission
+from sitl.config import SitlConfig
+from sitl.field import ObstacleList
+
+MODELS: MappingProxyType[str, type[BaseModel]] = MappingProxyType(
+    {
+        "contract": Contract,
+        "mission": Mission,
+        "field": ObstacleList,
+        "scenario": ScenarioFile,
+        "onboard": DaemonConfig,
+        "sitl": SitlConfig,
+    }
+)
+
+
+def schema_text(model: type[BaseModel]) -> str:
+    """Return a model's JSON Schema as the text of a file."""
+    document = {"$schema": GenerateJsonSchema.schema_dialect, **model.model_json_schema()}
+    return json.dumps(document, indent=2, ensure_ascii=False) + "\n"
+
+
+def write_schemas(directory: Path) -> None:
+    """Write ``<name>.schema.json`` for every kind of file.
+
+    Raises:
+        CommandError: the directory cannot be written.
+    """
+    try:
+        directory.mkdir(parents=True, exist_ok=True)
+        for name, model in MODELS.items():
+            path = directory / f"{name}.schema.json"
+            path.write_text(schema_text(model), encoding="utf-8")
+    except OSError as error:
+        raise CommandError(f"{directory}: cannot be written: {error.strerror or error}") from error

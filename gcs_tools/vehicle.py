@@ -1,0 +1,273 @@
+"""The operator's hands on a live vehicle, over MAVSDK: arm, take off, hand over, land.
+
+Every wait has a limit and says what it waited for.  Nothing here is ever cancelled half-way: MAVSDK
+hangs when it is closed while one of its calls is in flight, so an operator who gives up sets
+``stop``, the wait in progress notices, and every call made so far is awaited.  Setpoints are not
+sent from here: MAVSDK's offboard plugin repeats the last one on its own, which would defeat the
+autopilot's failsafe.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import math
+from collections.abc import AsyncGenerator, AsyncIterator, Awaitable, Callable
+from contextlib import asynccontextmanager
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import Any, TypeVar
+
+from mavsdk.asyncio import Autopilot, ComponentType, Configuration, Mavsdk, MavsdkError
+from mavsdk.asyncio.plugins.action import ActionAsync
+from mavsdk.asyncio.plugins.mavlink_direct import MavlinkDirectAsync, MavlinkMessage
+from mavsdk.asyncio.plugins.telemetry import FlightMode, LandedState, TelemetryAsync
+
+from gcs_tools.errors import CommandError
+
+T = TypeVar("T")
+
+CONNECT_TIMEOUT_S = 20.0
+HEALTH_TIMEOUT_S = 30.0
+ARM_TIMEOUT_S = 5.0
+MODE_TIMEOUT_S = 5.0
+LAND_TIMEOUT_S = 90.0
+# Climb rates of autopilots start at 1 m/s.
+TAKE_OFF_TIMEOUT_S = 15.0
+TAKE_OFF_TIMEOUT_S_PER_M = 2.0
+
+_POLL_S = 0.05
+_HEIGHT_TOLERANCE_M = 0.2
+_STEADY_MPS = 0.1
+
+_MAV_CMD_DO_SET_MODE = 176
+_MAV_RESULT_ACCEPTED = 0
+_CUSTOM_MODE_ARMED = 129.0
+
+# MAV_CMD_DO_SET_MODE params 2 and 3: PX4's OFFBOARD, ArduCopter's GUIDED.
+_OFFBOARD = MappingProxyType({Autopilot.PX4: (6.0, 0.0), Autopilot.ARDUPILOT: (4.0, 0.0)})
+
+
+class VehicleError(CommandError):
+    """The vehicle did not do what was asked, or is not there."""
+
+
+class Interrupted(CommandError):  # noqa: N818  not an error of anybody's
+    """The operator has given up."""
+
+
+@dataclass
+class VehicleState:
+    """What telemetry has said last; NaN and None before it has said anything."""
+
+    healthy: bool = False
+    armed: bool = False
+    mode: FlightMode = FlightMode.UNKNOWN
+    landed: LandedState = LandedState.UNKNOWN
+    connected: bool = True
+    position_ned_m: tuple[float, float, float] = (math.nan, math.nan, math.nan)
+    velocity_ned_mps: tuple[float, float, float] = (math.nan, math.nan, math.nan)
+    unhealthy: str = "no health report"
+
+    @property
+    def speed_mps(self) -> float:
+        """Speed in space; NaN before the first report."""
+        return math.hypot(*self.velocity_ned_mps)
+
+    @property
+    def in_air(self) -> bool:
+        """Whether the vehicle says that it flies."""
+        return self.landed in {LandedState.IN_AIR, LandedState.LANDING, LandedState.TAKING_OFF}
+
+
+class Vehicle:
+    """A connected vehicle; made by `connected_vehicle`.
+
+    Args:
+        system: MAVSDK's system.
+        autopilot: which flavour of commands it takes.
+        stop: set by an operator who gives up.
+    """
+
+    def __init__(self, system: Any, autopilot: Autopilot, stop: asyncio.Event) -> None:
+        self.state = VehicleState()
+        self.autopilot = autopilot
+        self._stop = stop
+        self._system = system
+        self._action = ActionAsync(system)
+        self._telemetry = TelemetryAsync(system)
+        self._direct = MavlinkDirectAsync(system)
+
+    def watchers(self) -> list[Awaitable[None]]:
+        """Return the endless tasks that keep ``state`` up to date."""
+        telemetry = self._telemetry
+        return [
+            self._follow(telemetry.subscribe_health_all_ok(), "healthy"),
+            self._follow(telemetry.subscribe_armed(), "armed"),
+            self._follow(telemetry.subscribe_flight_mode(), "mode"),
+            self._follow(telemetry.subscribe_landed_state(), "landed"),
+            self._follow(self._system.is_connected_state(), "connected"),
+            self._follow_health(),
+            self._follow_position(),
+        ]
+
+    async def request_rates(self) -> None:
+        """Ask for the telemetry that is waited for; ArduPilot sends none of it unasked."""
+        if self.autopilot is Autopilot.ARDUPILOT:
+            await self._done(self._telemetry.set_rate_health(2.0), "sending its health")
+        await self._done(self._telemetry.set_rate_position_velocity_ned(10.0), "position")
+
+    async def wait_healthy(self) -> None:
+        """Wait until the autopilot calls itself ready to arm."""
+        await self.until(
+            lambda: self.state.healthy, HEALTH_TIMEOUT_S, lambda: "healthy: " + self.state.unhealthy
+        )
+
+    async def arm(self) -> None:
+        """Arm, and see it armed."""
+        await self._done(self._action.arm(), "arming")
+        await self.until(lambda: self.state.armed, ARM_TIMEOUT_S, lambda: "armed")
+
+    async def take_off(self, altitude_m: float) -> None:
+        """Take off, and wait until the vehicle hovers at ``altitude_m`` above the origin."""
+        await self._done(self._action.set_takeoff_altitude(altitude_m), "take-off altitude")
+        await self._done(self._action.takeoff(), "taking off")
+        await self.until(
+            lambda: self.state.in_air and self._hovers_at(altitude_m),
+            TAKE_OFF_TIMEOUT_S + TAKE_OFF_TIMEOUT_S_PER_M * altitude_m,
+            lambda: (
+                f"hovering at {altitude_m:g} m (now {-self.state.position_ned_m[2]:.2f} m, "
+                f"{self.state.speed_mps:.2f} m/s)"
+            ),
+        )
+
+    async def hand_over(self) -> None:
+        """Switch to OFFBOARD (ArduPilot: GUIDED), where the daemon's setpoints fly the vehicle."""
+        main, sub = _OFFBOARD.get(self.autopilot, _OFFBOARD[Autopilot.PX4])
+        await self._command(_MAV_CMD_DO_SET_MODE, (_CUSTOM_MODE_ARMED, main, sub), "OFFBOARD")
+        await self.until(
+            lambda: self.state.mode is FlightMode.OFFBOARD, MODE_TIMEOUT_S, lambda: "in OFFBOARD"
+        )
+
+    async def land(self) -> None:
+        """Land, and wait until the vehicle has disarmed itself."""
+        await self._done(self._action.land(), "landing")
+        await self.until(
+            lambda: not self.state.armed, LAND_TIMEOUT_S, lambda: "on the ground and disarmed"
+        )
+
+    async def until(
+        self,
+        condition: Callable[[], bool],
+        timeout_s: float,
+        what: Callable[[], str],
+    ) -> None:
+        """Wait for a condition.
+
+        Raises:
+            VehicleError: it did not come true in time, or the vehicle is gone.
+            Interrupted: the operator gave up.
+        """
+        loop = asyncio.get_running_loop()
+        deadline_s = loop.time() + timeout_s
+        while not condition():
+            if self._stop.is_set():
+                raise Interrupted("interrupted")
+            if not self.state.connected:
+                raise VehicleError(f"the vehicle was lost while waiting for it to be {what()}")
+            if loop.time() > deadline_s:
+                raise VehicleError(f"after {timeout_s:g} s the vehicle is still not {what()}")
+            await asyncio.sleep(_POLL_S)
+
+    def _hovers_at(self, altitude_m: float) -> bool:
+        height_m = -self.state.position_ned_m[2]
+        near = abs(height_m - altitude_m) < _HEIGHT_TOLERANCE_M
+        return near and self.state.speed_mps < _STEADY_MPS
+
+    async def _done(self, call: Awaitable[T], what: str) -> T:
+        try:
+            return await call
+        except MavsdkError as error:
+            raise VehicleError(f"{what}: refused by the vehicle: {error}") from error
+
+    async def _command(self, command: int, parameters: tuple[float, ...], what: str) -> None:
+        """Send a COMMAND_LONG and require that it is accepted."""
+        target_system = await self._system.get_system_id()
+        fields = {
+            "target_system": target_system,
+            "target_component": 1,
+            "command": command,
+            "confirmation": 0,
+            **{f"param{n}": 0.0 for n in range(1, 8)},
+            **{f"param{n}": value for n, value in enumerate(parameters, start=1)},
+        }
+        message = MavlinkMessage(
+            "COMMAND_LONG",
+            target_system_id=target_system,
+            target_component_id=1,
+            fields_json=json.dumps(fields),
+        )
+        ack = await self._done(self._direct.send_command(message), what)
+        result = json.loads(ack.fields_json).get("result")
+        if result != _MAV_RESULT_ACCEPTED:
+            raise VehicleError(f"{what}: refused by the vehicle (MAV_RESULT {result})")
+
+    async def _follow(self, values: AsyncGenerator[Any, None], name: str) -> None:
+        async for value in values:
+            setattr(self.state, name, value)
+
+    async def _follow_health(self) -> None:
+        async for health in self._telemetry.subscribe_health():
+            failing = [
+                name.removeprefix("is_").removesuffix("_ok").replace("_", " ")
+                for name, value in vars(health).items()
+                if value is False
+            ]
+            self.state.unhealthy = ", ".join(failing) or "nothing in particular"
+
+    async def _follow_position(self) -> None:
+        async for sample in self._telemetry.subscribe_position_velocity_ned():
+            at, going = sample.position, sample.velocity
+            self.state.position_ned_m = (at.north_m, at.east_m, at.down_m)
+            self.state.velocity_ned_mps = (going.north_m_s, going.east_m_s, going.down_m_s)
+
+
+@asynccontextmanager
+async def connected_vehicle(
+    url: str, stop: asyncio.Event, timeout_s: float = CONNECT_TIMEOUT_S
+) -> AsyncIterator[Vehicle]:
+    """Connect to the first autopilot on a MAVSDK URL, and keep its state up to date.
+
+    Raises:
+        VehicleError: the URL cannot be opened, or no autopilot was heard in time.
+    """
+    identity = Configuration.create_with_component_type(ComponentType.GROUND_STATION)
+    async with Mavsdk(identity) as mavsdk:
+        try:
+            await mavsdk.add_any_connection(url)
+        except MavsdkError as error:
+            raise VehicleError(f"{url}: cannot be opened: {error}") from error
+        system = await mavsdk.first_autopilot(timeout_s=timeout_s)
+        if system is None:
+            raise VehicleError(f"{url}: no autopilot heard in {timeout_s:g} s")
+        vehicle = Vehicle(system, await system.autopilot_type(), stop)
+        tasks = [asyncio.ensure_future(watcher) for watcher in vehicle.watchers()]
+        try:
+            await vehicle.request_rates()
+            yield vehicle
+        finally:
+            # These wait for a queue, never for a call into MAVSDK, so they may be cancelled.
+            for task in tasks:
+                task.cancel()
+            await asyncio.gather(*tasks, return_exceptions=True)
+
+
+async def describe_vehicle(url: str) -> str:
+    """Connect, wait until the vehicle is healthy, and say what it is.
+
+    Raises:
+        VehicleError: there is no vehicle, or it is not healthy.
+    """
+    async with connected_vehicle(url, asyncio.Event()) as vehicle:
+        await vehicle.wait_healthy()
+        return f"vehicle at {url}: {vehicle.autopilot.name}, healthy"
