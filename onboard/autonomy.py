@@ -1,5 +1,8 @@
 """The whole service without I/O: bytes and time in, bytes and events out.
 
+Time, `now_s`, runs from the service's start and is never adjusted; `epoch_unix_s` is the Unix time
+at its zero, needed only to read the stamps of detection frames.
+
 Inputs are latched as they come; every decision is made in `Autonomy.tick`.  The daemon calls it
 with real bytes and the real clock, the simulation with virtual time: what is tested is what flies.
 """
@@ -62,6 +65,7 @@ class Autonomy:
     Args:
         contract: what the vehicle guarantees and assumes.
         mission: where to fly.
+        epoch_unix_s: Unix time at ``now_s`` zero.
         system_id: MAVLink id of the vehicle.
         stale_after_s: older telemetry is no telemetry.
         input_set: which set of accelerations to plan on.
@@ -74,12 +78,14 @@ class Autonomy:
         contract: Contract,
         mission: Mission,
         *,
+        epoch_unix_s: float,
         system_id: int = 1,
         stale_after_s: float = 0.5,
         input_set: InputSet = "inner",
         fly_outside_contract: bool = False,
         stopwatch: Callable[[], float] = lambda: 0.0,
     ) -> None:
+        self.epoch_unix_s = epoch_unix_s
         self.assessment: Assessment = assess(contract, input_set)
         self.link = MavlinkEndpoint(system_id)
         self.navigator = Navigator(self.assessment, mission, Planner(), stopwatch)
@@ -150,13 +156,14 @@ class Autonomy:
                 self._take_frame(frame, now_s)
 
     def _take_frame(self, frame: DetectionFrame, now_s: float) -> None:
-        clock_fault = self._detection_watch.on_frame(frame, now_s)
+        stamp_s = frame.stamp_unix_s - self.epoch_unix_s
+        clock_fault = self._detection_watch.on_frame(frame.source, stamp_s, now_s)
         if clock_fault is not None:
             self._broken(clock_fault, now_s)
             return
         pose = None
         if frame.frame == "body_frd":
-            pose = self._poses.at(frame.stamp_unix_s)
+            pose = self._poses.at(stamp_s)
             if pose is None:
                 self.detections.unplaced_frames += 1
                 return
@@ -296,7 +303,6 @@ class Autonomy:
         setpoint = self.navigator.setpoint(now_s)
         age_s = self._detection_watch.age_s(now_s)
         return {
-            "time_s": now_s,
             "phase": self.navigator.phase.value,
             "mode": status.mode,
             "armed": status.armed,

@@ -32,14 +32,15 @@ LATE_TICK_S: Final = 2.0 * TICK_S
 
 
 class Clock:
-    """Unix time that no clock adjustment can move: monotonic, anchored once."""
+    """Time since the start that no clock adjustment can move, and the Unix time of that start."""
 
     def __init__(self) -> None:
-        self._offset_s = time.time() - time.monotonic()
+        self.epoch_unix_s = time.time()
+        self._start_s = time.monotonic()
 
     def now_s(self) -> float:
-        """Return the time in seconds since the Unix epoch."""
-        return time.monotonic() + self._offset_s
+        """Return the time since the start."""
+        return time.monotonic() - self._start_s
 
 
 async def run(config: DaemonConfig, contract: Contract, mission: Mission, log_path: Path) -> None:
@@ -54,6 +55,7 @@ async def run(config: DaemonConfig, contract: Contract, mission: Mission, log_pa
     autonomy = Autonomy(
         contract,
         mission,
+        epoch_unix_s=clock.epoch_unix_s,
         system_id=config.mavlink.system_id,
         stale_after_s=config.mavlink.stale_after_s,
         input_set=config.input_set,
@@ -141,9 +143,9 @@ class Bus:
             publisher.put(json.dumps(record.payload, allow_nan=False).encode())
 
     def _status_is_due(self, record: Record) -> bool:
-        if record.time_s < self._status_due_s:
+        if record.time_unix_s < self._status_due_s:
             return False
-        self._status_due_s = record.time_s + STATUS_PERIOD_S
+        self._status_due_s = record.time_unix_s + STATUS_PERIOD_S
         return True
 
 

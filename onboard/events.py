@@ -23,7 +23,7 @@ class Event:
     """Something that an operator should be able to read about afterwards.
 
     Attributes:
-        time_s: when, on the daemon's clock.
+        time_s: when, on the service's clock.
         name: what kind, for machines.
         severity: how bad.
         text: one line for people.
@@ -37,9 +37,8 @@ class Event:
     data: Mapping[str, Any] = field(default_factory=dict)
 
     def as_json(self) -> dict[str, Any]:
-        """Return the event as it is published and logged."""
+        """Return the event as it is published and logged, but for its time."""
         return {
-            "time_s": self.time_s,
             "name": self.name,
             "severity": self.severity.name.lower(),
             "text": self.text,

@@ -4,7 +4,7 @@
 * **FRD**: body forward, right, down.
 * **leg**: origin at the start of a cruise leg, x along the leg, y to its right, z down.
 
-Rotations are named after what they do: ``rotation_ned_from_frd @ vector_frd`` is in NED; adjacent
+Rotations are named after what they do: ``rotation_ned_from_leg @ vector_leg`` is in NED; adjacent
 frame names cancel.
 """
 
@@ -79,15 +79,6 @@ def rotation_about_down(angle_rad: float) -> FloatArray:
     """Rotation matrix (3, 3) by ``angle_rad`` about the down axis, from north towards east."""
     cosine, sine = math.cos(angle_rad), math.sin(angle_rad)
     return np.array([[cosine, -sine, 0.0], [sine, cosine, 0.0], [0.0, 0.0, 1.0]])
-
-
-def rotation_ned_from_frd(roll_rad: float, pitch_rad: float, yaw_rad: float) -> FloatArray:
-    """Rotation matrix (3, 3) of the attitude (Z-Y-X Euler angles, as in MAVLink ATTITUDE)."""
-    cr, sr = math.cos(roll_rad), math.sin(roll_rad)
-    cp, sp = math.cos(pitch_rad), math.sin(pitch_rad)
-    tilt = np.array([[cp, sp * sr, sp * cr], [0.0, cr, -sr], [-sp, cp * sr, cp * cr]])
-    rotated: FloatArray = rotation_about_down(yaw_rad) @ tilt
-    return rotated
 
 
 def wrap_angle(angle_rad: float) -> float:

@@ -28,12 +28,12 @@ class Record:
 
     Attributes:
         topic: what kind.
-        time_s: when.
-        payload: JSON values.
+        time_unix_s: when.
+        payload: JSON values, ``time_s`` (Unix) among them.
     """
 
     topic: Topic
-    time_s: float
+    time_unix_s: float
     payload: dict[str, Any]
 
 
@@ -50,16 +50,35 @@ class Journal:
 
     def collect(self, now_s: float) -> list[Record]:
         """Return what the tick at ``now_s`` left behind."""
-        autonomy = self._autonomy
-        navigator = autonomy.navigator
-        records = [Record("state", now_s, autonomy.snapshot(now_s))]
+        autonomy, navigator = self._autonomy, self._autonomy.navigator
+        records = [self._record("state", now_s, autonomy.snapshot(now_s))]
         if navigator.obstacles.revision != self._obstacles_revision:
             self._obstacles_revision = navigator.obstacles.revision
             found = [_obstacle(obstacle, navigator.leg) for obstacle in navigator.obstacles]
-            records.append(Record("obstacles", now_s, {"time_s": now_s, "obstacles": found}))
-        records += [Record("plan", now_s, _plan(step)) for step in navigator.take_planned()]
-        records += [Record("events", e.time_s, e.as_json()) for e in autonomy.events()]
+            records.append(self._record("obstacles", now_s, {"obstacles": found}))
+        for step in navigator.take_planned():
+            records.append(self._record("plan", now_s, self._plan(step)))
+        for event in autonomy.events():
+            records.append(self._record("events", event.time_s, event.as_json()))
         return records
+
+    def _record(self, topic: Topic, time_s: float, payload: dict[str, Any]) -> Record:
+        time_unix_s = round(self._autonomy.epoch_unix_s + time_s, 6)
+        return Record(topic, time_unix_s, {"time_s": time_unix_s, **payload})
+
+    def _plan(self, step: PlannedStep) -> dict[str, Any]:
+        trajectory, epoch_s = step.plan.trajectory, self._autonomy.epoch_unix_s
+        return {
+            "obstacle": step.obstacle.id,
+            "kind": step.plan.kind,
+            "side": step.plan.side,
+            "cost": step.plan.cost,
+            "start_s": epoch_s + trajectory.start_s,
+            "end_s": epoch_s + trajectory.end_s,
+            "keep_out_ned_m": box_ned_m(step.obstacle.region.keep_out, step.leg),
+            "region_ned_m": box_ned_m(step.obstacle.region.extent, step.leg),
+            "path_ned_m": _path_ned_m(trajectory, step.leg),
+        }
 
 
 def _obstacle(obstacle: Obstacle, leg: LegFrame) -> dict[str, Any]:
@@ -68,21 +87,6 @@ def _obstacle(obstacle: Obstacle, leg: LegFrame) -> dict[str, Any]:
         "measured_ned_m": box_ned_m(obstacle.measured, leg),
         "keep_out_ned_m": box_ned_m(obstacle.region.keep_out, leg),
         "region_ned_m": box_ned_m(obstacle.region.extent, leg),
-    }
-
-
-def _plan(step: PlannedStep) -> dict[str, Any]:
-    trajectory = step.plan.trajectory
-    return {
-        "obstacle": step.obstacle.id,
-        "kind": step.plan.kind,
-        "side": step.plan.side,
-        "cost": step.plan.cost,
-        "start_s": trajectory.start_s,
-        "end_s": trajectory.end_s,
-        "keep_out_ned_m": box_ned_m(step.obstacle.region.keep_out, step.leg),
-        "region_ned_m": box_ned_m(step.obstacle.region.extent, step.leg),
-        "path_ned_m": _path_ned_m(trajectory, step.leg),
     }
 
 

@@ -160,12 +160,12 @@ class DetectionWatch:
         """Time since the newest frame was taken; infinite before the first."""
         return now_s - self._newest_stamp_s
 
-    def on_frame(self, frame: DetectionFrame, now_s: float) -> Violation | None:
+    def on_frame(self, source: str, stamp_s: float, now_s: float) -> Violation | None:
         """Take a frame; one from the future is a clock fault and does not count as sight."""
-        ahead_s = frame.stamp_unix_s - now_s
+        ahead_s = stamp_s - now_s
         if ahead_s > CLOCK_TOLERANCE_S:
-            return Violation(Assumption.SENSOR_CLOCK, ahead_s, CLOCK_TOLERANCE_S, "s", frame.source)
-        self._newest_stamp_s = max(self._newest_stamp_s, min(frame.stamp_unix_s, now_s))
+            return Violation(Assumption.SENSOR_CLOCK, ahead_s, CLOCK_TOLERANCE_S, "s", source)
+        self._newest_stamp_s = max(self._newest_stamp_s, min(stamp_s, now_s))
         return None
 
     def check(self, now_s: float) -> Violation | None:

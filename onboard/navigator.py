@@ -35,9 +35,9 @@ from onboard.obstacles import Obstacle, ObstacleMap
 from onboard.planner import Plan, Planner
 from onboard.trajectory import State, Trajectory, X
 
-# A leg starts once the nose points along it and the sensor has had time to look there.
+# A leg starts once the nose points along it, at rest, and the sensor has looked there since.
 HEADING_TOLERANCE_RAD: Final = math.radians(5.0)
-LOOK_AROUND_S: Final = 0.5
+AT_REST_MPS: Final = 0.3
 # How near the vehicle must hover to the start of the mission.
 START_TOLERANCE_M: Final = 1.5
 
@@ -256,12 +256,13 @@ class Navigator:
 
     def _await_alignment(self, pose: Pose, now_s: float) -> None:
         error_rad = abs(wrap_angle(pose.yaw_rad - self.leg.heading_rad))
-        slow = math.hypot(*pose.velocity_ned_mps) < 0.3
-        if error_rad > HEADING_TOLERANCE_RAD or not slow:
+        at_rest = math.hypot(*pose.velocity_ned_mps) < AT_REST_MPS
+        look_s = self._assessment.terms.frame_age_max_s + self._assessment.terms.reaction_time_s
+        if error_rad > HEADING_TOLERANCE_RAD or not at_rest:
             self._aligned_since_s = None
         elif self._aligned_since_s is None:
             self._aligned_since_s = now_s
-        elif now_s - self._aligned_since_s >= LOOK_AROUND_S:
+        elif now_s - self._aligned_since_s >= look_s:
             self._aligning = False
             state = self.reference(now_s)
             assert state is not None  # noqa: S101  aligning implies a reference

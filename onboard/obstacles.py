@@ -15,7 +15,7 @@ from typing import Annotated, Final, Literal
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
-from onboard.frames import FloatArray, LegFrame, rotation_about_down, rotation_ned_from_frd
+from onboard.frames import FloatArray, LegFrame, rotation_about_down
 from onboard.mavlink import Pose
 from onboard.region import Box, RegionOfInfluence
 
@@ -100,7 +100,8 @@ def corners_ned(detection: Detection, pose: Pose | None) -> FloatArray:
 
     Args:
         detection: the box.
-        pose: where the body was, for a box in FRD; None for one in local NED.
+        pose: where the body was, for a box in FRD; None for one in local NED.  A sensor levels
+            what it reports (pillars have no tilt), so that only the heading turns it.
     """
     half_m = np.array(detection.size_m) / 2.0
     signs = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
@@ -108,9 +109,9 @@ def corners_ned(detection: Detection, pose: Pose | None) -> FloatArray:
     corners = np.array(detection.center_m) + signs * half_m @ turn.T
     if pose is None:
         return corners
-    rotation = rotation_ned_from_frd(pose.roll_rad, pose.pitch_rad, pose.yaw_rad)
-    level: FloatArray = corners @ rotation[:2, :2].T + np.array(pose.position_ned_m[:2])
-    return level
+    heading = rotation_about_down(pose.yaw_rad)[:2, :2]
+    placed: FloatArray = corners @ heading.T + np.array(pose.position_ned_m[:2])
+    return placed
 
 
 @dataclass(frozen=True)

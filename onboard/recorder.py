@@ -52,19 +52,19 @@ class FlightLog:
     def write(self, records: Iterable[Record]) -> None:
         """Append records, in the order of their ticks."""
         for record in records:
-            self._write(record.topic, record.time_s, record.payload)
+            self._write(record.topic, record.time_unix_s, record.payload)
 
     def close(self) -> None:
         """Finish the file; it can be read without this, only not searched."""
         self._writer.finish()  # type: ignore[no-untyped-call]  # mcap left it untyped
         self._file.close()
 
-    def _write(self, topic: str, time_s: float, payload: Mapping[str, Any]) -> None:
+    def _write(self, topic: str, time_unix_s: float, payload: Mapping[str, Any]) -> None:
         if topic not in self._channels:
             schema = self._writer.register_schema(f"clearway.{topic}", "jsonschema", _SCHEMA)
             self._channels[topic] = (self._writer.register_channel(f"/{topic}", "json", schema), 0)
         channel, sequence = self._channels[topic]
         self._channels[topic] = (channel, sequence + 1)
-        time_ns = round(time_s * 1e9)
+        time_ns = round(time_unix_s * 1e6) * 1000
         data = json.dumps(payload, separators=(",", ":"), allow_nan=False).encode()
         self._writer.add_message(channel, time_ns, data, time_ns, sequence)

@@ -53,7 +53,9 @@ class Operator:
     def receive(self, data: bytes) -> None:
         """Take bytes from the vehicle."""
         for message in self._mavlink.parse_buffer(data) or []:
-            self._handle(message)
+            # The autopilot forwards what other components say, heartbeats included.
+            if message.get_srcComponent() == mavlink.MAV_COMP_ID_AUTOPILOT1:
+                self._handle(message)
 
     def bytes_to_send(self) -> bytes:
         """Return and forget the bytes for the vehicle."""

@@ -1,0 +1,197 @@
+import json
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from onboard.agility import Agility
+from onboard.frames import LegFrame
+from onboard.mavlink import Pose
+from onboard.obstacles import (
+    Detection,
+    MalformedFrameError,
+    Obstacle,
+    ObstacleMap,
+    PoseHistory,
+    corners_ned,
+    parse_frame,
+)
+from onboard.region import Box, Encounter, RegionOfInfluence
+
+NORTH_LEG = LegFrame((0.0, 0.0, -4.0), 0.0)
+LIMITS = Agility(math.radians(15.0), math.radians(15.0), 2.0).acceleration_limits()
+
+
+def region_around(box: Box, position_error_m: float) -> RegionOfInfluence:
+    inflated = box.inflated(position_error_m)
+    return RegionOfInfluence.around(inflated, Encounter.ideal(LIMITS, 2.8, inflated.size_m))
+
+
+def frame(**changes: Any) -> dict[str, Any]:
+    return {
+        "version": 1,
+        "source": "front",
+        "sequence": 812,
+        "stamp_unix_s": 1790000000.25,
+        "frame": "local_ned",
+        "range_m": 12.0,
+        "field_of_view_deg": 120.0,
+        "obstacles": [
+            {
+                "id": "7",
+                "center_m": [14.2, 0.6],
+                "size_m": [1.0, 1.2],
+                "yaw_deg": 0.0,
+                "uncertainty_m": 0.05,
+            }
+        ],
+    } | changes
+
+
+def detection(**changes: Any) -> Detection:
+    return Detection.model_validate(frame()["obstacles"][0] | changes)
+
+
+def square(center_ned_m: tuple[float, float], side_m: float = 1.0) -> np.ndarray:
+    return corners_ned(detection(center_m=center_ned_m, size_m=(side_m, side_m)), None)
+
+
+@pytest.fixture
+def obstacle_map() -> ObstacleMap:
+    return ObstacleMap(NORTH_LEG, region_around)
+
+
+def test_design_example_frame_is_read() -> None:
+    read = parse_frame(json.dumps(frame()).encode())
+    assert read.obstacles[0].center_m == (14.2, 0.6)
+    assert read.range_m == 12.0
+
+
+def test_empty_frame_means_nothing_there() -> None:
+    assert parse_frame(json.dumps(frame(obstacles=[])).encode()).obstacles == ()
+
+
+def test_unknown_fields_of_a_newer_sensor_are_tolerated() -> None:
+    assert parse_frame(json.dumps(frame(colour="red")).encode()).sequence == 812
+
+
+@pytest.mark.parametrize(
+    ("change", "named"),
+    [
+        ({"version": 2}, "version"),
+        ({"frame": "enu"}, "frame"),
+        ({"range_m": 0.0}, "range_m"),
+        ({"field_of_view_deg": 400.0}, "field_of_view_deg"),
+        ({"sequence": -1}, "sequence"),
+        ({"obstacles": [{"id": "7"}]}, "center_m"),
+        ({"obstacles": [frame()["obstacles"][0] | {"size_m": [-1.0, 1.0]}]}, "size_m"),
+        ({"obstacles": [frame()["obstacles"][0] | {"center_m": [1e9, 0.0]}]}, "center_m"),
+        ({"obstacles": [frame()["obstacles"][0] | {"center_m": [1.0]}]}, "center_m"),
+    ],
+)
+def test_malformed_frame_is_refused_by_name(change: dict[str, Any], named: str) -> None:
+    with pytest.raises(MalformedFrameError, match=named):
+        parse_frame(json.dumps(frame(**change)).encode())
+
+
+def test_nan_is_refused() -> None:
+    text = json.dumps(frame(range_m=math.nan))
+    assert "NaN" in text
+    with pytest.raises(MalformedFrameError):
+        parse_frame(text.encode())
+
+
+@given(st.binary(max_size=300))
+def test_garbage_is_never_anything_but_malformed(payload: bytes) -> None:
+    with pytest.raises(MalformedFrameError):
+        parse_frame(payload)
+
+
+def test_box_turns_with_its_yaw() -> None:
+    corners = corners_ned(detection(center_m=(0.0, 0.0), size_m=(2.0, 0.0), yaw_deg=90.0), None)
+    assert corners[:, 1].max() == pytest.approx(1.0)
+    assert corners[:, 0].max() == pytest.approx(0.0, abs=1e-12)
+
+
+def test_body_box_is_placed_by_the_pose() -> None:
+    pose = Pose(0.0, (10.0, 20.0, -4.0), (0.0, 0.0, 0.0), 0.2, -0.2, math.pi / 2)
+    corners = corners_ned(detection(center_m=(5.0, 1.0), size_m=(0.0, 0.0)), pose)
+    # 5 m ahead of a nose to the east, 1 m to its right (south).
+    assert corners[0] == pytest.approx([9.0, 25.0])
+
+
+def test_pose_history_finds_the_nearest_in_time() -> None:
+    history = PoseHistory()
+    for step in range(100):
+        history.add(Pose(step * 0.02, (step * 1.0, 0.0, 0.0), (0.0, 0.0, 0.0), 0.0, 0.0, 0.0))
+    found = history.at(1.005)
+    assert found is not None
+    assert found.position_ned_m[0] == 50.0
+    assert history.at(3.0) is None
+
+
+def test_obstacle_is_remembered_and_only_grows(obstacle_map: ObstacleMap) -> None:
+    assert obstacle_map.add("a", square((10.0, 0.0)), 0.05)
+    assert not obstacle_map.add("a", square((10.0, 0.0), side_m=0.8), 0.05)
+    assert obstacle_map.add("a", square((10.2, 0.0)), 0.05)
+    known = obstacle_map.get("a")
+    assert known is not None
+    assert known.measured == Box(9.5, 10.7, -0.5, 0.5)
+
+
+def test_obstacle_of_interest_is_met_within_the_horizon(obstacle_map: ObstacleMap) -> None:
+    obstacle_map.add("beside", square((10.0, 5.0)), 0.0)
+    obstacle_map.add("ahead", square((12.0, 0.0)), 0.0)
+    obstacle_map.add("behind it", square((20.0, 0.0)), 0.0)
+    ahead = obstacle_map.get("ahead")
+    assert ahead is not None
+    front_m = ahead.region.extent.x_min_m
+    assert obstacle_map.obstacle_of_interest(front_m - 0.2, 0.0, horizon_m=0.1) is None
+    found = obstacle_map.obstacle_of_interest(front_m - 0.2, 0.0, horizon_m=0.3)
+    assert found is ahead
+    assert obstacle_map.obstacle_of_interest(front_m, 2.0, horizon_m=0.3) is None
+
+
+@given(
+    st.lists(
+        st.tuples(st.floats(-50, 50), st.floats(-20, 20), st.floats(0.1, 6.0)),
+        min_size=1,
+        max_size=40,
+    ),
+    st.floats(-60, 60),
+    st.floats(0, 30),
+)
+def test_search_agrees_with_looking_at_every_obstacle(
+    squares: list[tuple[float, float, float]], x_m: float, length_m: float
+) -> None:
+    obstacle_map = ObstacleMap(NORTH_LEG, region_around)
+    for number, (north_m, east_m, side_m) in enumerate(squares):
+        obstacle_map.add(str(number), square((north_m, east_m), side_m), 0.0)
+
+    def reaches(obstacle: Obstacle) -> bool:
+        extent = obstacle.region.extent
+        return extent.x_min_m <= x_m + length_m and extent.x_max_m >= x_m
+
+    found = {obstacle.id for obstacle in obstacle_map.between(x_m, x_m + length_m)}
+    assert found == {obstacle.id for obstacle in obstacle_map if reaches(obstacle)}
+
+
+def test_conflict_is_seen_from_both_sides(obstacle_map: ObstacleMap) -> None:
+    for name, north_m in (("a", 10.0), ("b", 12.0), ("far", 60.0)):
+        obstacle_map.add(name, square((north_m, 0.0)), 0.0)
+    conflicts = {o.id: [c.id for c in obstacle_map.conflicts(o)] for o in obstacle_map}
+    assert conflicts == {"a": ["b"], "b": ["a"], "far": []}
+
+
+def test_new_leg_sees_what_was_remembered(obstacle_map: ObstacleMap) -> None:
+    obstacle_map.add("a", square((10.0, 3.0)), 0.05)
+    obstacle_map.start_leg(LegFrame((10.0, 0.0, -4.0), math.pi / 2))
+    known = obstacle_map.get("a")
+    assert known is not None
+    box = known.measured
+    assert (box.x_min_m, box.x_max_m) == pytest.approx((2.5, 3.5))
+    assert (box.y_min_m, box.y_max_m) == pytest.approx((-0.5, 0.5))
+    assert obstacle_map.obstacle_of_interest(0.0, 0.0, horizon_m=5.0) is known
