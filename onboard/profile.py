@@ -5,10 +5,19 @@ The building bricks of the closed-form manoeuvres: every function here is a form
 
 from __future__ import annotations
 
+import itertools
 import math
 from dataclasses import dataclass
 from functools import cached_property
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
+
+from onboard import cubic
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable
+
+_ITERATIONS_MAX = 60
+_RESIDUAL = 1e-7
 
 
 class Segment(NamedTuple):
@@ -32,6 +41,31 @@ class AxisState(NamedTuple):
         return AxisState(
             p + t * (v + t * (a / 2.0 + t * j / 6.0)), v + t * (a + t * j / 2.0), a + t * j
         )
+
+    def after(self, segments: Iterable[Segment]) -> AxisState:
+        """Return the state at the end of ``segments``, still with the last one's acceleration."""
+        p, v, a = self
+        for t, acceleration_mps2, j in segments:
+            a = acceleration_mps2
+            p += t * (v + t * (a / 2.0 + t * j / 6.0))
+            v += t * (a + t * j / 2.0)
+            a += t * j
+        return AxisState(p, v, a)
+
+
+def cut(segments: tuple[Segment, ...], duration_s: float) -> tuple[Segment, ...]:
+    """Return the first ``duration_s`` of segments, followed by a coast if they are shorter."""
+    kept: list[Segment] = []
+    for segment in segments:
+        if segment.duration_s >= duration_s:
+            kept.append(segment._replace(duration_s=duration_s))
+            duration_s = 0.0
+            break
+        kept.append(segment)
+        duration_s -= segment.duration_s
+    if duration_s > 0.0:
+        kept.append(Segment(duration_s, 0.0))
+    return tuple(kept)
 
 
 @dataclass(frozen=True)
@@ -77,20 +111,19 @@ class Profile:
             start_s, state, jerk_mps3 = knot
         return state.advanced(time_s - start_s, jerk_mps3)
 
-    def until(self, time_s: float) -> Profile:
-        """Return the part before ``time_s``, coasting until then if the profile ends earlier."""
-        kept: list[Segment] = []
-        remaining_s = time_s
-        for segment in self.segments:
-            if segment.duration_s >= remaining_s:
-                kept.append(segment._replace(duration_s=remaining_s))
-                remaining_s = 0.0
-                break
-            kept.append(segment)
-            remaining_s -= segment.duration_s
-        if remaining_s > 0.0:
-            kept.append(Segment(remaining_s, 0.0))
-        return Profile(self.position_m, self.velocity_mps, tuple(kept))
+    def last_time_at_s(self, position_m: float) -> float | None:
+        """Last time before the final coast at which the profile crosses a position."""
+        for (start_s, state, jerk_mps3), (end_s, *_) in reversed(
+            list(itertools.pairwise(self.knots))
+        ):
+            p, v, a = state
+            cubic_m = (p - position_m, v, a / 2.0, jerk_mps3 / 6.0)
+            crossings_s = cubic.roots(cubic_m, end_s - start_s)
+            if crossings_s:
+                return start_s + crossings_s[-1]
+            if p == position_m:
+                return start_s
+        return None
 
     def then(self, *segments: Segment) -> Profile:
         """Return this profile followed by ``segments`` in place of its coast."""
@@ -117,6 +150,66 @@ def coasting_speed(state: AxisState, jerk_max_mps3: float) -> float:
     """Velocity [m/s] reached when the acceleration is taken off as fast as the jerk allows."""
     acceleration_mps2 = state.acceleration_mps2
     return state.velocity_mps + acceleration_mps2 * abs(acceleration_mps2) / (2.0 * jerk_max_mps3)
+
+
+def largest(excess: Callable[[float], float], low: float, high: float) -> float | None:
+    """Largest argument in [low, high] at which a rising function is not above zero (Illinois).
+
+    Returns:
+        An argument at which ``excess`` was seen not to be above zero, close to the largest; None
+        if it is above zero at ``low`` already.
+    """
+    excess_low = excess(low)
+    if excess_low > 0.0:
+        return None
+    excess_high = excess(high)
+    if excess_high <= 0.0:
+        return high
+    weight_low, weight_high = excess_low, excess_high
+    for _ in range(_ITERATIONS_MAX):
+        if excess_low > -_RESIDUAL or high - low <= 1e-12 * abs(high):
+            break
+        middle = (low * weight_high - high * weight_low) / (weight_high - weight_low)
+        if not low < middle < high:
+            middle = 0.5 * (low + high)
+        value = excess(middle)
+        # An end that stays twice running counts half, or the other would creep.
+        if value <= 0.0:
+            low, excess_low, weight_low, weight_high = middle, value, value, weight_high / 2.0
+        else:
+            high, weight_high, weight_low = middle, value, weight_low / 2.0
+    return low
+
+
+def displacement(
+    state: AxisState, target_m: float, speed_mps: float, limits: AxisLimits
+) -> tuple[Segment, ...] | None:
+    """Move to rest at ``target_m``, at most at ``speed_mps``, and quickly.
+
+    Returns:
+        At most seven segments; None if the axis cannot stop before it has passed the target.
+    """
+    stop = Profile(*state[:2], speed_change(state, 0.0, limits)).final.position_m
+    if target_m == stop:
+        return speed_change(state, 0.0, limits)
+    way = 1.0 if target_m > stop else -1.0
+
+    def through(peak_mps: float) -> Profile:
+        rising = Profile(*state[:2], speed_change(state, way * peak_mps, limits))
+        return rising.then(*speed_change(rising.final, 0.0, limits))
+
+    peak_mps = largest(
+        lambda peak_mps: way * (through(peak_mps).final.position_m - target_m),
+        max(0.0, way * coasting_speed(state, limits.jerk_max_mps3)),
+        speed_mps,
+    )
+    if peak_mps is None:
+        return None
+    rising = speed_change(state, way * peak_mps, limits)
+    short_m = way * (target_m - through(peak_mps).final.position_m)
+    hold = (Segment(short_m / peak_mps, 0.0),) if peak_mps > 0.0 and short_m > 0.0 else ()
+    at_peak = AxisState(0.0, way * peak_mps, 0.0)
+    return (*rising, *hold, *speed_change(at_peak, 0.0, limits))
 
 
 def speed_change(state: AxisState, target_mps: float, limits: AxisLimits) -> tuple[Segment, ...]:

@@ -141,13 +141,25 @@ class Trajectory:
         x, y, z = (a.advanced(elapsed_s, j) for a, j in zip(axes_at_knot, jerks, strict=True))
         return State.from_axes(x, y, z)
 
+    @cached_property
+    def control_points_m(self) -> FloatArray:
+        """Bernstein control points (n, 4, 3): each piece lies within the hull of its four."""
+        p, v, a, _ = self.motion
+        t = self.durations_s[:, None]
+        second = p + v * t / 3.0
+        return np.stack((p, second, second + (v + a * t / 2.0) * t / 3.0, self.ends[0]), axis=1)
+
     def position_range_m(self, axis: int) -> tuple[float, float]:
         """Least and greatest position on an axis between start and end, exact."""
-        ranges = [
-            cubic.value_range(self.position_coefficients(piece, axis), duration_s)
-            for piece, duration_s in enumerate(self.durations_s.tolist())
-        ]
-        return min(low for low, _ in ranges), max(high for _, high in ranges)
+        points_m = self.control_points_m[:, :, axis]
+        nodes_m = points_m[:, (0, 3)]
+        low_m, high_m = float(nodes_m.min()), float(nodes_m.max())
+        may_exceed = (points_m.min(axis=1) < low_m) | (points_m.max(axis=1) > high_m)
+        for piece in np.flatnonzero(may_exceed).tolist():
+            coefficients = self.position_coefficients(piece, axis)
+            low, high = cubic.value_range(coefficients, float(self.durations_s[piece]))
+            low_m, high_m = min(low_m, low), max(high_m, high)
+        return low_m, high_m
 
     def velocity_range_mps(self, axis: int) -> tuple[float, float]:
         """Least and greatest velocity on an axis between start and end, exact."""
