@@ -1,0 +1,297 @@
+"""One flight in real time: simulation and daemon as processes, an operator over MAVSDK.
+
+The three talk as they would on a real vehicle: MAVLink over UDP, detections and status over Zenoh.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import json
+import math
+import signal
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import yaml
+import zenoh
+from pydantic import BaseModel
+
+from gcs_tools.errors import CommandError
+from gcs_tools.processes import Children, free_ports
+from gcs_tools.scenario import Scenario, obstacle_list
+from gcs_tools.vehicle import Interrupted, Vehicle, VehicleError, connected_vehicle
+from onboard.config import DaemonConfig, MavlinkLink, Mission, ZenohEndpoints
+
+VEHICLE_NAME = "vehicle"
+# Compiling the plant for the first time takes the longest.
+START_TIMEOUT_S = 60.0
+READY_TIMEOUT_S = 20.0
+DEPARTURE_TIMEOUT_S = 15.0
+STOP_TIMEOUT_S = 20.0
+# Turning and waiting; and slower than this on average is not flying the mission.
+MISSION_TIMEOUT_S = 60.0
+PROGRESS_MIN_MPS = 1.0
+# How long the vehicle hovers after its mission before it lands.
+LINGER_S = 1.0
+
+Report = Callable[[str], None]
+
+
+@dataclass(frozen=True)
+class Endpoints:
+    """Where the three parts meet on this computer."""
+
+    daemon_mavlink_port: int
+    operator_mavlink_port: int
+    sitl_zenoh_port: int
+    daemon_zenoh_port: int
+
+    @property
+    def operator_url(self) -> str:
+        """MAVSDK connection URL of the operator."""
+        return f"udpin://127.0.0.1:{self.operator_mavlink_port}"
+
+    @property
+    def sitl_zenoh(self) -> str:
+        """Zenoh endpoint on which the simulation listens."""
+        return f"tcp/127.0.0.1:{self.sitl_zenoh_port}"
+
+    @property
+    def daemon_zenoh(self) -> str:
+        """Zenoh endpoint on which the daemon listens."""
+        return f"tcp/127.0.0.1:{self.daemon_zenoh_port}"
+
+
+def fly_live(
+    scenario: Scenario, *, seed: int, out: Path, forced: bool, report: Report
+) -> str | None:
+    """Fly; return why the operator gave the flight up, None if the mission came to its end.
+
+    Leaves ``flight.mcap``, ``truth.mcap``, the configuration and the output of both processes in
+    ``out``; has stopped everything that it started when it returns or raises.
+
+    Raises:
+        CommandError: the flight could not even begin.
+        Interrupted: Ctrl-C or SIGTERM.
+    """
+    endpoints = Endpoints(*free_ports(4))
+    write_configuration(scenario, endpoints, seed=seed, out=out, forced=forced)
+    with Children() as children:
+        report("starting the simulation and the daemon")
+        sitl, onboard = out / "sitl.yaml", out / "onboard.yaml"
+        children.start("clearway-sitl", "sitl", "--config", str(sitl), log_path=out / "sitl.log")
+        children.start(
+            "clearway-onboard", "onboard", "--config", str(onboard), log_path=out / "onboard.log"
+        )
+        return asyncio.run(_operate(scenario.mission, endpoints, children, report))
+
+
+def write_configuration(
+    scenario: Scenario, endpoints: Endpoints, *, seed: int, out: Path, forced: bool
+) -> None:
+    """Write what the two processes read; the directory is then complete in itself.
+
+    Raises:
+        CommandError: a file cannot be written.
+    """
+    onboard = DaemonConfig(
+        vehicle=VEHICLE_NAME,
+        contract=Path("contract.yaml"),
+        mission=Path("mission.yaml"),
+        mavlink=MavlinkLink(
+            url=f"udpin://127.0.0.1:{endpoints.daemon_mavlink_port}",
+            system_id=scenario.plant.system_id,
+            stale_after_s=0.5,
+        ),
+        zenoh=ZenohEndpoints(connect=(endpoints.sitl_zenoh,), listen=(endpoints.daemon_zenoh,)),
+        log_directory=Path(),
+        log_file=Path("flight.mcap"),
+        fly_outside_contract=forced,
+    )
+    sitl = scenario.sitl_config(
+        vehicle=VEHICLE_NAME,
+        mavlink=(
+            f"udpout://127.0.0.1:{endpoints.daemon_mavlink_port}",
+            f"udpout://127.0.0.1:{endpoints.operator_mavlink_port}",
+        ),
+        zenoh={"listen": (endpoints.sitl_zenoh,), "connect": ()},
+        field="field.yaml",
+        seed=seed,
+        truth_log="truth.mcap",
+    )
+    documents: dict[str, Any] = {
+        name: _plain(model)
+        for name, model in {
+            "contract": scenario.contract,
+            "mission": scenario.mission,
+            "onboard": onboard,
+            "sitl": sitl,
+        }.items()
+    }
+    documents["field"] = [_plain(obstacle) for obstacle in obstacle_list(scenario.obstacles)]
+    try:
+        for name, document in documents.items():
+            text = yaml.safe_dump(document, sort_keys=False, allow_unicode=True)
+            (out / f"{name}.yaml").write_text(text, encoding="utf-8")
+    except OSError as error:
+        raise CommandError(f"{out}: cannot be written: {error.strerror or error}") from error
+
+
+def _plain(model: BaseModel) -> Any:
+    return model.model_dump(mode="json")
+
+
+class Status:
+    """What the daemon last said on Zenoh."""
+
+    def __init__(self) -> None:
+        self.last: dict[str, Any] = {}
+
+    def receive(self, sample: zenoh.Sample) -> None:
+        """Keep a status; Zenoh calls from a thread of its own, and one assignment is atomic."""
+        self.last = json.loads(sample.payload.to_bytes())
+
+    @property
+    def phase(self) -> str:
+        """The daemon's phase; empty before it has said anything."""
+        return str(self.last.get("phase", ""))
+
+    @property
+    def sees(self) -> bool:
+        """Whether the daemon gets detections."""
+        return self.last.get("detection_age_s") is not None
+
+
+@contextlib.contextmanager
+def _daemon_status(endpoints: Endpoints) -> Iterator[Status]:
+    """Listen to the daemon's status.
+
+    Raises:
+        CommandError: no Zenoh session can be opened.
+    """
+    config = zenoh.Config()
+    config.insert_json5("scouting/multicast/enabled", "false")
+    config.insert_json5("listen/endpoints", "[]")
+    config.insert_json5("connect/endpoints", json.dumps([endpoints.daemon_zenoh]))
+    try:
+        session = zenoh.open(config)
+    except zenoh.ZError as error:
+        raise CommandError(f"no Zenoh session with {endpoints.daemon_zenoh}: {error}") from error
+    try:
+        status = Status()
+        session.declare_subscriber(f"clearway/{VEHICLE_NAME}/status", status.receive)
+        yield status
+    finally:
+        session.close()  # type: ignore[no-untyped-call]  # untyped in its own stubs
+
+
+async def _operate(
+    mission: Mission, endpoints: Endpoints, children: Children, report: Report
+) -> str | None:
+    """Play the operator, with Ctrl-C and SIGTERM as a request to stop at the next wait."""
+    stop = asyncio.Event()
+    loop = asyncio.get_running_loop()
+    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+        loop.add_signal_handler(number, stop.set)
+    try:
+        async with connected_vehicle(endpoints.operator_url, stop, START_TIMEOUT_S) as vehicle:
+            with _daemon_status(endpoints) as status:
+                return await Operator(vehicle, status, children, mission, report).fly()
+    except VehicleError:
+        children.check()  # a dead process explains more than the silence that it leaves
+        raise
+
+
+class Operator:
+    """Flies one mission from the ground and back to it.
+
+    Args:
+        vehicle: where the commands go.
+        status: what the daemon says.
+        children: the processes that must stay alive.
+        mission: where the daemon flies.
+        report: takes lines on the progress.
+    """
+
+    def __init__(
+        self,
+        vehicle: Vehicle,
+        status: Status,
+        children: Children,
+        mission: Mission,
+        report: Report,
+    ) -> None:
+        self._vehicle = vehicle
+        self._status = status
+        self._children = children
+        self._mission = mission
+        self._report = report
+
+    async def fly(self) -> str | None:
+        """Take off, hand over, watch, land; return why the mission was given up, if it was."""
+        vehicle, report = self._vehicle, self._report
+        report("waiting for the vehicle to be healthy")
+        await vehicle.wait_healthy()
+        await self._until(lambda: self._status.sees, READY_TIMEOUT_S, "seen by the daemon's sensor")
+        report("arming")
+        await vehicle.arm()
+        report("taking off")
+        await vehicle.take_off(self._mission.altitude_m)
+        report("handing over to the daemon")
+        await vehicle.hand_over()
+        aborted = await self._watch()
+        report("landing")
+        await vehicle.land()
+        return aborted
+
+    async def _watch(self) -> str | None:
+        """Watch the mission until it is over; after a mishap, until the vehicle stands still."""
+        try:
+            await self._until(lambda: self._flying, DEPARTURE_TIMEOUT_S, "flown by the daemon")
+            await self._until(lambda: self._over, self._time_limit_s, "at the end of its mission")
+        except Interrupted:
+            raise
+        except CommandError as error:
+            mishap: str | None = str(error)
+        else:
+            mishap = None
+        await self._vehicle.until(
+            lambda: self._vehicle.state.speed_mps < 0.1, STOP_TIMEOUT_S, lambda: "standing still"
+        )
+        await asyncio.sleep(LINGER_S)
+        return mishap
+
+    async def _until(self, condition: Callable[[], bool], timeout_s: float, what: str) -> None:
+        def holds() -> bool:
+            self._children.check()
+            self._show_progress()
+            return condition()
+
+        await self._vehicle.until(holds, timeout_s, lambda: what)
+
+    @property
+    def _flying(self) -> bool:
+        return self._status.phase in {"cruise", "avoid"} or self._over
+
+    @property
+    def _over(self) -> bool:
+        return self._status.phase in {"arrived", "hold"}
+
+    @property
+    def _time_limit_s(self) -> float:
+        points = [self._mission.start_ned_m, *(leg.end_ned_m for leg in self._mission.legs)]
+        length_m = sum(math.dist(*leg) for leg in pairwise(points))
+        return MISSION_TIMEOUT_S + length_m / PROGRESS_MIN_MPS
+
+    def _show_progress(self) -> None:
+        state = self._vehicle.state
+        if self._status.phase and state.in_air:
+            north_m, east_m, down_m = state.position_ned_m
+            self._report(
+                f"{self._status.phase:<8} north {north_m:6.1f} m  east {east_m:6.1f} m  "
+                f"height {-down_m:4.1f} m  {state.speed_mps:4.1f} m/s"
+            )
