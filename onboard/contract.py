@@ -24,8 +24,6 @@ from onboard.region import (
     Q,
     RegionOfInfluence,
     dimensions,
-    recovery_distance,
-    time_to_clear,
 )
 
 # The daemon decides at this period; a silent sensor is noticed up to one tick late.
@@ -112,7 +110,7 @@ class Derived(Generic[Q]):
         encounter: the worst encounter: largest obstacle, highest speed, all errors.
         region: its Region of Influence.
         margin_m: rho, by which obstacle faces move out (theory B).
-        edge_offset_m: lateral distance to the farther point that must be seen to decide.
+        edge_offset_m: lateral distance to the farthest point that must be seen to decide.
         roi_length_m, roi_width_m: L_x, L_y of theory.md, "Separation".
     """
 
@@ -193,34 +191,48 @@ def _run_on(terms: Terms[Q], speed_mps: Q, brake_mps2: Q, ops: Arithmetic[Q]) ->
 
 def derive(terms: Terms[Q], ops: Arithmetic[Q]) -> Derived[Q]:
     """Everything that the clauses compare, for the largest obstacle."""
-    margin_m = terms.radius_m + terms.tracking_error_m + 2.0 * terms.position_error_m
+    body_m = terms.radius_m + terms.tracking_error_m
+    margin_m = body_m + 2.0 * terms.position_error_m
     size_m = terms.obstacle_size_max_m + 2.0 * margin_m
-    thin_m = terms.obstacle_size_min_m + 2.0 * margin_m
     e = worst_encounter(terms, size_m, size_m, ops)
     region = dimensions(e, ops)
-    stop_m = e.speed_mps * e.speed_mps / (2.0 * e.brake_mps2)
-    late_m = e.speed_mps * (e.reaction_time_s + e.attitude_lag_s)
-    # The obstacle whose border lies farthest behind its centre is the thinnest (erratum 11).
-    t_m = ops.minimum(e.speed_mps / e.brake_mps2, time_to_clear(e, ops))
-    behind_m = recovery_distance(e, t_m, ops) - e.run_on_m - thin_m / 2.0
+    # The border lies farthest behind the centre of the thinnest obstacle (erratum 11), the more so
+    # if its front face is measured too far away: only body_m is certain to stand before it.
+    thin_m = terms.obstacle_size_min_m + 2.0 * body_m
+    behind_m = region.recovery_m - e.run_on_m - thin_m / 2.0
     length_m = region.front_m + size_m / 2.0 + ops.maximum(behind_m, size_m / 2.0)
     width_m = (
         size_m
         + (region.overhang_left_m + region.coast_left_m)
         + (region.overhang_right_m + region.coast_right_m)
     )
-    half_m = ops.maximum(e.right_mps2, e.left_mps2) * size_m / (e.right_mps2 + e.left_mps2)
+    stop_m = e.speed_mps * e.speed_mps / (2.0 * e.brake_mps2)
+    late_m = e.speed_mps * (e.reaction_time_s + e.attitude_lag_s)
     return Derived(
         encounter=e,
         region=region,
         margin_m=margin_m,
-        edge_offset_m=ops.where(region.flat, margin_m, half_m),
+        edge_offset_m=_edge_offset(e, region, margin_m, ops),
         roi_length_m=length_m,
         roi_width_m=width_m,
         required_detection_range_m=margin_m + region.front_m + terms.tracking_error_m,
         required_separation_m=ops.sqrt(length_m * length_m + width_m * width_m),
         stopping_distance_m=stop_m + late_m,
     )
+
+
+def _edge_offset(e: Encounter[Q], region: Dimensions[Q], margin_m: Q, ops: Arithmetic[Q]) -> Q:
+    """Lateral distance to the farthest point that must be seen in time (erratum 13).
+
+    Where there is room to stop, that is the nearest edge of an obstacle that the vehicle would
+    only just meet; where there is not, it is the edge round which it has to pass.
+    """
+    t_m = region.avoidance_time_s
+    grazing_m = margin_m + ops.maximum(region.drift_left_m, region.drift_right_m)
+    passing_m = e.lateral_speed_mps * (t_m + e.attitude_lag_s) + (
+        ops.maximum(e.right_mps2, e.left_mps2) * t_m * t_m / 2.0
+    )
+    return ops.where(region.flat, grazing_m, passing_m)
 
 
 def clauses(terms: Terms[Q], derived: Derived[Q], ops: Arithmetic[Q]) -> tuple[Clause[Q], ...]:
@@ -236,6 +248,7 @@ def clauses(terms: Terms[Q], derived: Derived[Q], ops: Arithmetic[Q]) -> tuple[C
         _agility_clauses(terms, ops)
         + _sensor_clauses(terms, derived, ops)
         + _stopping_clauses(terms, derived)
+        + _passive_safety_clauses(terms, derived, ops)
         + (separation,)
     )
 
@@ -258,7 +271,6 @@ def _sensor_clauses(
     terms: Terms[Q], derived: Derived[Q], ops: Arithmetic[Q]
 ) -> tuple[Clause[Q], ...]:
     ahead_m = derived.required_detection_range_m - derived.encounter.run_on_m
-    slant_m = ops.sqrt(ahead_m * ahead_m + derived.edge_offset_m * derived.edge_offset_m)
     return (
         Clause(
             "detection_range",
@@ -269,10 +281,10 @@ def _sensor_clauses(
         ),
         Clause(
             "edge_visibility",
-            ops.where(derived.region.flat, ahead_m, slant_m),
+            _slant(ahead_m, derived.edge_offset_m, ops),
             terms.detection_range_m,
             "m",
-            "one edge of the obstacle must be seen in time to know on which side to pass",
+            "the edge that decides whether and on which side to pass must be seen in time",
         ),
         Clause(
             "field_of_view",
@@ -284,41 +296,48 @@ def _sensor_clauses(
     )
 
 
+def _slant(ahead_m: Q, aside_m: Q, ops: Arithmetic[Q]) -> Q:
+    return ops.sqrt(ahead_m * ahead_m + aside_m * aside_m)
+
+
 def _stopping_clauses(terms: Terms[Q], derived: Derived[Q]) -> tuple[Clause[Q], ...]:
+    if not terms.stop:
+        return ()
     e = derived.encounter
-    found: list[Clause[Q]] = []
     fixed_m = derived.margin_m + terms.tracking_error_m
     stop_m = e.speed_mps * e.speed_mps / (2.0 * e.brake_mps2) + e.speed_mps * e.attitude_lag_s
-    if terms.stop:
-        found.append(
-            Clause(
-                "stop",
-                fixed_m + stop_m + e.speed_mps * e.reaction_time_s,
-                terms.detection_range_m,
-                "m",
-                "braking to hover before an obstacle must be possible once it is seen",
-            )
-        )
-        found.append(
-            Clause(
-                "sensor_silence",
-                fixed_m + stop_m + e.speed_mps * (terms.frame_age_max_s + TICK_S),
-                terms.detection_range_m,
-                "m",
-                "when the sensor falls silent, braking must end within what was last seen",
-            )
-        )
-    if terms.passive_safety:
-        found.append(
-            Clause(
-                "passive_safety",
-                derived.required_detection_range_m,
-                terms.detection_range_m,
-                "m",
-                "an obstacle must be seen early enough that even a dead daemon does no harm",
-            )
-        )
-    return tuple(found)
+    return (
+        Clause(
+            "stop",
+            fixed_m + stop_m + e.speed_mps * e.reaction_time_s,
+            terms.detection_range_m,
+            "m",
+            "braking to hover before an obstacle must be possible once it is seen",
+        ),
+        Clause(
+            "sensor_silence",
+            fixed_m + stop_m + e.speed_mps * (terms.frame_age_max_s + TICK_S),
+            terms.detection_range_m,
+            "m",
+            "when the sensor falls silent, braking must end within what was last seen",
+        ),
+    )
+
+
+def _passive_safety_clauses(
+    terms: Terms[Q], derived: Derived[Q], ops: Arithmetic[Q]
+) -> tuple[Clause[Q], ...]:
+    if not terms.passive_safety:
+        return ()
+    return (
+        Clause(
+            "passive_safety",
+            _slant(derived.required_detection_range_m, derived.edge_offset_m, ops),
+            terms.detection_range_m,
+            "m",
+            "an obstacle must be seen early enough that even a dead daemon does no harm",
+        ),
+    )
 
 
 @dataclass(frozen=True)
@@ -348,8 +367,8 @@ class Assessment:
 
     @property
     def binding(self) -> Clause[float]:
-        """The clause with the least margin for its size."""
-        return min(self.clauses, key=lambda clause: clause.margin / clause.required)
+        """The clause that takes up the largest part of what is declared for it."""
+        return max(self.clauses, key=lambda clause: clause.required / clause.declared)
 
     @cached_property
     def agility(self) -> Agility:

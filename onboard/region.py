@@ -169,7 +169,11 @@ class Dimensions(Generic[Q]):
         front_m: front face to the front of the region; D, reaction, attitude lag and run-on.
         overhang_left_m, overhang_right_m: lane beyond the side faces that a plan may use.
         coast_left_m, coast_right_m: beyond the lane, used only if the stream stops.
+        drift_left_m, drift_right_m: beyond the side faces, where a vehicle that drifts towards
+            the face still has to act (theory A).
+        recovery_m: P, front face of what the plan keeps out of to the entry speed regained.
         pob_depth_m: front face to the post-obstacle border.
+        avoidance_time_s: t_m.
     """
 
     flat: Any
@@ -179,7 +183,11 @@ class Dimensions(Generic[Q]):
     overhang_right_m: Q
     coast_left_m: Q
     coast_right_m: Q
+    drift_left_m: Q
+    drift_right_m: Q
+    recovery_m: Q
     pob_depth_m: Q
+    avoidance_time_s: Q
 
 
 def dimensions(e: Encounter[Q], ops: Arithmetic[Q]) -> Dimensions[Q]:
@@ -189,17 +197,24 @@ def dimensions(e: Encounter[Q], ops: Arithmetic[Q]) -> Dimensions[Q]:
     t_m = ops.minimum(stopping_time_s, clearing_time_s)
     depth_m = least_advance(e.speed_mps, e.brake_mps2, t_m, ops)
     late_m = e.speed_mps * (e.reaction_time_s + e.attitude_lag_s)
+    drift_left_m, drift_right_m = _drift(e.left_mps2, e), _drift(e.right_mps2, e)
     left_m, left_peak_mps = _overhang(e.left_mps2, e.right_mps2, t_m, e, ops)
     right_m, right_peak_mps = _overhang(e.right_mps2, e.left_mps2, t_m, e, ops)
+    recovery_m = recovery_distance(e, t_m, ops)
     return Dimensions(
         flat=stopping_time_s <= clearing_time_s,
         collision_set_depth_m=depth_m,
         front_m=e.run_on_m + depth_m + late_m,
-        overhang_left_m=left_m,
-        overhang_right_m=right_m,
+        # A vehicle that drifts towards the face from outside enters this far beyond it.
+        overhang_left_m=ops.maximum(left_m, drift_left_m),
+        overhang_right_m=ops.maximum(right_m, drift_right_m),
         coast_left_m=left_peak_mps * e.coast_time_s,
         coast_right_m=right_peak_mps * e.coast_time_s,
-        pob_depth_m=ops.maximum(e.size_along_m, recovery_distance(e, t_m, ops) - e.run_on_m),
+        drift_left_m=drift_left_m,
+        drift_right_m=drift_right_m,
+        recovery_m=recovery_m,
+        pob_depth_m=ops.maximum(e.size_along_m, recovery_m - e.run_on_m),
+        avoidance_time_s=t_m,
     )
 
 
@@ -229,6 +244,12 @@ def _time_to_clear_against_drift(u: Q, d: Q, t: Q, e: Encounter[Q], ops: Arithme
     return ops.where(w > d * t, outrun_s, t)
 
 
+def _drift(u: Q, e: Encounter[Q]) -> Q:
+    """Way made sideways at the entry drift before the limit ``u`` has stopped it (theory A, D)."""
+    w = e.lateral_speed_mps
+    return w * e.attitude_lag_s + w * w / (2.0 * u)
+
+
 def _overhang(u: Q, d: Q, t_m: Q, e: Encounter[Q], ops: Arithmetic[Q]) -> tuple[Q, Q]:
     """Lane beyond the face on the side that ``u`` points to, and the peak speed towards it.
 
@@ -238,29 +259,34 @@ def _overhang(u: Q, d: Q, t_m: Q, e: Encounter[Q], ops: Arithmetic[Q]) -> tuple[
     w, lag_s = e.lateral_speed_mps, e.attitude_lag_s
     crossing_mps = ops.sqrt((w + u * t_m) * (w + u * t_m) + 2.0 * u * w * lag_s)
     peak_mps = crossing_mps + u * lag_s
-    reversal_m = crossing_mps * lag_s + u * lag_s * lag_s / 2.0 + peak_mps * peak_mps / (2.0 * d)
-    # A vehicle that drifts towards the face from outside may enter this far beyond it.
-    entry_m = w * lag_s + w * w / (2.0 * u)
-    return ops.maximum(reversal_m, entry_m), peak_mps
+    overhang_m = crossing_mps * lag_s + u * lag_s * lag_s / 2.0 + peak_mps * peak_mps / (2.0 * d)
+    return overhang_m, peak_mps
 
 
 def recovery_distance(e: Encounter[Q], t_m: Q, ops: Arithmetic[Q]) -> Q:
     """Return P: distance behind the front face within which the entry speed is regained.
 
+    A vehicle that braked for t until clear still moves sideways.  It goes on braking for m, so
+    that the lateral speed and the speed deficit vanish together, and is V again after
+    (1 + b/a) Φ(t + m) - Φ(t); the worst t is closed form.  One that stops before the face and
+    sidesteps needs V²/2a.  Lag costs at most V (1 + b/a) T more.
+
     PAPER: Eq. 15/33 print the braking limit where the forward limit stands, and are too short for
-    boxes that are more lopsided sideways than lengthways; shown by
-    tests/onboard/test_region.py::test_printed_eq_15_is_too_short_for_lopsided_limits.
+    boxes that are more lopsided sideways than lengthways, and with a lateral speed at entry:
+    tests/onboard/test_region.py::test_printed_eq_15_is_too_short_for_lopsided_limits and
+    ::test_printed_eq_15_is_too_short_with_drift.
     """
     b, a, d, u, speed_mps = e.brake_mps2, e.forward_mps2, e.left_mps2, e.right_mps2, e.speed_mps
-    sideways = ops.maximum(u / d, d / u)
-    k = ops.maximum(sideways, b / a)
+    k = ops.maximum(ops.maximum(u / d, d / u), b / a)
     m1 = (k * a - b) / (a + b)
-    c = k * a * b * (1.0 + k) / (a + b) + m1 * b
-    t = ops.minimum(t_m, speed_mps * k / c)
-    lopsided_m = speed_mps * k * t - c * t * t / 2.0
-    straight_m = speed_mps * speed_mps / (2.0 * a)
-    distance_m = ops.where(sideways <= b / a, straight_m, lopsided_m)
-    return distance_m + speed_mps * (1.0 + b / a) * e.attitude_lag_s
+    m0 = e.lateral_speed_mps / ops.minimum(u, d) * a / (a + b)
+    worst_s = (k * speed_mps - (1.0 + k) * b * m0) / (b * (k * (1.0 + m1) + m1))
+    t = ops.maximum(ops.minimum(worst_s, t_m + e.attitude_lag_s), speed_mps * 0.0)
+    braking_m = least_advance(speed_mps, b, t + m1 * t + m0, ops)
+    swerving_m = (1.0 + b / a) * braking_m - least_advance(speed_mps, b, t, ops)
+    stopping_m = speed_mps * speed_mps / (2.0 * a)
+    lag_m = speed_mps * (1.0 + b / a) * e.attitude_lag_s
+    return ops.maximum(stopping_m, swerving_m) + lag_m
 
 
 @dataclass(frozen=True)
@@ -293,7 +319,6 @@ class RegionOfInfluence:
     def around(cls, obstacle: Box, e: Encounter[float]) -> RegionOfInfluence:
         """Place the region of an encounter around its (inflated) obstacle."""
         size = dimensions(e, SCALAR)
-        w = e.lateral_speed_mps
         lane_left_m = obstacle.y_min_m - size.overhang_left_m
         lane_right_m = obstacle.y_max_m + size.overhang_right_m
         return cls(
@@ -309,10 +334,10 @@ class RegionOfInfluence:
             ),
             lane_left_m=lane_left_m,
             lane_right_m=lane_right_m,
-            drift_left_m=w * e.attitude_lag_s + w * w / (2.0 * e.left_mps2),
-            drift_right_m=w * e.attitude_lag_s + w * w / (2.0 * e.right_mps2),
+            drift_left_m=size.drift_left_m,
+            drift_right_m=size.drift_right_m,
             collision_set_depth_m=size.collision_set_depth_m,
-            lateral_speed_mps=w,
+            lateral_speed_mps=e.lateral_speed_mps,
         )
 
     @property
