@@ -299,7 +299,9 @@ class Navigator:
     def _cruise_from(self, state: State, start_s: float) -> None:
         """Fly on along the leg and stop at its end, or beyond it if that is too near."""
         speed_mps = self._assessment.terms.cruise_speed_mps
-        stopping = stop_at(state, start_s, self._envelope, self._goal_x_m, speed_mps, z_m=0.0)
+        stopping = stop_at(
+            state, start_s, self._envelope, self._goal_x_m, speed_mps=speed_mps, z_m=0.0
+        )
         self._reference = stopping or brake_to_hover(state, start_s, self._envelope)
 
     @property

@@ -23,10 +23,8 @@ from onboard.recorder import FlightLog
 from sitl.config import SitlConfig
 from sitl.field import ObstacleField
 from sitl.operator import Operator, Step
-from sitl.sensor import ObstacleSensor
+from sitl.scene import Scene
 from sitl.truth_log import TruthLog
-from sitl.vehicle import SimulatedVehicle
-from sitl.world import World
 
 STEP_S: Final = 0.01
 STEPS_PER_TICK: Final = 2
@@ -86,14 +84,9 @@ class Simulation:
     """
 
     def __init__(self, flight: SimulatedFlight) -> None:
-        config, seed = flight.sitl, flight.seed
+        config = flight.sitl.model_copy(update={"seed": flight.seed})
         self.now_s = 0.0
-        self.vehicle = SimulatedVehicle(config, seed, EPOCH_UNIX_S)
-        self.world = World(flight.obstacles, config.multirotor.radius_m)
-        self.sensors = [
-            ObstacleSensor(sensor, flight.obstacles, seed + number, EPOCH_UNIX_S)
-            for number, sensor in enumerate(config.sensors)
-        ]
+        self.scene = Scene(config, flight.obstacles, EPOCH_UNIX_S)
         self.autonomy = Autonomy(
             flight.contract,
             flight.mission,
@@ -119,19 +112,17 @@ class Simulation:
 
     def advance(self) -> None:
         """Let 10 ms pass."""
+        vehicle, autonomy = self.scene.vehicle, self.autonomy
         self._steps += 1
         self.now_s = self._steps * STEP_S
-        self.vehicle.advance(self.now_s)
-        truth = self.vehicle.truth
-        self.world.observe(truth.position_ned_m)
-        for sensor in self.sensors:
-            for payload in sensor.sense(self.now_s, truth):
-                self.autonomy.receive_detection(payload, self.now_s)
-        self.autonomy.receive_mavlink(self.vehicle.bytes_to_send(ONBOARD_LINK), self.now_s)
+        self.scene.advance(self.now_s)
+        for detection in self.scene.take_detections():
+            autonomy.receive_detection(detection.payload, self.now_s)
+        autonomy.receive_mavlink(vehicle.bytes_to_send(ONBOARD_LINK), self.now_s)
         if self.at_tick:
-            self.autonomy.tick(self.now_s)
-            self.vehicle.receive(self.autonomy.mavlink_to_send(), ONBOARD_LINK)
-        self.operator.receive(self.vehicle.bytes_to_send(OPERATOR_LINK))
+            autonomy.tick(self.now_s)
+            vehicle.receive(autonomy.mavlink_to_send(), ONBOARD_LINK)
+        self.operator.receive(vehicle.bytes_to_send(OPERATOR_LINK))
         if self._steps % STEPS_PER_OPERATOR == 0:
             self._operate()
 
@@ -144,7 +135,7 @@ class Simulation:
         if self._mission_over_s is not None and self.now_s > self._mission_over_s + LINGER_S:
             self.operator.land()
         self.operator.advance(self.now_s)
-        self.vehicle.receive(self.operator.bytes_to_send(), OPERATOR_LINK)
+        self.scene.vehicle.receive(self.operator.bytes_to_send(), OPERATOR_LINK)
 
 
 def fly(flight: SimulatedFlight, directory: Path) -> SimulationReport:
@@ -168,7 +159,7 @@ def fly(flight: SimulatedFlight, directory: Path) -> SimulationReport:
             simulation.advance()
             if simulation.at_tick:
                 flight_log.write(journal.collect(simulation.now_s))
-                truth_log.write(simulation.vehicle.truth, simulation.world)
+                truth_log.write(simulation.scene.vehicle.truth, simulation.scene.world)
     return SimulationReport(
         virtual_s=simulation.now_s,
         wall_s=time.perf_counter() - began_s,

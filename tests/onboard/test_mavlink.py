@@ -1,0 +1,203 @@
+import math
+from collections.abc import Iterator
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from pymavlink.dialects.v20 import common as mavlink
+
+from onboard.mavlink import COMPONENT_ID, MavlinkEndpoint, Setpoint
+
+OFFBOARD = 6 << 16
+LOITER = 4 << 16 | 3 << 24
+
+
+class Autopilot:
+    """The other end: encodes what an autopilot says, decodes what we say."""
+
+    def __init__(self, system: int = 1, component: int = 1) -> None:
+        self._out = bytearray()
+        self.mav = mavlink.MAVLink(self, system, component)
+        self.mav.robust_parsing = True
+
+    def write(self, data: bytes) -> None:
+        self._out += data
+
+    def said(self) -> bytes:
+        data, self._out = bytes(self._out), bytearray()
+        return data
+
+    def heard(self, data: bytes) -> Iterator[Any]:
+        yield from self.mav.parse_buffer(data) or []
+
+    def heartbeat(self, custom_mode: int, *, armed: bool, autopilot: int = 12) -> bytes:
+        base_mode = 128 if armed else 0
+        self.mav.heartbeat_send(mavlink.MAV_TYPE_QUADROTOR, autopilot, base_mode, custom_mode, 4)
+        return self.said()
+
+    def position(self, x_m: float, vx_mps: float = 0.0) -> bytes:
+        self.mav.local_position_ned_send(0, x_m, 2.0, -4.0, vx_mps, 0.1, 0.2)
+        return self.said()
+
+    def attitude(self, yaw_rad: float = 0.5) -> bytes:
+        self.mav.attitude_send(0, 0.1, 0.2, yaw_rad, 0.0, 0.0, 0.0)
+        return self.said()
+
+    def landed_state(self, state: int) -> bytes:
+        self.mav.extended_sys_state_send(0, state)
+        return self.said()
+
+
+@pytest.fixture
+def endpoint() -> MavlinkEndpoint:
+    return MavlinkEndpoint(system_id=1)
+
+
+@pytest.fixture
+def autopilot() -> Autopilot:
+    return Autopilot()
+
+
+@pytest.mark.parametrize(
+    ("custom_mode", "autopilot_type", "name", "external"),
+    [
+        (OFFBOARD, 12, "OFFBOARD", True),
+        (LOITER, 12, "LOITER", False),
+        (3 << 16, 12, "POSCTL", False),
+        (4, 3, "GUIDED", True),
+        (5, 3, "COPTER 5", False),
+        (OFFBOARD, 3, "COPTER 393216", False),
+    ],
+)
+def test_mode_is_read_in_both_flavours(
+    endpoint: MavlinkEndpoint,
+    autopilot: Autopilot,
+    custom_mode: int,
+    autopilot_type: int,
+    name: str,
+    external: bool,
+) -> None:
+    endpoint.receive(autopilot.heartbeat(custom_mode, armed=True, autopilot=autopilot_type), 3.0)
+    assert endpoint.status.mode == name
+    assert endpoint.status.external_control is external
+    assert endpoint.status.armed
+    assert endpoint.status.heard_s == 3.0
+
+
+def test_pose_needs_attitude_and_position(
+    endpoint: MavlinkEndpoint, autopilot: Autopilot
+) -> None:
+    endpoint.receive(autopilot.position(1.0), 0.1)
+    assert endpoint.pose is None
+    endpoint.receive(autopilot.attitude(), 0.2)
+    endpoint.receive(autopilot.position(1.5, vx_mps=2.0), 0.3)
+    assert endpoint.pose is not None
+    assert endpoint.pose.time_s == 0.3
+    assert endpoint.pose.position_ned_m == (1.5, 2.0, -4.0)
+    assert endpoint.pose.velocity_ned_mps == pytest.approx((2.0, 0.1, 0.2))
+    assert endpoint.pose.yaw_rad == 0.5
+
+
+@pytest.mark.parametrize("bad", [math.nan, math.inf])
+def test_position_that_is_no_number_is_counted_and_dropped(
+    endpoint: MavlinkEndpoint, autopilot: Autopilot, bad: float
+) -> None:
+    endpoint.receive(autopilot.attitude() + autopilot.position(bad) + autopilot.attitude(bad), 0.0)
+    assert endpoint.pose is None
+    assert endpoint.counters.malformed_messages == 2
+
+
+def test_airborne_is_unknown_until_said(endpoint: MavlinkEndpoint, autopilot: Autopilot) -> None:
+    assert endpoint.status.airborne is None
+    endpoint.receive(autopilot.landed_state(mavlink.MAV_LANDED_STATE_IN_AIR), 0.0)
+    assert endpoint.status.airborne is True
+    endpoint.receive(autopilot.landed_state(mavlink.MAV_LANDED_STATE_ON_GROUND), 0.0)
+    assert endpoint.status.airborne is False
+
+
+@pytest.mark.parametrize(("system", "component"), [(2, 1), (1, 195)])
+def test_other_systems_and_components_are_ignored(
+    endpoint: MavlinkEndpoint, system: int, component: int
+) -> None:
+    stranger = Autopilot(system, component)
+    endpoint.receive(stranger.heartbeat(OFFBOARD, armed=True), 1.0)
+    assert endpoint.status.mode == "unknown"
+    assert endpoint.counters.foreign_messages == 1
+
+
+def test_setpoint_carries_everything(endpoint: MavlinkEndpoint, autopilot: Autopilot) -> None:
+    setpoint = Setpoint((1.0, 2.0, -4.0), (2.5, 0.5, 0.0), (0.25, -0.5, 0.125), 0.75)
+    endpoint.send_setpoint(setpoint, now_s=1.5)
+    (message,) = autopilot.heard(endpoint.bytes_to_send())
+    assert message.get_type() == "SET_POSITION_TARGET_LOCAL_NED"
+    assert (message.get_srcSystem(), message.get_srcComponent()) == (1, COMPONENT_ID)
+    assert (message.target_system, message.target_component) == (1, 1)
+    assert message.coordinate_frame == mavlink.MAV_FRAME_LOCAL_NED
+    assert message.type_mask == mavlink.POSITION_TARGET_TYPEMASK_YAW_RATE_IGNORE
+    assert (message.x, message.y, message.z) == setpoint.position_ned_m
+    assert (message.vx, message.vy, message.vz) == setpoint.velocity_ned_mps
+    assert (message.afx, message.afy, message.afz) == setpoint.acceleration_ned_mps2
+    assert message.yaw == 0.75
+    assert message.time_boot_ms == 1500
+    assert endpoint.bytes_to_send() == b""
+
+
+def test_heartbeat_goes_out_once_a_second(
+    endpoint: MavlinkEndpoint, autopilot: Autopilot
+) -> None:
+    beats = []
+    for tick in range(150):
+        endpoint.keep_alive(tick * 0.02, active=True)
+        beats += list(autopilot.heard(endpoint.bytes_to_send()))
+    assert [beat.get_type() for beat in beats] == ["HEARTBEAT"] * 3
+    assert beats[0].type == mavlink.MAV_TYPE_ONBOARD_CONTROLLER
+
+
+def test_missing_telemetry_is_asked_for_until_it_comes(
+    endpoint: MavlinkEndpoint, autopilot: Autopilot
+) -> None:
+    endpoint.receive(autopilot.heartbeat(LOITER, armed=False), 0.0)
+    endpoint.keep_alive(0.0, active=False)
+    asked = [m for m in autopilot.heard(endpoint.bytes_to_send()) if m.get_type() != "HEARTBEAT"]
+    assert {message.command for message in asked} == {mavlink.MAV_CMD_SET_MESSAGE_INTERVAL}
+    assert {int(message.param1) for message in asked} == {30, 32, 245}
+    everything = autopilot.attitude() + autopilot.position(0.0) + autopilot.landed_state(1)
+    endpoint.receive(everything, 2.5)
+    endpoint.keep_alive(2.6, active=False)
+    heard = autopilot.heard(endpoint.bytes_to_send())
+    assert [m.get_type() for m in heard] == ["HEARTBEAT"]
+
+
+def test_status_text_is_cut_to_what_fits(endpoint: MavlinkEndpoint, autopilot: Autopilot) -> None:
+    endpoint.send_text(mavlink.MAV_SEVERITY_ERROR, "x" * 80 + "é")
+    (message,) = autopilot.heard(endpoint.bytes_to_send())
+    assert message.text == "x" * 50
+
+
+@given(st.binary(max_size=400))
+def test_garbage_never_raises_and_is_counted(data: bytes) -> None:
+    endpoint = MavlinkEndpoint(system_id=1)
+    endpoint.receive(data, 0.0)
+    assert endpoint.pose is None
+    assert endpoint.counters.garbage_bytes <= len(data)
+
+
+def test_good_messages_survive_garbage_around_them(
+    endpoint: MavlinkEndpoint, autopilot: Autopilot
+) -> None:
+    data = b"\x00garbage" + autopilot.heartbeat(OFFBOARD, armed=True) + b"\xff" * 7
+    data += autopilot.attitude() + autopilot.position(3.0)
+    for index in range(len(data)):  # byte by byte, as a slow serial line does
+        endpoint.receive(data[index : index + 1], 1.0)
+    assert endpoint.status.mode == "OFFBOARD"
+    assert endpoint.pose is not None
+    assert endpoint.counters.garbage_bytes >= 8
+
+
+def test_corrupted_message_is_dropped(endpoint: MavlinkEndpoint, autopilot: Autopilot) -> None:
+    beat = bytearray(autopilot.heartbeat(OFFBOARD, armed=True))
+    beat[12] ^= 0x01
+    endpoint.receive(bytes(beat), 1.0)
+    assert endpoint.status.mode == "unknown"
+    assert endpoint.counters.garbage_bytes == len(beat)
