@@ -161,6 +161,11 @@ class Status:
         return str(self.last.get("phase", ""))
 
     @property
+    def airborne(self) -> bool:
+        """Whether the daemon knows that the vehicle flies, and so streams setpoints."""
+        return self.last.get("airborne") is True
+
+    @property
     def sees(self) -> bool:
         """Whether the daemon gets detections."""
         return self.last.get("detection_age_s") is not None
@@ -236,12 +241,13 @@ class Operator:
         vehicle, report = self._vehicle, self._report
         report("waiting for the vehicle to be healthy")
         await vehicle.wait_healthy()
-        await self._until(lambda: self._status.sees, READY_TIMEOUT_S, "seen by the daemon's sensor")
+        await self._until(lambda: self._status.sees, READY_TIMEOUT_S, "given detections")
         report("arming")
         await vehicle.arm()
         report("taking off")
         await vehicle.take_off(self._mission.altitude_m)
         report("handing over to the daemon")
+        await self._until(lambda: self._status.airborne, READY_TIMEOUT_S, "airborne to the daemon")
         await vehicle.hand_over()
         aborted = await self._watch()
         report("landing")

@@ -44,9 +44,9 @@ def draw_flight(scenario: Scenario, flight: Log, truth: Log, result: Result, pat
     Raises:
         OSError: the file cannot be written.
     """
-    figure = Figure(figsize=(11.0, 7.4), layout="constrained")
+    figure = Figure(figsize=(11.0, 6.6), layout="constrained")
     FigureCanvasAgg(figure)
-    top, height, error = figure.subplots(3, 1, height_ratios=(2.6, 1.0, 1.0))
+    top, height, error = figure.subplots(3, 1, height_ratios=(1.7, 1.0, 1.0))
     states = [state for state in flight.topic("/state") if state["position_ned_m"] is not None]
     flown = [record for record in truth.topic("/truth") if record["position_ned_m"][2] < -0.1]
     start_s = _departure_s(states)
@@ -128,7 +128,7 @@ def _frame_top_view(axes: Axes, points_m: FloatArray) -> None:
     axes.set_aspect("equal")
     axes.set_xlabel("north (m)")
     axes.set_ylabel("east (m)")
-    axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.16), ncols=5, frameon=False, fontsize=9)
+    axes.legend(loc="upper center", bbox_to_anchor=(0.5, 1.2), ncols=5, frameon=False, fontsize=9)
 
 
 def _draw_height(

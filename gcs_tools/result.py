@@ -17,6 +17,7 @@ from gcs_tools.scenario import Expectation, Outcome
 
 _FLYING = frozenset({"cruise", "avoid"})
 _OVER = frozenset({"arrived", "hold"})
+_STILL_MPS = 0.1
 _PLAN_KINDS = ("qp", "vertex", "brake")
 
 
@@ -174,9 +175,11 @@ def _plans(flight: Log) -> dict[str, int]:
 
 
 def _final_position(states: list[dict[str, Any]]) -> tuple[float, float, float] | None:
-    """Where the vehicle was when it last held what the mission left it with."""
-    over = [s for s in states if s["phase"] in _OVER and s["mode"] == "OFFBOARD"]
-    known = [s for s in over or states if s["position_ned_m"] is not None]
+    """Where the vehicle last stood still after its mission; else where it was last."""
+    known = [s for s in states if s["position_ned_m"] is not None]
+    over = [s for s in known if s["phase"] in _OVER]
+    still = [s for s in over if math.hypot(*s["velocity_ned_mps"]) < _STILL_MPS]
+    known = still or over or known
     if not known:
         return None
     north_m, east_m, down_m = known[-1]["position_ned_m"]

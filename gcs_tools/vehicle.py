@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import asyncio
 import json
+import logging
 import math
 from collections.abc import AsyncGenerator, AsyncIterator, Awaitable, Callable
 from contextlib import asynccontextmanager
@@ -18,12 +19,15 @@ from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Any, TypeVar
 
+from mavsdk import LogLevel, log_subscribe, log_unsubscribe
 from mavsdk.asyncio import Autopilot, ComponentType, Configuration, Mavsdk, MavsdkError
 from mavsdk.asyncio.plugins.action import ActionAsync
 from mavsdk.asyncio.plugins.mavlink_direct import MavlinkDirectAsync, MavlinkMessage
 from mavsdk.asyncio.plugins.telemetry import FlightMode, LandedState, TelemetryAsync
 
 from gcs_tools.errors import CommandError
+
+log = logging.getLogger("mavsdk")
 
 T = TypeVar("T")
 
@@ -37,12 +41,16 @@ TAKE_OFF_TIMEOUT_S = 15.0
 TAKE_OFF_TIMEOUT_S_PER_M = 2.0
 
 _POLL_S = 0.05
+_RETRY_S = 0.3
 _HEIGHT_TOLERANCE_M = 0.2
 _STEADY_MPS = 0.1
 
 _MAV_CMD_DO_SET_MODE = 176
 _MAV_RESULT_ACCEPTED = 0
 _CUSTOM_MODE_ARMED = 129.0
+
+# What it calls a warning, such as a repeated request, is no business of the operator.
+_LOG_LEVELS = (logging.DEBUG, logging.DEBUG, logging.INFO, logging.ERROR)
 
 # MAV_CMD_DO_SET_MODE params 2 and 3: PX4's OFFBOARD, ArduCopter's GUIDED.
 _OFFBOARD = MappingProxyType({Autopilot.PX4: (6.0, 0.0), Autopilot.ARDUPILOT: (4.0, 0.0)})
@@ -142,9 +150,18 @@ class Vehicle:
         )
 
     async def hand_over(self) -> None:
-        """Switch to OFFBOARD (ArduPilot: GUIDED), where the daemon's setpoints fly the vehicle."""
+        """Switch to OFFBOARD (ArduPilot: GUIDED), where the daemon's setpoints fly the vehicle.
+
+        Autopilots reject the mode until setpoints have arrived for a while, so it is asked for
+        again until `MODE_TIMEOUT_S` has passed.
+        """
         main, sub = _OFFBOARD.get(self.autopilot, _OFFBOARD[Autopilot.PX4])
-        await self._command(_MAV_CMD_DO_SET_MODE, (_CUSTOM_MODE_ARMED, main, sub), "OFFBOARD")
+        result, deadline_s = None, asyncio.get_running_loop().time() + MODE_TIMEOUT_S
+        while result != _MAV_RESULT_ACCEPTED:
+            if asyncio.get_running_loop().time() > deadline_s:
+                raise VehicleError(f"OFFBOARD: refused by the vehicle (MAV_RESULT {result})")
+            result = await self._command(_MAV_CMD_DO_SET_MODE, (_CUSTOM_MODE_ARMED, main, sub))
+            await self._pause(_RETRY_S if result != _MAV_RESULT_ACCEPTED else 0.0)
         await self.until(
             lambda: self.state.mode is FlightMode.OFFBOARD, MODE_TIMEOUT_S, lambda: "in OFFBOARD"
         )
@@ -190,8 +207,13 @@ class Vehicle:
         except MavsdkError as error:
             raise VehicleError(f"{what}: refused by the vehicle: {error}") from error
 
-    async def _command(self, command: int, parameters: tuple[float, ...], what: str) -> None:
-        """Send a COMMAND_LONG and require that it is accepted."""
+    async def _pause(self, seconds: float) -> None:
+        await asyncio.sleep(seconds)
+        if self._stop.is_set():
+            raise Interrupted("interrupted")
+
+    async def _command(self, command: int, parameters: tuple[float, ...]) -> int | None:
+        """Send a COMMAND_LONG; return its MAV_RESULT."""
         target_system = await self._system.get_system_id()
         fields = {
             "target_system": target_system,
@@ -207,10 +229,9 @@ class Vehicle:
             target_component_id=1,
             fields_json=json.dumps(fields),
         )
-        ack = await self._done(self._direct.send_command(message), what)
-        result = json.loads(ack.fields_json).get("result")
-        if result != _MAV_RESULT_ACCEPTED:
-            raise VehicleError(f"{what}: refused by the vehicle (MAV_RESULT {result})")
+        ack = await self._done(self._direct.send_command(message), f"command {command}")
+        result: int | None = json.loads(ack.fields_json).get("result")
+        return result
 
     async def _follow(self, values: AsyncGenerator[Any, None], name: str) -> None:
         async for value in values:
@@ -242,7 +263,7 @@ async def connected_vehicle(
         VehicleError: the URL cannot be opened, or no autopilot was heard in time.
     """
     identity = Configuration.create_with_component_type(ComponentType.GROUND_STATION)
-    async with Mavsdk(identity) as mavsdk:
+    async with _quiet(), Mavsdk(identity) as mavsdk:
         try:
             await mavsdk.add_any_connection(url)
         except MavsdkError as error:
@@ -260,6 +281,21 @@ async def connected_vehicle(
             for task in tasks:
                 task.cancel()
             await asyncio.gather(*tasks, return_exceptions=True)
+
+
+@asynccontextmanager
+async def _quiet() -> AsyncIterator[None]:
+    """Send MAVSDK's chatter to the ``mavsdk`` logger instead of the terminal."""
+
+    def receive(level: LogLevel, message: str, _file: str | None, _line: int) -> bool:
+        log.log(_LOG_LEVELS[level], message)
+        return True
+
+    log_subscribe(receive)
+    try:
+        yield
+    finally:
+        log_unsubscribe()
 
 
 async def describe_vehicle(url: str) -> str:
