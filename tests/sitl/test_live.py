@@ -1,0 +1,200 @@
+"""The simulator as a process: real sockets, the real `mavsdk` package, a real Zenoh peer."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import queue
+import signal
+import socket
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import pytest
+import yaml
+import zenoh
+from mavsdk.asyncio import ComponentType, Configuration, Mavsdk
+from mavsdk.asyncio.plugins.action import ActionAsync
+from mavsdk.asyncio.plugins.telemetry import TelemetryAsync
+from mcap.reader import make_reader
+
+from sitl.__main__ import main
+
+
+def free_port(kind: socket.SocketKind) -> int:
+    with socket.socket(socket.AF_INET, kind) as probe:
+        probe.bind(("127.0.0.1", 0))
+        return int(probe.getsockname()[1])
+
+
+def configured(directory: Path, **changes: Any) -> tuple[Path, dict[str, Any]]:
+    """Write a configuration on free ports."""
+    config = {
+        "mavlink": [f"udpout://127.0.0.1:{free_port(socket.SOCK_DGRAM)}"],
+        "zenoh": {"listen": [f"tcp/127.0.0.1:{free_port(socket.SOCK_STREAM)}"]},
+        **changes,
+    }
+    path = directory / "sitl.yaml"
+    path.write_text(yaml.safe_dump(config), encoding="utf-8")
+    return path, config
+
+
+def command(path: Path) -> list[str]:
+    return [sys.executable, "-m", "sitl", "--config", str(path)]
+
+
+@contextmanager
+def running(path: Path) -> Iterator[subprocess.Popen[str]]:
+    """Run the simulator until it says that it is ready; stop it and check how it ended."""
+    with subprocess.Popen(command(path), stderr=subprocess.PIPE, text=True) as process:
+        try:
+            assert process.stderr is not None
+            lines = iter(process.stderr.readline, "")
+            assert any("ready" in line for line in lines)
+            yield process
+        finally:
+            process.send_signal(signal.SIGTERM)
+            assert process.wait(timeout=10.0) == 0
+
+
+async def fly(url: str) -> float:
+    """Do what an operator does; return the height reached [m]."""
+    configuration = Configuration.create_with_component_type(ComponentType.GROUND_STATION)
+    async with Mavsdk(configuration) as sdk:
+        await sdk.add_any_connection(url)
+        system = await sdk.first_autopilot(timeout_s=20)
+        assert system is not None
+        telemetry, action = TelemetryAsync(system), ActionAsync(system)
+        async for healthy in telemetry.subscribe_health_all_ok():
+            if healthy:
+                break
+        await action.set_takeoff_altitude(1.0)
+        await action.arm()
+        await action.takeoff()
+        height_m = 0.0
+        async for motion in telemetry.subscribe_position_velocity_ned():
+            height_m = -motion.position.down_m
+            if height_m > 0.9:
+                break
+        await action.land()
+        async for armed in telemetry.subscribe_armed():
+            if not armed:
+                break
+        return height_m
+
+
+def test_mavsdk_connects_arms_takes_off_and_lands(tmp_path: Path) -> None:
+    path, config = configured(
+        tmp_path, parameters={"COM_DISARM_LAND": 0.1}, truth_log=str(tmp_path / "truth.mcap")
+    )
+    with running(path):
+        url = config["mavlink"][0].replace("udpout", "udpin")
+        height_m = asyncio.run(asyncio.wait_for(fly(url), timeout=40.0))
+    assert height_m == pytest.approx(1.0, abs=0.15)
+    with (tmp_path / "truth.mcap").open("rb") as file:
+        records = [json.loads(m.data) for _, _, m in make_reader(file).iter_messages()]
+    assert max(-record["position_ned_m"][2] for record in records) == pytest.approx(1.0, abs=0.1)
+    assert records[-1]["position_ned_m"][2] == pytest.approx(0.0, abs=0.01)
+    periods_s = [b["time_unix_s"] - a["time_unix_s"] for a, b in pairwise(records)]
+    assert sorted(periods_s)[len(periods_s) // 2] == pytest.approx(0.02, abs=0.001)
+
+
+def putting_into(messages: queue.Queue[dict[str, Any]]) -> Callable[[zenoh.Sample], None]:
+    return lambda sample: messages.put(json.loads(sample.payload.to_bytes()))
+
+
+def test_detections_and_truth_on_zenoh_and_a_tcp_client(tmp_path: Path) -> None:
+    field = tmp_path / "field.yaml"
+    field.write_text("[{id: oak, center_ned_m: [6, 0], size_m: [1, 1]}]", encoding="utf-8")
+    tcp_port = free_port(socket.SOCK_STREAM)
+    path, config = configured(
+        tmp_path, vehicle="kite", field="field.yaml", mavlink=[f"tcpin://127.0.0.1:{tcp_port}"]
+    )
+    with running(path):
+        settings = zenoh.Config()
+        settings.insert_json5("scouting/multicast/enabled", "false")
+        settings.insert_json5("connect/endpoints", json.dumps(config["zenoh"]["listen"]))
+        frames: queue.Queue[dict[str, Any]] = queue.Queue()
+        truths: queue.Queue[dict[str, Any]] = queue.Queue()
+        with zenoh.open(settings) as session:
+            session.declare_subscriber("clearway/kite/obstacles", putting_into(frames))
+            session.declare_subscriber("clearway/kite/truth", putting_into(truths))
+            first, second = frames.get(timeout=10.0), frames.get(timeout=10.0)
+            truth = truths.get(timeout=10.0)
+            tokens = [
+                str(reply.ok.key_expr)
+                for reply in session.liveliness().get("clearway/kite/obstacles/*")
+                if reply.ok is not None
+            ]
+        assert tokens == ["clearway/kite/obstacles/front"]
+        assert second["sequence"] == first["sequence"] + 1
+        assert [obstacle["id"] for obstacle in first["obstacles"]] == ["oak"]
+        assert truth["clearance_m"] == pytest.approx(5.2)
+        assert truth["collisions"] == 0
+        with socket.create_connection(("127.0.0.1", tcp_port), timeout=10.0) as client:
+            assert client.recv(1) == b"\xfd"
+
+
+@pytest.mark.parametrize(
+    ("changes", "expected"),
+    [
+        ({"sistem_id": 1}, "sistem_id"),
+        ({"multirotor": {"mass_kg": -1.0}}, "multirotor.mass_kg [kg] = -1.0"),
+        ({"parameters": {"NO_SUCH": 1.0}}, "NO_SUCH"),
+        ({"parameters": {"MPC_TILTMAX_AIR": 95.0}}, "MPC_TILTMAX_AIR = 95"),
+        ({"mavlink": ["udp://127.0.0.1:1"]}, "udp://127.0.0.1:1"),
+        ({"mavlink": ["udpin://127.0.0.1"]}, "udpin://127.0.0.1"),
+        ({"field": "missing.yaml"}, "missing.yaml"),
+        ({"zenoh": {"listen": ["nonsense"]}}, "nonsense"),
+        ({"truth_log": "/no/such/directory/truth.mcap"}, "/no/such/directory"),
+    ],
+)
+def test_unusable_configurations_end_with_one_clear_line(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], changes: dict[str, Any], expected: str
+) -> None:
+    path, _ = configured(tmp_path, **changes)
+    assert main(["--config", str(path)]) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert line.startswith("clearway-sitl: ")
+    assert expected in line
+
+
+@pytest.mark.parametrize(
+    ("scheme", "kind"), [("udpin", socket.SOCK_DGRAM), ("tcpin", socket.SOCK_STREAM)]
+)
+def test_port_in_use_names_the_url(
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    scheme: str,
+    kind: socket.SocketKind,
+) -> None:
+    with socket.socket(socket.AF_INET, kind) as holder:
+        holder.bind(("127.0.0.1", 0))
+        if kind is socket.SOCK_STREAM:
+            holder.listen()
+        url = f"{scheme}://127.0.0.1:{holder.getsockname()[1]}"
+        path, _ = configured(tmp_path, mavlink=[url])
+        assert main(["--config", str(path)]) == 2
+    assert url in capsys.readouterr().err
+
+
+def test_zenoh_port_in_use_names_the_endpoint(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with socket.create_server(("127.0.0.1", 0)) as holder:
+        endpoint = f"tcp/127.0.0.1:{holder.getsockname()[1]}"
+        path, _ = configured(tmp_path, zenoh={"listen": [endpoint]})
+        assert main(["--config", str(path)]) == 2
+    assert endpoint in capsys.readouterr().err
+
+
+def test_starts_although_no_zenoh_peer_answers(tmp_path: Path) -> None:
+    nobody = f"tcp/127.0.0.1:{free_port(socket.SOCK_STREAM)}"
+    path, _ = configured(tmp_path, zenoh={"listen": [], "connect": [nobody]})
+    with running(path):
+        pass
