@@ -199,6 +199,8 @@ class Autonomy:
             self._hold = _hold_at(pose)
             self._refusal = ()
         elif navigator.phase is Phase.STANDBY:
+            # A daemon that restarts in flight finds itself in control: it holds where it is.
+            self._hold = self._hold or _hold_at(pose)
             self._depart(pose, now_s)
 
     def _depart(self, pose: Pose, now_s: float) -> None:

@@ -9,7 +9,7 @@ from __future__ import annotations
 import bisect
 from collections import deque
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Annotated, Final, Literal
 
 import numpy as np
@@ -88,11 +88,14 @@ class PoseHistory:
             self._poses.popleft()
 
     def at(self, time_s: float, tolerance_s: float = 0.1) -> Pose | None:
-        """Return the pose nearest to ``time_s``, or None if none is near enough."""
+        """Return the pose nearest to ``time_s``, moved on to that time; None if none is near."""
         nearest = min(self._poses, key=lambda pose: abs(pose.time_s - time_s), default=None)
         if nearest is None or abs(nearest.time_s - time_s) > tolerance_s:
             return None
-        return nearest
+        later_s = time_s - nearest.time_s
+        (north_m, east_m, down_m), (vn, ve, vd) = nearest.position_ned_m, nearest.velocity_ned_mps
+        moved_m = (north_m + vn * later_s, east_m + ve * later_s, down_m + vd * later_s)
+        return replace(nearest, time_s=time_s, position_ned_m=moved_m)
 
 
 def corners_ned(detection: Detection, pose: Pose | None) -> FloatArray:

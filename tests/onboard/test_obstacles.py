@@ -123,13 +123,13 @@ def test_body_box_is_placed_by_the_pose() -> None:
     assert corners[0] == pytest.approx([9.0, 25.0])
 
 
-def test_pose_history_finds_the_nearest_in_time() -> None:
+def test_pose_history_moves_the_nearest_pose_to_the_time() -> None:
     history = PoseHistory()
     for step in range(100):
-        history.add(Pose(step * 0.02, (step * 1.0, 0.0, 0.0), (0.0, 0.0, 0.0), 0.0, 0.0, 0.0))
+        history.add(Pose(step * 0.02, (step * 1.0, 0.0, 0.0), (50.0, 0.0, 0.0), 0.0, 0.0, 0.0))
     found = history.at(1.005)
     assert found is not None
-    assert found.position_ned_m[0] == 50.0
+    assert found.position_ned_m[0] == pytest.approx(50.25)
     assert history.at(3.0) is None
 
 

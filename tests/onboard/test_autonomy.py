@@ -1,0 +1,316 @@
+"""The service against a scripted autopilot: what it says, and when it is silent."""
+
+import json
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any
+
+import pytest
+from pymavlink.dialects.v20 import common as mavlink
+
+from onboard.autonomy import MAX_PENDING_FRAMES, Autonomy
+from onboard.config import Contract, Mission
+from onboard.contract import TICK_S
+from onboard.events import Event
+from onboard.guidance import Phase
+from onboard.journal import Journal
+
+EPOCH_UNIX_S = 1_790_000_000.0
+OFFBOARD, POSCTL = 6 << 16, 3 << 16
+ON_GROUND, IN_AIR = mavlink.MAV_LANDED_STATE_ON_GROUND, mavlink.MAV_LANDED_STATE_IN_AIR
+
+
+@dataclass
+class Rig:
+    """A service, and an autopilot that follows its setpoints perfectly."""
+
+    autonomy: Autonomy
+    now_s: float = 0.0
+    mode: int = POSCTL
+    armed: bool = True
+    landed_state: int = IN_AIR
+    position_ned_m: tuple[float, float, float] = (0.0, 0.0, -4.0)
+    velocity_ned_mps: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    obstacles: list[dict[str, Any]] = field(default_factory=list)
+    seeing: bool = True
+    speaking: bool = True
+    setpoints: list[Any] = field(default_factory=list)
+    events: list[Event] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        self._bytes = bytearray()
+        self._mav = mavlink.MAVLink(self, 1, 1)
+        self._mav.robust_parsing = True
+
+    def write(self, data: bytes) -> None:
+        self._bytes += data
+
+    def run(self, seconds: float, until: Callable[[], bool] = lambda: False) -> None:
+        for _ in range(round(seconds / TICK_S)):
+            self.tick()
+            if until():
+                return
+
+    def tick(self) -> None:
+        self.now_s += TICK_S
+        if self.speaking:
+            self._say()
+        if self.seeing and round(self.now_s / TICK_S) % 3 == 0:
+            self.autonomy.receive_detection(self.frame(), self.now_s)
+        self.autonomy.tick(self.now_s)
+        for message in self._mav.parse_buffer(self.autonomy.mavlink_to_send()) or []:
+            if message.get_type() == "SET_POSITION_TARGET_LOCAL_NED":
+                self.setpoints.append(message)
+                if self.mode == OFFBOARD:
+                    self.position_ned_m = (message.x, message.y, message.z)
+                    self.velocity_ned_mps = (message.vx, message.vy, message.vz)
+        self.events += self.autonomy.events()
+
+    def _say(self) -> None:
+        base_mode = mavlink.MAV_MODE_FLAG_SAFETY_ARMED if self.armed else 0
+        self._mav.heartbeat_send(mavlink.MAV_TYPE_QUADROTOR, 12, base_mode, self.mode, 4)
+        self._mav.extended_sys_state_send(0, self.landed_state)
+        self._mav.attitude_send(0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+        self._mav.local_position_ned_send(0, *self.position_ned_m, *self.velocity_ned_mps)
+        self.autonomy.receive_mavlink(bytes(self._bytes), self.now_s)
+        self._bytes.clear()
+
+    def frame(self, **changes: Any) -> bytes:
+        return json.dumps(
+            {
+                "version": 1,
+                "source": "front",
+                "sequence": 0,
+                "stamp_unix_s": EPOCH_UNIX_S + self.now_s,
+                "frame": "local_ned",
+                "range_m": 12.0,
+                "field_of_view_deg": 120.0,
+                "obstacles": self.obstacles,
+            }
+            | changes
+        ).encode()
+
+    @property
+    def phase(self) -> Phase:
+        return self.autonomy.navigator.phase
+
+    def texts(self, name: str) -> list[str]:
+        return [event.text for event in self.events if event.name == name]
+
+
+def box(center_ned_m: tuple[float, float], side_m: float = 1.0, name: str = "1") -> dict[str, Any]:
+    size_m = [side_m, side_m]
+    return {
+        "id": name,
+        "center_m": list(center_ned_m),
+        "size_m": size_m,
+        "yaw_deg": 0.0,
+        "uncertainty_m": 0.05,
+    }
+
+
+@pytest.fixture
+def rig(contract: Contract, mission: Mission) -> Rig:
+    return Rig(Autonomy(contract, mission, epoch_unix_s=EPOCH_UNIX_S))
+
+
+@pytest.fixture
+def cruising(rig: Rig) -> Rig:
+    rig.mode = OFFBOARD
+    rig.run(6.0)
+    assert rig.phase is Phase.CRUISE
+    assert rig.velocity_ned_mps[0] == pytest.approx(2.8, abs=0.01)
+    return rig
+
+
+def test_on_the_ground_it_is_silent(rig: Rig) -> None:
+    rig.landed_state = ON_GROUND
+    rig.run(1.0)
+    assert rig.setpoints == []
+
+
+def test_airborne_in_standby_it_streams_where_the_vehicle_is(rig: Rig) -> None:
+    rig.run(1.0)
+    rig.position_ned_m = (1.0, 2.0, -5.0)
+    rig.run(0.2)
+    assert rig.phase is Phase.STANDBY
+    assert len(rig.setpoints) >= 50
+    assert (rig.setpoints[-1].x, rig.setpoints[-1].y, rig.setpoints[-1].z) == (1.0, 2.0, -5.0)
+    assert rig.setpoints[-1].vx == 0.0
+
+
+def test_it_flies_the_leg_and_arrives(rig: Rig) -> None:
+    rig.mode = OFFBOARD
+    rig.run(40.0, until=lambda: rig.phase is Phase.ARRIVED)
+    assert rig.phase is Phase.ARRIVED
+    assert rig.position_ned_m == pytest.approx((46.0, 0.0, -4.0), abs=0.01)
+    assert rig.texts("violation") == []
+
+
+def test_it_avoids_an_obstacle_on_its_line(rig: Rig) -> None:
+    rig.obstacles = [box((20.0, 0.3))]
+    rig.mode = OFFBOARD
+    passed_east_m = []
+
+    def arrived() -> bool:
+        if 19.5 <= rig.position_ned_m[0] <= 20.5:
+            passed_east_m.append(rig.position_ned_m[1])
+        return rig.phase is Phase.ARRIVED
+
+    rig.run(60.0, until=arrived)
+    assert rig.phase is Phase.ARRIVED
+    # Half the box, and radius, tracking error and map error on top of it.
+    assert all(abs(east_m - 0.3) >= 0.5 + 0.30 + 0.05 for east_m in passed_east_m)
+    assert [text for text in rig.texts("phase") if "avoid" in text]
+    assert rig.texts("violation") == []
+
+
+def test_setpoints_stop_with_the_ticks(cruising: Rig) -> None:
+    sent = len(cruising.setpoints)
+    cruising.autonomy.receive_detection(cruising.frame(), cruising.now_s)
+    assert cruising.autonomy.mavlink_to_send() == b""
+    assert len(cruising.setpoints) == sent
+
+
+@pytest.mark.parametrize(
+    ("change", "reason"),
+    [
+        ({"seeing": False}, "no fresh detection frames"),
+        ({"position_ned_m": (-5.0, 0.0, -4.0)}, "before the start of the leg"),
+        ({"position_ned_m": (0.0, 9.0, -4.0)}, "beside the leg"),
+        ({"position_ned_m": (0.0, 0.0, -8.0)}, "off the cruise height"),
+        ({"position_ned_m": (46.0, 0.0, -4.0)}, "already flown"),
+        ({"obstacles": [box((2.0, 0.0))]}, "inside the region of influence"),
+        ({"obstacles": [box((11.0, 0.0), side_m=6.0)]}, "obstacle_size"),
+    ],
+)
+def test_it_does_not_leave_standby_without_cause(
+    rig: Rig, change: dict[str, Any], reason: str
+) -> None:
+    for name, value in change.items():
+        setattr(rig, name, value)
+    rig.mode = OFFBOARD
+    rig.run(2.0)
+    assert rig.phase is Phase.STANDBY
+    assert reason in rig.texts("refused")[-1]
+    assert len(rig.texts("refused")) <= 2  # said when it changes, not in every tick
+    # It holds where it was handed over.
+    assert rig.setpoints[-1].vx == 0.0
+    assert rig.position_ned_m == change.get("position_ned_m", (0.0, 0.0, -4.0))
+
+
+def test_contract_that_does_not_comply_is_not_flown(contract: Contract, mission: Mission) -> None:
+    slow = contract.vehicle.model_copy(update={"cruise_speed_mps": 8.0})
+    rig = Rig(
+        Autonomy(
+            contract.model_copy(update={"vehicle": slow}), mission, epoch_unix_s=EPOCH_UNIX_S
+        )
+    )
+    rig.mode = OFFBOARD
+    rig.run(2.0)
+    assert rig.phase is Phase.STANDBY
+    assert "contract does not comply" in rig.texts("refused")[-1]
+
+
+def test_pilot_takes_over_and_hands_back(cruising: Rig) -> None:
+    cruising.mode = POSCTL
+    cruising.tick()
+    assert cruising.phase is Phase.STANDBY
+    cruising.velocity_ned_mps = (0.0, 0.0, 0.0)
+    cruising.run(1.0)
+    handed_back_at = cruising.position_ned_m
+    cruising.mode = OFFBOARD
+    cruising.run(3.0)
+    assert cruising.phase is Phase.CRUISE
+    assert cruising.position_ned_m[0] > handed_back_at[0] + 1.0
+
+
+@pytest.mark.parametrize(
+    ("broken", "assumption"),
+    [
+        ("seeing", "detection_age"),
+        ("speaking", "telemetry_age"),
+    ],
+)
+def test_silence_ends_in_hold(cruising: Rig, broken: str, assumption: str) -> None:
+    setattr(cruising, broken, False)
+    cruising.run(0.6, until=lambda: cruising.phase is Phase.HOLD)
+    assert cruising.phase is Phase.HOLD
+    assert assumption in cruising.texts("violation")[0]
+    cruising.run(4.0)
+    assert cruising.setpoints[-1].vx == pytest.approx(0.0, abs=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("frame", "assumption"),
+    [
+        ({"range_m": 6.0}, "detection_range"),
+        ({"field_of_view_deg": 60.0}, "field_of_view"),
+        ({"stamp_unix_s": EPOCH_UNIX_S + 1e4}, "sensor_clock"),
+        ({"obstacles": [box((25.0, 0.0), side_m=5.0)]}, "obstacle_size"),
+        ({"obstacles": [box((24.0, 0.0)), box((27.0, 0.0), name="2")]}, "roi_intersection"),
+    ],
+)
+def test_broken_assumption_ends_in_hold_and_is_named(
+    cruising: Rig, frame: dict[str, Any], assumption: str
+) -> None:
+    cruising.autonomy.receive_detection(cruising.frame(**frame), cruising.now_s)
+    cruising.tick()
+    assert cruising.phase is Phase.HOLD
+    assert assumption in cruising.texts("violation")[0]
+    assert assumption in cruising.texts("phase")[-1]
+
+
+def test_estimator_reset_holds_where_the_vehicle_now_is(cruising: Rig) -> None:
+    x_m, y_m, z_m = cruising.position_ned_m
+    cruising.position_ned_m = (x_m, y_m + 3.0, z_m)
+    cruising.tick()
+    assert cruising.phase is Phase.HOLD
+    assert "estimator_reset" in cruising.texts("violation")[0]
+    assert cruising.position_ned_m[1] == pytest.approx(y_m + 3.0, abs=0.01)
+
+
+def test_obstacle_first_seen_too_late_is_reported_and_not_hit(cruising: Rig) -> None:
+    north_m = cruising.position_ned_m[0]
+    cruising.obstacles = [box((north_m + 4.0, 0.0))]
+    cruising.run(8.0, until=lambda: cruising.phase in (Phase.HOLD, Phase.ARRIVED))
+    assert any("late_first_sight" in text for text in cruising.texts("violation"))
+
+
+def test_garbage_on_both_sides_is_counted_and_changes_nothing(cruising: Rig) -> None:
+    for payload in (b"", b"\xff\xfe", b"{}", b'{"version": 1}', b"[" * 1000):
+        cruising.autonomy.receive_detection(payload, cruising.now_s)
+    cruising.autonomy.receive_mavlink(bytes(range(256)) * 4, cruising.now_s)
+    cruising.run(0.5)
+    dropped = cruising.autonomy.snapshot(cruising.now_s)["dropped"]
+    assert dropped["frames_malformed"] == 5
+    assert dropped["mavlink_garbage_bytes"] > 0
+    assert cruising.phase is Phase.CRUISE
+
+
+def test_flood_of_frames_is_bounded(cruising: Rig) -> None:
+    for _ in range(MAX_PENDING_FRAMES + 10):
+        cruising.autonomy.receive_detection(cruising.frame(), cruising.now_s)
+    assert cruising.autonomy.detections.dropped_frames == 10
+
+
+def test_body_frame_needs_a_pose_at_its_stamp(cruising: Rig) -> None:
+    stale = cruising.frame(frame="body_frd", stamp_unix_s=EPOCH_UNIX_S - 5.0)
+    cruising.autonomy.receive_detection(stale, cruising.now_s)
+    fresh = cruising.frame(frame="body_frd", obstacles=[box((11.0, 5.0))])
+    cruising.autonomy.receive_detection(fresh, cruising.now_s)
+    seen_from = cruising.autonomy.link.pose
+    cruising.tick()
+    assert cruising.autonomy.detections.unplaced_frames == 1
+    (known,) = cruising.autonomy.navigator.obstacles
+    assert seen_from is not None
+    assert known.measured.x_min_m == pytest.approx(seen_from.position_ned_m[0] + 10.5, abs=1e-3)
+
+
+def test_state_is_json_from_the_first_tick(rig: Rig) -> None:
+    journal = Journal(rig.autonomy)
+    rig.autonomy.tick(0.0)
+    (record,) = journal.collect(0.0)
+    assert record.topic == "state"
+    assert record.time_unix_s == EPOCH_UNIX_S
+    assert json.loads(json.dumps(record.payload, allow_nan=False))["phase"] == "standby"
