@@ -86,7 +86,8 @@ class Autopilot:
 
     def open_link(self, link: int) -> None:
         """Start to stream on a link; receiving on it does so too."""
-        self._peers.setdefault(link, _Peer(self._system_id))
+        if link not in self._peers:
+            self._peers[link] = _Peer(self._system_id)
 
     def close_link(self, link: int) -> None:
         """Forget a link and what was queued for it."""

@@ -26,6 +26,7 @@ _ESTIMATOR_START_S = 1.0
 _STREAM_RETURN_S = 0.25  # an unbroken stream this long ends the offboard-loss failsafe
 _ARMING_TILT_MAX_RAD = math.radians(30.0)
 _LANDING_NEAR_GROUND_M = 5.0
+_HEIGHT_MAX_M = 10_000.0
 
 
 class Drive(enum.Enum):
@@ -177,7 +178,7 @@ class Commander:
         if not self.on_ground:
             return Verdict.TEMPORARILY_REJECTED
         height_m = self._parameters["MIS_TAKEOFF_ALT"] if altitude_m is None else altitude_m
-        if not height_m > 0.0:
+        if not 0.0 < height_m <= _HEIGHT_MAX_M:
             return Verdict.DENIED
         north_m, east_m, down_m = self._truth.position_ned_m
         self._intention = Mode.TAKEOFF
@@ -186,13 +187,15 @@ class Commander:
         return Verdict.ACCEPTED
 
     def go_to(self, target_ned_m: Vector, yaw_rad: float, speed_mps: float | None) -> Verdict:
-        """Fly to a position in hold; ``nan`` yaw keeps the heading."""
+        """Fly to a position in hold; a yaw that is no number keeps the heading."""
         if not self.armed or self.on_ground:
             return Verdict.TEMPORARILY_REJECTED
+        if not 0.0 <= -target_ned_m[2] <= _HEIGHT_MAX_M:
+            return Verdict.DENIED
         self._intention = Mode.HOLD
         self._enter(Mode.HOLD, failsafe=False)
         self._target_ned_m = target_ned_m
-        if not math.isnan(yaw_rad):
+        if math.isfinite(yaw_rad):
             self._reference.yaw_rad = yaw_rad
         if speed_mps is not None:
             self._cruise_speed_mps = speed_mps
@@ -253,7 +256,7 @@ class Commander:
         match self.mode:
             case Mode.TAKEOFF if self._target_ned_m is not None:
                 target_ned_m = self._target_ned_m
-                self._go_to(target_ned_m, self._parameters["MPC_TKO_SPEED"], period_s)
+                self._go_to(target_ned_m, "MPC_TKO_SPEED", period_s)
                 if reference.is_at(target_ned_m):
                     self._intention = Mode.HOLD
                     self._enter(Mode.HOLD, failsafe=False)
@@ -266,7 +269,7 @@ class Commander:
                 sink_mps = self._parameters["MPC_LAND_SPEED"]
                 reference.steer((0.0, 0.0, sink_mps), limits, period_s)
             case _ if self._target_ned_m is not None:
-                self._go_to(self._target_ned_m, self._parameters["MPC_Z_VEL_MAX_UP"], period_s)
+                self._go_to(self._target_ned_m, "MPC_Z_VEL_MAX_UP", period_s)
             case _:
                 reference.steer((0.0, 0.0, 0.0), limits, period_s)
 
@@ -276,7 +279,7 @@ class Commander:
         if self._target_ned_m is None:
             height_m = self._parameters["RTL_RETURN_ALT"]
             self._target_ned_m = (north_m, east_m, min(down_m, self.home_ned_m[2] - height_m))
-        self._go_to(self._target_ned_m, self._parameters["MPC_Z_VEL_MAX_UP"], period_s)
+        self._go_to(self._target_ned_m, "MPC_Z_VEL_MAX_UP", period_s)
         if not self._reference.is_at(self._target_ned_m):
             return
         above_home = (self.home_ned_m[0], self.home_ned_m[1], self._target_ned_m[2])
@@ -285,9 +288,17 @@ class Commander:
         else:
             self._target_ned_m = above_home
 
-    def _go_to(self, target_ned_m: Vector, climb_mps: float, period_s: float) -> None:
-        speed_mps = self._cruise_speed_mps or self._parameters["MPC_XY_CRUISE"]
-        self._reference.go_to(target_ned_m, speed_mps, climb_mps, self._limits(), period_s)
+    def _go_to(self, target_ned_m: Vector, climb_key: str, period_s: float) -> None:
+        parameters, reference = self._parameters, self._reference
+        cruise_mps = self._cruise_speed_mps or parameters["MPC_XY_CRUISE"]
+        climbs_there = target_ned_m[2] < reference.position_ned_m[2]
+        reference.go_to(
+            target_ned_m,
+            min(cruise_mps, parameters["MPC_XY_VEL_MAX"]),
+            parameters[climb_key if climbs_there else "MPC_Z_VEL_MAX_DN"],
+            self._limits(),
+            period_s,
+        )
 
     def _limits(self) -> MotionLimits:
         return MotionLimits(

@@ -17,6 +17,8 @@ from sitl.modes import Mode, mode_from_code
 from sitl.telemetry import BUILDERS, Snapshot, StreamSchedule
 
 _ARM_FORCE = 21196.0  # the magic number of MAV_CMD_COMPONENT_ARM_DISARM
+_INT32_MAX = 2**31 - 1  # COMMAND_INT's way of saying nan
+_REPOSITION_MAX_M = 100_000.0
 _GLOBAL_FRAMES = {mavlink.MAV_FRAME_GLOBAL, mavlink.MAV_FRAME_GLOBAL_INT}
 _RELATIVE_FRAMES = {
     mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT,
@@ -45,7 +47,7 @@ class Command:
         if message.get_type() == "COMMAND_LONG":
             last = (message.param5, message.param6, message.param7)
             return cls(message.command, (*first, *last), mavlink.MAV_FRAME_GLOBAL)
-        last = (message.x * 1e-7, message.y * 1e-7, message.z)
+        last = (_degrees(message.x), _degrees(message.y), message.z)
         return cls(message.command, (*first, *last), message.frame)
 
 
@@ -115,7 +117,7 @@ def _reposition(command: Command, context: CommandContext) -> Verdict:
     north_m, east_m, down_m = (
         here if math.isnan(there) else there for here, there in zip(here_ned_m, target, strict=True)
     )
-    if math.dist((north_m, east_m), here_ned_m[:2]) > 1e5 or down_m > 0.0:
+    if not math.dist((north_m, east_m), here_ned_m[:2]) < _REPOSITION_MAX_M:
         return Verdict.DENIED
     return context.commander.go_to(
         (north_m, east_m, down_m), yaw_rad, speed_mps if speed_mps > 0.0 else None
@@ -173,6 +175,11 @@ def _request_capabilities(_: Command, context: CommandContext) -> Verdict:
 def _get_home(_: Command, context: CommandContext) -> Verdict:
     context.link.send(BUILDERS[mavlink.MAVLINK_MSG_ID_HOME_POSITION](context.snapshot))
     return Verdict.ACCEPTED
+
+
+def _degrees(scaled: int) -> float:
+    """Return a latitude or longitude of a COMMAND_INT; ``nan`` where none is given."""
+    return math.nan if scaled == _INT32_MAX else scaled * 1e-7
 
 
 def _whole(value: float) -> int:

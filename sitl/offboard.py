@@ -17,6 +17,7 @@ _IGNORE_YAW = mavlink.POSITION_TARGET_TYPEMASK_YAW_IGNORE
 _IGNORE_YAW_RATE = mavlink.POSITION_TARGET_TYPEMASK_YAW_RATE_IGNORE
 _FORCE = mavlink.POSITION_TARGET_TYPEMASK_FORCE_SET
 
+_PLAUSIBLE_MAX = 1e6  # metres, metres per second, ...: anything larger, infinity included, is noise
 _JERK_MAX_MPS3 = 30.0
 _JERK_PERIOD_MAX_S = 0.25  # successive setpoints farther apart say nothing about jerk
 _ACCELERATION_HOLD_S = 0.06  # acceleration acts this long beyond the last setpoint, then velocity
@@ -91,10 +92,10 @@ def _decoded(message: Any, yaw_rad: float) -> Setpoint | None:
         return None
     if mask & _FORCE or all(map(math.isnan, (*position, *velocity, *acceleration))):
         return None
-    if any(map(math.isinf, (*position, *velocity, *acceleration))):
+    if any(abs(value) > _PLAUSIBLE_MAX for value in (*position, *velocity, *acceleration)):
         return None
-    yaw_given = not mask & _IGNORE_YAW and math.isfinite(message.yaw)
-    rate_given = not mask & _IGNORE_YAW_RATE and math.isfinite(message.yaw_rate)
+    yaw_given = not mask & _IGNORE_YAW and abs(message.yaw) <= _PLAUSIBLE_MAX
+    rate_given = not mask & _IGNORE_YAW_RATE and abs(message.yaw_rate) <= _PLAUSIBLE_MAX
     x, y, z = (0.0 if math.isnan(component) else component for component in acceleration)
     return Setpoint.of(
         position,

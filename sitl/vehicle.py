@@ -32,6 +32,7 @@ from sitl.wind import WindModel
 
 AUTOPILOT_RATE_HZ = 100
 _AUTOPILOT_PERIOD_S = 1.0 / AUTOPILOT_RATE_HZ
+_TICKS_PER_BATTERY = 10  # charge changes slowly
 
 
 class SimulatedVehicle:
@@ -97,12 +98,13 @@ class SimulatedVehicle:
             self.truth, self._battery.reading, self._thrust_share(state), _AUTOPILOT_PERIOD_S
         )
         wind = self._wind_model.sample(
-            self.truth.time_s, -state.down_m, self.truth.ground_speed_mps
+            self.truth.time_s, -state.down_m, self.truth.velocity_ned_mps
         )
         self._flight = self._moved(actuation, wind)
-        power_w = self._battery.drive_power_w(self._flight.state, self._parameters)
-        self._battery.drain(power_w, _AUTOPILOT_PERIOD_S)
         self._ticks += 1
+        if self._ticks % _TICKS_PER_BATTERY == 0:
+            power_w = self._battery.drive_power_w(self._flight.state, self._parameters)
+            self._battery.drain(power_w, _TICKS_PER_BATTERY * _AUTOPILOT_PERIOD_S)
         self.truth = self._observe()
 
     def _moved(self, actuation: Actuation, wind: Wind) -> Flight:

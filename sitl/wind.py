@@ -20,7 +20,8 @@ from sitl.multirotor import Wind
 _FEET_PER_M = 1.0 / 0.3048
 _AIR_SPEED_MIN_MPS = 0.5  # turbulence does not stand still when the vehicle does
 
-Vector = Annotated[tuple[float, float, float], Field(strict=False)]
+Vector = tuple[float, float, float]
+VectorKey = Annotated[Vector, Field(strict=False)]
 
 
 class Gust(FileModel):
@@ -28,7 +29,7 @@ class Gust(FileModel):
 
     start_s: Annotated[float, Field(ge=0.0)]
     duration_s: Annotated[float, Field(gt=0.0)]
-    peak_ned_mps: Vector
+    peak_ned_mps: VectorKey
 
     def share(self, now_s: float) -> float:
         """Share of the peak at ``now_s``, 0 to 1."""
@@ -43,7 +44,7 @@ class WindConfig(FileModel):
         turbulence_mps: standard deviation of the horizontal turbulence; 0 for none.
     """
 
-    mean_ned_mps: Vector = (0.0, 0.0, 0.0)
+    mean_ned_mps: VectorKey = (0.0, 0.0, 0.0)
     gusts: Annotated[tuple[Gust, ...], Field(strict=False)] = ()
     turbulence_mps: Annotated[float, Field(ge=0.0)] = 0.0
 
@@ -59,8 +60,8 @@ class WindModel:
         self._across = (0.0, 0.0)
         self._down = (0.0, 0.0)
 
-    def sample(self, now_s: float, height_m: float, air_speed_mps: float) -> Wind:
-        """Return the wind for the period that starts at ``now_s``."""
+    def sample(self, now_s: float, height_m: float, velocity_ned_mps: Vector) -> Wind:
+        """Return the wind, for the period from ``now_s`` on, where the vehicle flies."""
         north, east, down = self._config.mean_ned_mps
         heading_rad = math.atan2(east, north)
         for gust in self._config.gusts:
@@ -69,6 +70,7 @@ class WindModel:
             east += share * gust.peak_ned_mps[1]
             down += share * gust.peak_ned_mps[2]
         if self._config.turbulence_mps > 0.0:
+            air_speed_mps = math.dist(velocity_ned_mps, self._config.mean_ned_mps)
             along, across, sink = self._turbulence(height_m, max(air_speed_mps, _AIR_SPEED_MIN_MPS))
             north += along * math.cos(heading_rad) - across * math.sin(heading_rad)
             east += along * math.sin(heading_rad) + across * math.cos(heading_rad)

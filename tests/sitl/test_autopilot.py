@@ -621,3 +621,66 @@ def test_a_damaged_frame_is_not_obeyed(position: int, flip: int) -> None:
     damaged[position] ^= flip
     vehicle.receive(bytes(damaged) + bytes(300))
     assert not vehicle.autopilot.commander.armed
+
+
+def valid_frame(message_id: int, payload: bytes) -> bytes:
+    """A frame with the right checksum around any payload, built by hand."""
+    kind = mavlink.mavlink_map[message_id]
+    size = kind.unpacker.size
+    body = payload[:size].ljust(size, b"\0")
+    header = bytes([size, 0, 0, 0, 1, COMPANION, *message_id.to_bytes(3, "little")])
+    checksum = mavlink.x25crc(header + body + bytes([kind.crc_extra])).crc
+    return b"\xfd" + header + body + int(checksum).to_bytes(2, "little")
+
+
+HANDLED = [
+    getattr(mavlink, f"MAVLINK_MSG_ID_{name}")
+    for name in SimulatedVehicle(VehicleConfig()).autopilot._handlers
+]
+
+
+@given(st.lists(st.tuples(st.sampled_from(HANDLED), st.binary(max_size=64)), max_size=12))
+@settings(max_examples=300, deadline=None)
+def test_valid_frames_with_any_content_never_raise(frames: list[tuple[int, bytes]]) -> None:
+    start = StartConfig(position_ned_m=(0.0, 0.0, -4.0))
+    vehicle = SimulatedVehicle(VehicleConfig(start=start))
+    for message_id, payload in frames:
+        vehicle.receive(valid_frame(message_id, payload))
+        vehicle.advance(vehicle.truth.time_s + 0.02)
+    vehicle.bytes_to_send()
+    assert all(map(math.isfinite, vehicle.truth.position_ned_m))
+
+
+numbers = st.floats(width=32)
+
+
+@given(
+    st.sampled_from([16, 20, 21, 22, 176, 178, 185, 192, 400, 410, 510, 511, 512, 520]),
+    st.lists(numbers, min_size=7, max_size=7),
+)
+@settings(max_examples=100, deadline=None)
+def test_commands_with_any_numbers_never_raise(number: int, parameters: list[float]) -> None:
+    client = in_air()
+    client.command(number, *parameters)
+    client.wait(0.1)
+    assert all(map(math.isfinite, client.vehicle.truth.position_ned_m))
+
+
+@given(st.lists(numbers, min_size=11, max_size=11), st.integers(0, 0xFFFF), st.integers(0, 20))
+@settings(max_examples=100, deadline=None)
+def test_setpoints_with_any_numbers_keep_the_vehicle_flying(
+    values: list[float], mask: int, coordinate_frame: int
+) -> None:
+    client = in_air()
+    hold = (0.0, 0.0, -4.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    client.setpoint(hold)
+    client.set_mode(Mode.OFFBOARD)
+    client.send(
+        mavlink.MAVLink_set_position_target_local_ned_message(
+            0, 1, 1, coordinate_frame, mask, *values
+        )
+    )
+    client.wait(0.2)
+    truth = client.vehicle.truth
+    assert all(map(math.isfinite, (*truth.position_ned_m, *truth.attitude_quaternion)))
+    assert truth.tilt_rad < math.radians(60.0)

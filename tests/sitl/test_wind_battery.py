@@ -12,6 +12,7 @@ from sitl.multirotor import hover_speed_rpm, standing_state
 from sitl.wind import Gust, WindConfig, WindModel
 
 PERIOD_S = 0.01
+STILL = (0.0, 0.0, 0.0)
 
 
 def model(config: WindConfig, seed: int = 1) -> WindModel:
@@ -19,21 +20,21 @@ def model(config: WindConfig, seed: int = 1) -> WindModel:
 
 
 def test_air_is_still_by_default() -> None:
-    assert model(WindConfig()).sample(3.0, 10.0, 5.0) == (0.0, 0.0, 0.0)
+    assert model(WindConfig()).sample(3.0, 10.0, STILL) == (0.0, 0.0, 0.0)
 
 
 def test_gust_rises_to_its_peak_and_falls_on_top_of_the_mean() -> None:
     gust = Gust(start_s=2.0, duration_s=4.0, peak_ned_mps=(6.0, 0.0, -2.0))
     wind = model(WindConfig(mean_ned_mps=(1.0, 0.0, 0.0), gusts=(gust,)))
-    assert wind.sample(1.9, 10.0, 5.0).north_mps == 1.0
-    assert wind.sample(4.0, 10.0, 5.0) == pytest.approx((7.0, 0.0, -2.0))
-    assert wind.sample(3.0, 10.0, 5.0).north_mps == pytest.approx(4.0)
-    assert wind.sample(6.1, 10.0, 5.0).north_mps == 1.0
+    assert wind.sample(1.9, 10.0, STILL).north_mps == 1.0
+    assert wind.sample(4.0, 10.0, STILL) == pytest.approx((7.0, 0.0, -2.0))
+    assert wind.sample(3.0, 10.0, STILL).north_mps == pytest.approx(4.0)
+    assert wind.sample(6.1, 10.0, STILL).north_mps == 1.0
 
 
 def test_turbulence_has_the_stated_intensity_and_is_correlated() -> None:
     wind = model(WindConfig(turbulence_mps=1.5))
-    samples = [wind.sample(i * PERIOD_S, 300.0, 60.0) for i in range(150_000)]
+    samples = [wind.sample(i * PERIOD_S, 300.0, (60.0, 0.0, 0.0)) for i in range(150_000)]
     # At 1000 ft the Dryden model is isotropic: all three components have the same intensity.
     for axis in range(3):
         component = [sample[axis] for sample in samples]
@@ -49,7 +50,7 @@ def test_turbulence_has_the_stated_intensity_and_is_correlated() -> None:
 def test_turbulence_is_repeatable_by_seed() -> None:
     config = WindConfig(turbulence_mps=1.0)
     first, again, other = (model(config, seed) for seed in (5, 5, 6))
-    samples = [[wind.sample(0.0, 5.0, 1.0) for _ in range(5)] for wind in (first, again, other)]
+    samples = [[wind.sample(0.0, 5.0, STILL) for _ in range(5)] for wind in (first, again, other)]
     assert samples[0] == samples[1] != samples[2]
 
 

@@ -1,0 +1,87 @@
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from sitl.config import SitlConfig, StartConfig, load_sitl_config
+from sitl.field import Obstacle, ObstacleField
+from sitl.scene import Scene
+from sitl.sensor import SensorConfig
+from sitl.truth_log import TruthLog
+from sitl.wind import WindConfig
+
+FIELD = ObstacleField.of([Obstacle(id="oak", center_ned_m=(6.0, 0.0), size_m=(1.0, 1.0))])
+HOVER = StartConfig(position_ned_m=(0.0, 0.0, -3.0))
+REPOSITORY = Path(__file__).parents[2]
+
+
+def scene(**config: Any) -> Scene:
+    return Scene(SitlConfig(start=HOVER, **config), FIELD, start_unix_s=1000.0)
+
+
+def test_vehicle_world_and_sensors_advance_together() -> None:
+    together = scene(
+        sensors=(SensorConfig(latency_s=0.0), SensorConfig(source="rear", yaw_deg=180.0))
+    )
+    together.advance(1.004)
+    assert together.vehicle.truth.time_s == pytest.approx(1.0)
+    detections = together.take_detections()
+    by_source = {
+        name: [json.loads(d.payload) for d in detections if d.source == name]
+        for name in ("front", "rear")
+    }
+    assert len(by_source["front"]) == 21  # 20 Hz, both ends included
+    assert {o["id"] for frame in by_source["front"] for o in frame["obstacles"]} == {"oak"}
+    assert not any(frame["obstacles"] for frame in by_source["rear"])
+    assert together.take_detections() == []
+    record = together.truth_record()
+    assert record["time_unix_s"] == pytest.approx(1001.0)
+    assert record["clearance_m"] == pytest.approx(5.2, abs=0.01)
+
+
+def test_same_seed_same_flight_to_the_byte(tmp_path: Path) -> None:
+    def flown(seed: int) -> tuple[bytes, list[bytes]]:
+        windy = scene(
+            seed=seed,
+            wind=WindConfig(mean_ned_mps=(2.0, 1.0, 0.0), turbulence_mps=1.0),
+            sensors=(SensorConfig(noise_m=0.1),),
+        )
+        path = tmp_path / "truth.mcap"
+        with TruthLog(path, windy.start_unix_s) as log:
+            for tick in range(100):
+                windy.advance(0.02 * tick)
+                log.write(windy.vehicle.truth, windy.world)
+        return path.read_bytes(), [d.payload for d in windy.take_detections()]
+
+    first, again, other = flown(1), flown(1), flown(2)
+    assert first == again
+    assert first[0] != other[0]
+    assert first[1] != other[1]
+
+
+def test_turbulent_air_is_held_against() -> None:
+    windy = scene(wind=WindConfig(mean_ned_mps=(6.0, -4.0, 0.0), turbulence_mps=1.5))
+    worst_m = 0.0
+    for tick in range(1500):
+        windy.advance(0.02 * tick)
+        north, east, down = windy.vehicle.truth.position_ned_m
+        if tick > 250:
+            worst_m = max(worst_m, abs(north), abs(east), abs(down + 3.0))
+    assert 0.005 < worst_m < 0.25
+
+
+def test_paths_are_relative_to_the_configuration_file(tmp_path: Path) -> None:
+    (tmp_path / "sitl.yaml").write_text("{field: a/field.yaml, truth_log: t.mcap}")
+    config = load_sitl_config(tmp_path / "sitl.yaml")
+    assert config.field == tmp_path / "a" / "field.yaml"
+    assert config.truth_log == tmp_path / "t.mcap"
+
+
+def test_an_almost_empty_file_works_and_the_example_too(tmp_path: Path) -> None:
+    (tmp_path / "sitl.yaml").write_text("vehicle: kite\n")
+    assert load_sitl_config(tmp_path / "sitl.yaml") == SitlConfig(vehicle="kite")
+    example = load_sitl_config(REPOSITORY / "config" / "sitl.yaml")
+    assert example.parameters["COM_OF_LOSS_T"] == 0.5
