@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
 from onboard.agility import GRAVITY_MPS2, AccelerationLimits
-from onboard.profile import AxisLimits
+from onboard.profile import AxisLimits, AxisState
 from onboard.trajectory import X, Y, Z
 
 if TYPE_CHECKING:
@@ -22,8 +22,8 @@ Side = Literal["left", "right"]
 # A planner's choice, not a limit of the vehicle: descending faster would cost too much agility.
 _DESCENT_SHARE_OF_GRAVITY = 0.1
 
-# What a second of delay, squared, is worth in integrated squared acceleration [m²/s⁵].
-DELAY_WEIGHT = 1.0
+# What a second of delay costs: as much as flying for a second with 1 m/s² [m²/s⁴].
+DELAY_COST_M2PS4 = 1.0
 
 
 @dataclass(frozen=True)
@@ -125,15 +125,52 @@ class AvoidanceProblem:
         if not (self.climb_m >= 0.0 and self.coast_time_s >= 0.0):
             raise ValueError(f"climb_m and coast_time_s must not be negative: {self}")
 
+    def sidestep(self, side: Side) -> Sidestep:
+        """Return the lateral half of the problem."""
+        region, start, limits = self.region, self.start.axis(Y), self.envelope.across
+        if side == "right":
+            face_m, lane_m = region.keep_out.y_max_m, region.lane_right_m
+            coast_m = region.extent.y_max_m - lane_m
+        else:
+            start, limits = AxisState(*(-value for value in start)), limits.mirrored()
+            face_m, lane_m = -region.keep_out.y_min_m, -region.lane_left_m
+            coast_m = -region.extent.y_min_m - lane_m
+        speed_max_mps = coast_m / self.coast_time_s if self.coast_time_s else math.inf
+        return Sidestep(start, limits, face_m, lane_m, speed_max_mps)
+
+
+@dataclass(frozen=True)
+class Sidestep:
+    """The lateral half of an avoidance, mirrored for the left side: the way out is towards +y.
+
+    Attributes:
+        start: lateral state.
+        limits: lateral limits in level flight.
+        face_m: side face to clear.
+        lane_m: how far the plan may go.
+        speed_max_mps: greatest lateral speed from which a coast stays in the region.
+    """
+
+    start: AxisState
+    limits: AxisLimits
+    face_m: float
+    lane_m: float
+    speed_max_mps: float
+
+    @property
+    def is_clear(self) -> bool:
+        """Whether the start is beyond the side face already, and not on its way back."""
+        return self.start.position_m >= self.face_m and self.start.velocity_mps >= 0.0
+
 
 def cost(trajectory: Trajectory, problem: AvoidanceProblem) -> float:
     """Effort and delay of an avoidance [m²/s³]: the J of Eq. 17, which the paper leaves open.
 
-    Integral of the squared acceleration, plus `DELAY_WEIGHT` times the square of the time by
-    which the vehicle arrives later (or earlier) than at exit speed all along.
+    Integral of the squared acceleration, plus `DELAY_COST_M2PS4` times the time by which the
+    vehicle arrives later than at exit speed all along.
     """
     begin, end = trajectory.acceleration_leg_mps2, trajectory.ends[2]
     squares = (begin * begin + begin * end + end * end).sum(axis=1) / 3.0
     distance_m = problem.region.x_pob_m - problem.start.position_leg_m[X]
     delay_s = trajectory.end_s - trajectory.start_s - distance_m / problem.exit_speed_mps
-    return float(squares @ trajectory.durations_s) + DELAY_WEIGHT * delay_s * delay_s
+    return float(squares @ trajectory.durations_s) + DELAY_COST_M2PS4 * delay_s

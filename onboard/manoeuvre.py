@@ -26,7 +26,7 @@ from onboard.profile import (
 from onboard.trajectory import Trajectory, X, Y, Z
 
 if TYPE_CHECKING:
-    from onboard.avoidance import AvoidanceProblem, Envelope, Side
+    from onboard.avoidance import AvoidanceProblem, Envelope, Side, Sidestep
     from onboard.trajectory import State
 
 # Starts exactly on a boundary must not fail on round-off; half of what the certifier tolerates.
@@ -54,15 +54,18 @@ def vertex_manoeuvre(problem: AvoidanceProblem, side: Side) -> Trajectory | None
         None if no member of the family stays in the lane, short of the front face until clear,
         and at its exit speed by the post-obstacle border.
     """
-    sidestep = _Sidestep.of(problem, side)
+    vertical = settling(problem.start.axis(Z), problem.envelope, None)
+    share = share_of_box(vertical)
+    sidestep = problem.sidestep(side)
+    family = _LateralFamily(sidestep, sidestep.limits.scaled(share))
+    slow_down = _SlowDown(problem, problem.envelope.along.scaled(share))
     found: list[Trajectory] = []
-    for peak_mps in sidestep.peak_speeds_mps():
-        lateral = sidestep.profile(peak_mps)
-        along = _profile_along(problem, sidestep, lateral)
+    for peak_mps in family.peak_speeds_mps():
+        lateral = family.profile(peak_mps)
+        along = _profile_along(slow_down, family.clear_from_s(lateral), lateral.duration_s)
         if along is not None:
             y = lateral if side == "right" else _mirrored(lateral)
-            z = sidestep.vertical
-            found.append(Trajectory.from_profiles(problem.start_s, along, y, z))
+            found.append(Trajectory.from_profiles(problem.start_s, along, y, vertical))
     return min(found, key=lambda trajectory: cost(trajectory, problem), default=None)
 
 
@@ -83,8 +86,8 @@ def cruise(
         speed_mps: speed along the leg to hold after the last piece.
         z_m: height to settle at, z in the leg frame; by default where the climb or descent stops.
     """
-    vertical = _settling(start.axis(Z), envelope, z_m)
-    share = _share_of_box(vertical)
+    vertical = settling(start.axis(Z), envelope, z_m)
+    share = share_of_box(vertical)
     along = speed_change(start.axis(X), speed_mps, envelope.along.scaled(share))
     return _from_segments(start, start_s, envelope, along, vertical)
 
@@ -105,8 +108,8 @@ def stop_at(
     Returns:
         None if the vehicle cannot stop before it has passed ``x_m``.
     """
-    vertical = _settling(start.axis(Z), envelope, z_m)
-    limits = envelope.along.scaled(_share_of_box(vertical))
+    vertical = settling(start.axis(Z), envelope, z_m)
+    limits = envelope.along.scaled(share_of_box(vertical))
     along = displacement(start.axis(X), x_m, speed_mps, limits)
     return None if along is None else _from_segments(start, start_s, envelope, along, vertical)
 
@@ -120,7 +123,7 @@ def _from_segments(
 ) -> Trajectory:
     """Put a motion along the leg together with coming to rest sideways."""
     y = start.axis(Y)
-    across = envelope.across.scaled(_share_of_box(vertical))
+    across = envelope.across.scaled(share_of_box(vertical))
     return Trajectory.from_profiles(
         start_s,
         Profile(*start.axis(X)[:2], (*along, Segment(_HOVER_S, 0.0))),
@@ -129,7 +132,7 @@ def _from_segments(
     )
 
 
-def _settling(z: AxisState, envelope: Envelope, z_m: float | None) -> Profile:
+def settling(z: AxisState, envelope: Envelope, z_m: float | None) -> Profile:
     """Come to rest in height, at ``z_m`` where it is given and can be reached without overshoot."""
     limits = envelope.vertical
     segments = None
@@ -140,52 +143,22 @@ def _settling(z: AxisState, envelope: Envelope, z_m: float | None) -> Profile:
     return Profile(*z[:2], segments)
 
 
-def _share_of_box(vertical: Profile) -> float:
+def share_of_box(vertical: Profile) -> float:
     """Part of W that is left at the greatest downward acceleration of a motion in height."""
     starts_mps2 = [segment.acceleration_mps2 for segment in vertical.segments]
     return 1.0 - max(0.0, *starts_mps2) / GRAVITY_MPS2 if starts_mps2 else 1.0
 
 
 @dataclass(frozen=True)
-class _Sidestep:
-    """The lateral half of an avoidance, seen so that the way out is towards +y.
+class _LateralFamily:
+    """Lateral profiles, one for each peak speed."""
 
-    Attributes:
-        start: lateral state, mirrored for the left side.
-        limits: lateral limits, mirrored likewise, with what the motion in height leaves of them.
-        face_m: side face to clear.
-        lane_m: how far the plan may go.
-        speed_max_mps: greatest lateral speed from which a coast stays in the region.
-        vertical: the motion in height, which only comes to rest.
-        box_share: part of W that it leaves.
-    """
-
-    start: AxisState
+    sidestep: Sidestep
     limits: AxisLimits
-    face_m: float
-    lane_m: float
-    speed_max_mps: float
-    vertical: Profile
-    box_share: float
 
-    @classmethod
-    def of(cls, problem: AvoidanceProblem, side: Side) -> _Sidestep:
-        region, envelope = problem.region, problem.envelope
-        vertical = _settling(problem.start.axis(Z), envelope, None)
-        share = _share_of_box(vertical)
-        start, limits = problem.start.axis(Y), envelope.across.scaled(share)
-        if side == "right":
-            face_m, lane_m = region.keep_out.y_max_m, region.lane_right_m
-            coast_m = region.extent.y_max_m - region.lane_right_m
-        else:
-            start = AxisState(*(-value for value in start))
-            limits = AxisLimits(
-                -limits.acceleration_max_mps2, -limits.acceleration_min_mps2, limits.jerk_max_mps3
-            )
-            face_m, lane_m = -region.keep_out.y_min_m, -region.lane_left_m
-            coast_m = region.lane_left_m - region.extent.y_min_m
-        speed_max_mps = coast_m / problem.coast_time_s if problem.coast_time_s else math.inf
-        return cls(start, limits, face_m, lane_m, speed_max_mps, vertical, share)
+    @property
+    def start(self) -> AxisState:
+        return self.sidestep.start
 
     def profile(self, peak_mps: float) -> Profile:
         """Go to a peak speed and from it to rest; hold it in between if that is too short."""
@@ -194,9 +167,9 @@ class _Sidestep:
         stopping = speed_change(at_peak, 0.0, self.limits)
         direct = rising.then(*stopping)
         end_m = direct.final.position_m
-        if end_m >= self.face_m or peak_mps <= 0.0:
+        if end_m >= self.sidestep.face_m or peak_mps <= 0.0:
             return direct
-        return rising.then(Segment((self.lane_m - end_m) / peak_mps, 0.0), *stopping)
+        return rising.then(Segment((self.sidestep.lane_m - end_m) / peak_mps, 0.0), *stopping)
 
     def end_m(self, peak_mps: float) -> float:
         """Where going to a peak speed and to rest ends without a hold; grows with the peak."""
@@ -205,29 +178,35 @@ class _Sidestep:
 
     def peak_speeds_mps(self) -> list[float]:
         """Peak speeds whose profiles end beyond the face and inside the lane."""
-        width_m = max(self.lane_m - self.start.position_m, 0.0)
+        width_m = max(self.sidestep.lane_m - self.start.position_m, 0.0)
         ceiling_mps = math.sqrt(2.0 * width_m * -self.limits.acceleration_min_mps2)
-        ceiling_mps = min(max(ceiling_mps, self.start.velocity_mps, 0.0), self.speed_max_mps)
+        ceiling_mps = min(
+            max(ceiling_mps, self.start.velocity_mps, 0.0), self.sidestep.speed_max_mps
+        )
         greatest_mps = largest(
-            lambda peak_mps: self.end_m(peak_mps) - self.lane_m - _SLACK_M, 0.0, ceiling_mps
+            lambda peak_mps: self.end_m(peak_mps) - self.sidestep.lane_m - _SLACK_M,
+            0.0,
+            ceiling_mps,
         )
         if greatest_mps is None:
             return []
-        least_mps = largest(lambda peak_mps: self.end_m(peak_mps) - self.face_m, 0.0, greatest_mps)
+        least_mps = largest(
+            lambda peak_mps: self.end_m(peak_mps) - self.sidestep.face_m, 0.0, greatest_mps
+        )
         span_mps = greatest_mps - (least_mps or 0.0)
         return [greatest_mps - span_mps * i / _LATERAL_SPEEDS for i in range(_LATERAL_SPEEDS)]
 
     def clear_from_s(self, lateral: Profile) -> float:
         """Time from which a profile that ends beyond the face is there for good."""
-        crossing_s = lateral.last_time_at_s(self.face_m)
+        crossing_s = lateral.last_time_at_s(self.sidestep.face_m)
         if crossing_s is not None:
             return crossing_s
-        return 0.0 if self.start.position_m >= self.face_m else lateral.duration_s
+        return 0.0 if self.start.position_m >= self.sidestep.face_m else lateral.duration_s
 
 
 @dataclass(frozen=True)
 class _SlowDown:
-    """The half along the leg: slow down to a low speed; from a release on, regain the exit speed."""
+    """The half along the leg: slow down to a low speed, and regain the exit speed in the end."""
 
     problem: AvoidanceProblem
     limits: AxisLimits
@@ -279,17 +258,14 @@ class _SlowDown:
         return profile.then(Segment(max(left_m, 0.0) / self.problem.exit_speed_mps, 0.0))
 
 
-def _profile_along(
-    problem: AvoidanceProblem, sidestep: _Sidestep, lateral: Profile
-) -> Profile | None:
+def _profile_along(slow_down: _SlowDown, clear_s: float, settled_s: float) -> Profile | None:
     """Slow down as little as the front face and the end of the sidestep ask for.
 
     PAPER: the paper's policy brakes at the vertex of W throughout, which reverses for v < V; here
     the low speed is never negative (erratum 10): shown by
     tests/onboard/test_manoeuvre.py::test_never_reverses_from_any_speed.
     """
-    slow_down = _SlowDown(problem, problem.envelope.along.scaled(sidestep.box_share))
-    clear_s, settled_s = sidestep.clear_from_s(lateral), lateral.duration_s
+    problem = slow_down.problem
     highest_mps = max(slow_down.coasting_mps, problem.exit_speed_mps)
     if clear_s > 0.0:
         front_m = problem.region.keep_out.x_min_m + _SLACK_M

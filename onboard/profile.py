@@ -145,6 +145,12 @@ class AxisLimits(NamedTuple):
             self.jerk_max_mps3,
         )
 
+    def mirrored(self) -> AxisLimits:
+        """Return the limits seen from the other side."""
+        return AxisLimits(
+            -self.acceleration_max_mps2, -self.acceleration_min_mps2, self.jerk_max_mps3
+        )
+
 
 def coasting_speed(state: AxisState, jerk_max_mps3: float) -> float:
     """Velocity [m/s] reached when the acceleration is taken off as fast as the jerk allows."""

@@ -1,0 +1,272 @@
+"""Plans the avoidance of one obstacle: Eq. 17 as QPs, else the closed form, else braking.
+
+Whatever comes out has passed the certifier.  The QP search is branch and bound over both sides
+and a grid of horizons: candidates are taken in the order of their lower bounds (horizons.py), and
+once the best plan found is cheaper than the next bound, none of the others can be better.
+
+Deterministic: the same problem gives the same plan, bit for bit, whatever was planned before.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Literal, NamedTuple
+
+import numpy as np
+
+from onboard import spline
+from onboard.avoidance import DELAY_COST_M2PS4, cost
+from onboard.axis_program import AxisTask, across_task, along_task, build
+from onboard.axis_solver import AxisSolver
+from onboard.certify import Certificate, certify_avoidance, certify_clear
+from onboard.horizons import CostBounds, crossing_times_s
+from onboard.manoeuvre import brake_to_hover, settling, share_of_box, vertex_manoeuvre
+from onboard.profile import Profile, Segment
+from onboard.trajectory import Trajectory, X, Y, Z
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+    from onboard.avoidance import AvoidanceProblem, Side
+    from onboard.frames import FloatArray
+    from onboard.profile import AxisState
+
+SIDES: tuple[Side, Side] = ("left", "right")
+
+# Length of the second phase over that of the first.
+_RATIOS = tuple(2.0 ** (k / 3.0) for k in range(-4, 9))
+_CROSSINGS = 9
+
+# Axis QPs solved at most.
+_SOLVES_MAX = 20
+
+# A candidate is tried if it may save more than this share of the cost.
+_WORTH_IT = 0.98
+
+
+@dataclass(frozen=True)
+class Plan:
+    """A certified plan.
+
+    Attributes:
+        kind: where it came from.
+        trajectory: what to fly, leg frame.
+        side: side on which the obstacle is passed; None when braking.
+        cost: `onboard.avoidance.cost`; infinite when braking.
+        certificate: the certifier's verdict, always valid.
+        crossing_s: absolute time of the crossing, for a QP plan; where replanning starts from.
+    """
+
+    kind: Literal["qp", "vertex", "brake"]
+    trajectory: Trajectory
+    side: Side | None
+    cost: float
+    certificate: Certificate
+    crossing_s: float | None = None
+
+
+@dataclass(frozen=True)
+class NoPlan:
+    """Nothing certifies.
+
+    Attributes:
+        reasons: why, one sentence for each attempt.
+    """
+
+    reasons: tuple[str, ...]
+
+
+class _Candidate(NamedTuple):
+    """One side, crossing time and ratio, with lower bounds on the cost of its two axes."""
+
+    bound: float
+    across_bound: float
+    side: Side
+    crossing_s: float
+    ratio_index: int
+
+
+class Planner:
+    """Plans avoidances.  Holds the solvers' factorisations, and nothing from plan to plan."""
+
+    def __init__(self) -> None:
+        splines = [spline.TwoPhaseSpline.with_ratio(ratio) for ratio in _RATIOS]
+        self._solvers = [AxisSolver(matrices) for matrices in splines]
+        self._bounds = CostBounds(splines)
+
+    def plan(self, problem: AvoidanceProblem, current: Plan | None = None) -> Plan | NoPlan:
+        """Return the first certified plan: the cheapest QP, the closed form, or braking.
+
+        Args:
+            problem: what to avoid, and from where.
+            current: the plan being flown, when ``problem`` starts in the middle of it.
+        """
+        reasons: list[str] = []
+        plan = self._plan_by_qp(problem, current, reasons)
+        if plan is None:
+            plan = _plan_by_formula(problem, reasons)
+        if plan is None:
+            plan = _plan_to_brake(problem, reasons)
+        return NoPlan(tuple(reasons)) if plan is None else plan
+
+    def _plan_by_qp(
+        self, problem: AvoidanceProblem, current: Plan | None, reasons: list[str]
+    ) -> Plan | None:
+        """Branch and bound over the candidates; a plan counts once it certifies."""
+        vertical = settling(problem.start.axis(Z), problem.envelope, None)
+        search = _Search(problem, vertical, self._solvers, self._bounds)
+        best = search.run(search.candidates(current))
+        if best is None:
+            reasons.extend(search.reasons)
+            return None
+        return best
+
+
+class _Search:
+    """The QP search for one problem."""
+
+    def __init__(
+        self,
+        problem: AvoidanceProblem,
+        vertical: Profile,
+        solvers: list[AxisSolver],
+        bounds: CostBounds,
+    ) -> None:
+        self.reasons: list[str] = []
+        self._problem = problem
+        self._vertical = vertical
+        self._solvers = solvers
+        self._bounds = bounds
+        share = share_of_box(vertical)
+        self._tasks: dict[Side, tuple[AxisTask, AxisTask]] = {}
+        for side in SIDES:
+            clear = problem.sidestep(side).is_clear
+            along = along_task(problem, share, clear=clear)
+            self._tasks[side] = along, across_task(problem, side, share, clear=clear)
+        self._best: Plan | None = None
+        self._solves_left = _SOLVES_MAX
+
+    def candidates(self, current: Plan | None) -> list[_Candidate]:
+        """Return what to try first, both sides, cheapest bound first."""
+        found: list[_Candidate] = []
+        for side in SIDES:
+            crossings_s = crossing_times_s(*self._tasks[side], _CROSSINGS)
+            if current is not None and current.side == side and current.crossing_s is not None:
+                remaining_s = current.crossing_s - self._problem.start_s
+                if remaining_s > 0.0:
+                    crossings_s = np.append(crossings_s, remaining_s)
+            found += self._rank(side, crossings_s, range(len(_RATIOS)))
+        return sorted(found)
+
+    def _rank(
+        self, side: Side, crossings_s: FloatArray, ratio_indices: Iterable[int]
+    ) -> list[_Candidate]:
+        if len(crossings_s) == 0:
+            self.reasons.append(f"qp, {side}: no time both clears the side and stays short")
+            return []
+        along, across = self._tasks[side]
+        across_cost = self._bounds.of(across, crossings_s)
+        durations_s = crossings_s * (1.0 + np.array(_RATIOS)[:, None])
+        total = self._bounds.of(along, crossings_s) + across_cost + DELAY_COST_M2PS4 * durations_s
+        return [
+            _Candidate(float(total[i, k]), float(across_cost[i, k]), side, float(crossings_s[k]), i)
+            for i in ratio_indices
+            for k in range(len(crossings_s))
+        ]
+
+    def run(self, candidates: list[_Candidate]) -> Plan | None:
+        """Solve candidates in order until none left can be better."""
+        for candidate in candidates:
+            if self._solves_left <= 0:
+                break
+            if self._best is not None and candidate.bound >= self._best.cost * _WORTH_IT:
+                break
+            self._try(candidate)
+        return self._best
+
+    def _try(self, candidate: _Candidate) -> None:
+        trajectory = self._solve(candidate)
+        if trajectory is None:
+            return
+        price = cost(trajectory, self._problem)
+        if self._best is not None and price >= self._best.cost:
+            return
+        certificate = certify_avoidance(trajectory, self._problem)
+        if certificate.valid:
+            crossing_s = self._problem.start_s + candidate.crossing_s
+            self._best = Plan("qp", trajectory, candidate.side, price, certificate, crossing_s)
+        else:
+            self.reasons.append(_reason(f"qp, {candidate.side}", certificate))
+
+    def _solve(self, candidate: _Candidate) -> Trajectory | None:
+        """Solve both axes of a candidate and put them together."""
+        solver = self._solvers[candidate.ratio_index]
+        piece_s = candidate.crossing_s / spline.PIECES
+        nodes: list[FloatArray] = []
+        # Sideways first: where anything is impossible, that is.
+        for task in reversed(self._tasks[candidate.side]):
+            self._solves_left -= 1
+            free = solver.solve(build(solver.matrices, task, piece_s))
+            if free is None:
+                return None
+            ends = task.parameters(np.array(piece_s))[:3]
+            nodes.append(solver.matrices.accelerations(free, ends) * task.unit_mps2)
+        across_mps2, along_mps2 = nodes
+        if candidate.side == "left":
+            across_mps2 = -across_mps2
+        return self._trajectory(along_mps2, across_mps2, solver.matrices.durations * piece_s)
+
+    def _trajectory(
+        self, along_mps2: FloatArray, across_mps2: FloatArray, durations_s: FloatArray
+    ) -> Trajectory | None:
+        start, problem = self._problem.start, self._problem
+        along = _profile(start.axis(X), along_mps2, durations_s)
+        left_m = problem.region.x_pob_m - along.final.position_m
+        if left_m < 0.0:
+            return None
+        return Trajectory.from_profiles(
+            problem.start_s,
+            along.then(Segment(left_m / problem.exit_speed_mps, 0.0)),
+            _profile(start.axis(Y), across_mps2, durations_s),
+            self._vertical,
+        )
+
+
+def _profile(start: AxisState, nodes_mps2: FloatArray, durations_s: FloatArray) -> Profile:
+    """Integrate acceleration that is linear between nodes."""
+    jerks_mps3 = np.diff(nodes_mps2) / durations_s
+    segments = map(Segment, durations_s.tolist(), nodes_mps2[:-1].tolist(), jerks_mps3.tolist())
+    return Profile(start.position_m, start.velocity_mps, tuple(segments))
+
+
+def _plan_by_formula(problem: AvoidanceProblem, reasons: list[str]) -> Plan | None:
+    """The closed form on the nearer side, else on the other."""
+    start, keep_out = problem.start.axis(Y), problem.region.keep_out
+    nearer_is_left = 2.0 * start.position_m < keep_out.y_min_m + keep_out.y_max_m
+    for side in SIDES if nearer_is_left else SIDES[::-1]:
+        trajectory = vertex_manoeuvre(problem, side)
+        if trajectory is None:
+            reasons.append(f"vertex, {side}: no member of the family fits")
+            continue
+        certificate = certify_avoidance(trajectory, problem)
+        if certificate.valid:
+            return Plan("vertex", trajectory, side, cost(trajectory, problem), certificate)
+        reasons.append(_reason(f"vertex, {side}", certificate))
+    return None
+
+
+def _plan_to_brake(problem: AvoidanceProblem, reasons: list[str]) -> Plan | None:
+    """Brake to a hover short of the obstacle."""
+    trajectory = brake_to_hover(problem.start, problem.start_s, problem.envelope)
+    certificate = certify_clear(
+        trajectory, problem.start, problem.start_s, problem.envelope, [problem.region.keep_out]
+    )
+    if certificate.valid:
+        return Plan("brake", trajectory, None, math.inf, certificate)
+    reasons.append(_reason("brake", certificate))
+    return None
+
+
+def _reason(attempt: str, certificate: Certificate) -> str:
+    return f"{attempt}: {', '.join(certificate.failures)}"

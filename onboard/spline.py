@@ -1,0 +1,170 @@
+"""Motion on one axis in two phases, as a cubic B-spline with few degrees of freedom.
+
+A phase of `PIECES` pieces leads up to the *crossing*, where the vehicle gets clear of the
+obstacle, another one to the end.  The knots are uniform in each phase and the crossing is a knot,
+so that what holds before it and what holds after it never share a piece.  Everything is
+dimensionless: time in pieces of the first phase, h; acceleration in units of the largest limit, A;
+hence velocity in A h, length in A h², jerk in A / h.  The matrices depend only on the ratio of
+the piece lengths of the two phases, and are computed once.
+
+The start (position 0, velocity, acceleration) and the end (velocity, at rest in acceleration,
+position free) are built into the control points and need no equality rows.
+
+Notation:
+
+====  ======================================================================
+N     pieces in all
+c     control points, N + 3: c = F z + G p
+z     free variables, N - 2: control points 3 to N - 1, and the end position
+p     parameters: velocity and acceleration at the start, velocity at the end
+P     z^T P z / 2 + (K p)^T z + ... = integral of the squared acceleration / 2
+R     rows: accelerations at nodes, jerks, velocity control points, crossing
+====  ======================================================================
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from onboard.frames import FloatArray
+
+PIECES = 12
+TOTAL_PIECES = 2 * PIECES
+FREE = TOTAL_PIECES - 2
+END_POSITION = FREE - 1
+
+# Rows: inner nodes, pieces, velocity control points that are not fixed by start and end.
+ACCELERATION_ROWS = slice(0, TOTAL_PIECES - 1)
+JERK_ROWS = slice(TOTAL_PIECES - 1, 2 * TOTAL_PIECES - 1)
+VELOCITY_ROWS = slice(2 * TOTAL_PIECES - 1, 3 * TOTAL_PIECES - 3)
+CROSSING_ROW = 3 * TOTAL_PIECES - 3
+END_ROW = CROSSING_ROW + 1
+ROWS = END_ROW + 1
+
+# Velocity control points from this row on govern the second phase.
+VELOCITY_ROWS_AFTER = slice(VELOCITY_ROWS.start + PIECES - 2, VELOCITY_ROWS.stop)
+
+# Rows whose optimum costs much are scaled down: found to make ADMM converge fastest.
+_ROW_SCALING_EXPONENT = -0.375
+
+
+@dataclass(frozen=True, eq=False)
+class TwoPhaseSpline:
+    """The matrices for one ratio of piece lengths.
+
+    Attributes:
+        ratio: piece length of the second phase over that of the first.
+        hessian: P, (FREE, FREE).
+        gradient_from_parameters: K, (FREE, 3).
+        energy_of_parameters: what the parameters cost with z = 0, (3, 3).
+        rows: R F, (ROWS, FREE).
+        rows_from_parameters: R G, (ROWS, 3).
+        row_scale: factor for each row, (ROWS,).
+        node_accelerations: accelerations at all N + 1 nodes from z, (N + 1, FREE).
+        node_accelerations_from_parameters: and from p, (N + 1, 3).
+        durations: length of each piece, (N,).
+    """
+
+    ratio: float
+    hessian: FloatArray
+    gradient_from_parameters: FloatArray
+    energy_of_parameters: FloatArray
+    rows: FloatArray
+    rows_from_parameters: FloatArray
+    row_scale: FloatArray
+    node_accelerations: FloatArray
+    node_accelerations_from_parameters: FloatArray
+    durations: FloatArray
+
+    @classmethod
+    def with_ratio(cls, ratio: float) -> TwoPhaseSpline:
+        """Compute the matrices."""
+        durations = np.repeat([1.0, ratio], PIECES)
+        # Three more uniform knots at either end.
+        steps = np.concatenate((np.ones(3), durations, np.full(3, ratio)))
+        knots = np.concatenate(([0.0], np.cumsum(steps))) - 3.0
+        velocity = _difference_matrix(knots, degree=3)
+        acceleration = _difference_matrix(knots[1:-1], degree=2) @ velocity
+        jerk = _difference_matrix(knots[2:-2], degree=1) @ acceleration
+        points_from_free, points_from_parameters = _control_points(ratio)
+        rows = np.vstack(
+            (
+                acceleration[1:-1],
+                jerk,
+                velocity[2:-2],
+                _basis_at_knot(knots, PIECES),
+                _basis_at_knot(knots, TOTAL_PIECES),
+            )
+        )
+        gram = _gram_matrix(durations)
+        nodes_from_free = acceleration @ points_from_free
+        nodes_from_parameters = acceleration @ points_from_parameters
+        hessian = nodes_from_free.T @ gram @ nodes_from_free
+        free_rows = rows @ points_from_free
+        cheapness = np.einsum("ij,ij->i", free_rows, np.linalg.solve(hessian, free_rows.T).T)
+        return cls(
+            ratio=ratio,
+            hessian=hessian,
+            gradient_from_parameters=nodes_from_free.T @ gram @ nodes_from_parameters,
+            energy_of_parameters=nodes_from_parameters.T @ gram @ nodes_from_parameters,
+            rows=free_rows,
+            rows_from_parameters=rows @ points_from_parameters,
+            row_scale=cheapness**_ROW_SCALING_EXPONENT,
+            node_accelerations=nodes_from_free,
+            node_accelerations_from_parameters=nodes_from_parameters,
+            durations=durations,
+        )
+
+    def accelerations(self, free: FloatArray, parameters: FloatArray) -> FloatArray:
+        """Accelerations at the N + 1 nodes, linear in between."""
+        nodes: FloatArray = (
+            self.node_accelerations @ free + self.node_accelerations_from_parameters @ parameters
+        )
+        return nodes
+
+
+def _difference_matrix(knots: FloatArray, degree: int) -> FloatArray:
+    """Control points of a B-spline's derivative from those of the spline."""
+    count = len(knots) - degree - 1
+    weights = degree / (knots[1 + degree : count + degree] - knots[1:count])
+    matrix: FloatArray = weights[:, None] * (np.eye(count - 1, count, 1) - np.eye(count - 1, count))
+    return matrix
+
+
+def _basis_at_knot(knots: FloatArray, piece: int) -> FloatArray:
+    """Values of the cubic basis functions at the start of a piece (Cox-de Boor)."""
+    at = knots[piece + 3]
+    basis = np.zeros(len(knots) - 1)
+    basis[piece + 3] = 1.0
+    for degree in (1, 2, 3):
+        count = len(knots) - degree - 1
+        rising = (at - knots[:count]) / (knots[degree : degree + count] - knots[:count])
+        falling = (knots[degree + 1 :] - at) / (knots[degree + 1 :] - knots[1 : count + 1])
+        basis = rising * basis[:count] + falling * basis[1 : count + 1]
+    return basis
+
+
+def _control_points(ratio: float) -> tuple[FloatArray, FloatArray]:
+    """F and G: control points from the free variables and from the parameters."""
+    count = TOTAL_PIECES + 3
+    from_free, from_parameters = np.zeros((count, FREE)), np.zeros((count, 3))
+    from_free[3 : count - 3, :END_POSITION] = np.eye(count - 6)
+    # Uniform knots at the start: position (c0 + 4 c1 + c2) / 6 = 0, and so on.
+    start = np.array([[1 / 6, 4 / 6, 1 / 6], [-0.5, 0.0, 0.5], [1.0, -2.0, 1.0]])
+    from_parameters[:3, :2] = np.linalg.inv(start)[:, 1:]
+    from_free[-3:, END_POSITION] = 1.0
+    from_parameters[-3:, 2] = (-ratio, 0.0, ratio)
+    return from_free, from_parameters
+
+
+def _gram_matrix(durations: FloatArray) -> FloatArray:
+    """Integral of the product of two piecewise-linear functions, from their nodes."""
+    diagonal = (np.append(durations, 0.0) + np.insert(durations, 0, 0.0)) / 3.0
+    gram: FloatArray = (
+        np.diag(diagonal) + np.diag(durations / 6.0, 1) + np.diag(durations / 6.0, -1)
+    )
+    return gram
