@@ -64,16 +64,14 @@ class Stretch:
     Attributes:
         name: for reports.
         frame: origin at the start of the leg.
-        length_m: of the leg; infinite when no mission says where it ends.
-        start_half_width_m: how far beside its start the leg may begin (after an earlier leg).
-        end_half_width_m: how far beside its end it may arrive.
+        start, end: where the leg may begin and end, in its frame: as far beside its two points as
+            the mission allows.
     """
 
     name: str
     frame: LegFrame
-    length_m: float
-    start_half_width_m: float
-    end_half_width_m: float
+    start: Box
+    end: Box
 
 
 @dataclass(frozen=True)
@@ -137,18 +135,25 @@ def check_field(
 
 def _stretches(mission: Mission | None) -> Iterator[Stretch]:
     if mission is None:
-        yield Stretch("heading north", LegFrame((0.0, 0.0, 0.0), 0.0), math.inf, 0.0, 0.0)
+        nowhere = Box(math.inf, math.inf, 0.0, 0.0)
+        yield Stretch("heading north", LegFrame((0.0, 0.0, 0.0), 0.0), nowhere, nowhere)
         return
-    start_ned_m, start_half_width_m = mission.start_ned_m, 0.0
+    start_ned_m = np.array([(*mission.start_ned_m, 0.0)])
+    point_ned_m = mission.start_ned_m
     for number, leg in enumerate(mission.legs, start=1):
-        yield Stretch(
-            name=f"leg {number}",
-            frame=LegFrame.between((*start_ned_m, 0.0), (*leg.end_ned_m, 0.0)),
-            length_m=math.dist(start_ned_m, leg.end_ned_m),
-            start_half_width_m=start_half_width_m,
-            end_half_width_m=leg.target_half_width_m,
-        )
-        start_ned_m, start_half_width_m = leg.end_ned_m, leg.target_half_width_m
+        frame = LegFrame.between((*point_ned_m, 0.0), (*leg.end_ned_m, 0.0))
+        length_m, half_m = math.dist(point_ned_m, leg.end_ned_m), leg.target_half_width_m
+        end_m = np.array([(length_m, -half_m, 0.0), (length_m, half_m, 0.0)])
+        start_m = frame.position_leg_from_ned(start_ned_m)
+        yield Stretch(f"leg {number}", frame, _enclosing(start_m), _enclosing(end_m))
+        # Where this leg may end, the next may begin; it runs in another direction.
+        start_ned_m, point_ned_m = frame.position_ned_from_leg(end_m), leg.end_ned_m
+
+
+def _enclosing(points_m: FloatArray) -> Box:
+    """Return the smallest box around points (N, 3)."""
+    (x_min_m, y_min_m, _), (x_max_m, y_max_m, _) = points_m.min(axis=0), points_m.max(axis=0)
+    return Box(float(x_min_m), float(x_max_m), float(y_min_m), float(y_max_m))
 
 
 def leg_boxes(frame: LegFrame, obstacles: ObstacleField) -> Iterator[Box]:
@@ -270,7 +275,7 @@ def intersecting_pairs(boxes: list[Box]) -> Iterator[tuple[int, int]]:
 def _start_clear(legs: tuple[LegField, ...]) -> FieldRule:
     count = _Count()
     for leg in legs:
-        _count_regions_at(leg, 0.0, leg.stretch.start_half_width_m, count)
+        _count_regions_at(leg, leg.stretch.start, count)
     return _none_of(
         count,
         "start_clear",
@@ -282,7 +287,7 @@ def _start_clear(legs: tuple[LegField, ...]) -> FieldRule:
 def _end_clear(legs: tuple[LegField, ...]) -> FieldRule:
     count = _Count()
     for leg in legs:
-        _count_regions_at(leg, leg.stretch.length_m, leg.stretch.end_half_width_m, count)
+        _count_regions_at(leg, leg.stretch.end, count)
     return _none_of(
         count,
         "end_clear",
@@ -291,10 +296,9 @@ def _end_clear(legs: tuple[LegField, ...]) -> FieldRule:
     )
 
 
-def _count_regions_at(leg: LegField, x_m: float, half_width_m: float, count: _Count) -> None:
-    line = Box(x_m, x_m, -half_width_m, half_width_m)
+def _count_regions_at(leg: LegField, place: Box, count: _Count) -> None:
     for index, region in enumerate(leg.regions):
-        if region.extent.intersects(line):
+        if region.extent.intersects(place):
             count.add(leg.called(index))
 
 

@@ -298,12 +298,12 @@ async def _quiet() -> AsyncIterator[None]:
         log_unsubscribe()
 
 
-async def describe_vehicle(url: str) -> str:
+async def describe_vehicle(url: str, timeout_s: float = CONNECT_TIMEOUT_S) -> str:
     """Connect, wait until the vehicle is healthy, and say what it is.
 
     Raises:
         VehicleError: there is no vehicle, or it is not healthy.
     """
-    async with connected_vehicle(url, asyncio.Event()) as vehicle:
+    async with connected_vehicle(url, asyncio.Event(), timeout_s) as vehicle:
         await vehicle.wait_healthy()
         return f"vehicle at {url}: {vehicle.autopilot.name}, healthy"

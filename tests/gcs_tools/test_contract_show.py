@@ -1,0 +1,160 @@
+"""`clearway contract show` against the formulas of the paper, written down once more."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+import math
+from pathlib import Path
+from typing import NamedTuple
+
+import pytest
+
+from tests.gcs_tools.running import Clearway
+
+G = 9.80665
+PUBLISHED = {
+    "collision_set_depth_m",
+    "csb_shape",
+    "lane_overhang_m",
+    "pob_depth_m",
+    "roi_length_m",
+    "roi_width_m",
+    "required_detection_range_m",
+    "required_separation_m",
+    "stopping_distance_m",
+}
+
+
+def depth_m(speed_mps: float, size_m: float, accel_mps2: float) -> tuple[float, float]:
+    """D and t_m for equal limits on all sides."""
+    t_m = min(speed_mps / accel_mps2, math.sqrt(2.0 * size_m / (2.0 * accel_mps2)))
+    return speed_mps * t_m - accel_mps2 * t_m**2 / 2.0, t_m
+
+
+class Case(NamedTuple):
+    tilt_deg: float
+    speed_mps: float
+    size_m: float
+    shape: str
+
+
+@pytest.mark.parametrize(
+    "case",
+    [Case(15.0, 2.8, 4.0, "flat"), Case(5.0, 2.8, 1.2, "pointed"), Case(20.0, 9.0, 1.0, "pointed")],
+)
+def test_nominal_quantities(clearway: Clearway, config: Path, case: Case) -> None:
+    tilt_deg, speed_mps, size_m, shape = case
+    ran = clearway(
+        "contract", "show", "--contract", config / "default_contract.yaml", "--format", "json",
+        "--set", f"vehicle.roll_max_deg={tilt_deg}", f"vehicle.pitch_max_deg={tilt_deg}",
+        "--set", f"vehicle.cruise_speed_mps={speed_mps}",
+        f"environment.obstacle_size_max_m={size_m}",
+    )  # fmt: skip
+    assert ran.code == 0
+    document = json.loads(ran.out)
+    nominal = document["nominal"]
+    a = G * math.tan(math.radians(tilt_deg))
+    d, t_m = depth_m(speed_mps, size_m, a)
+    overhang_m = (a * t_m) ** 2 / (2.0 * a)
+    recovery_m = speed_mps**2 / (2.0 * a)
+    length_m = d + size_m / 2.0 + max(recovery_m, size_m / 2.0)
+    width_m = size_m + 2.0 * overhang_m
+
+    assert set(nominal) == set(document["inflated"]) == PUBLISHED
+    assert document["accel_mps2"] == pytest.approx(
+        {"brake": a, "forward": a, "left": a, "right": a}
+    )
+    assert nominal["csb_shape"] == shape
+    assert nominal["collision_set_depth_m"] == pytest.approx(d)
+    assert nominal["lane_overhang_m"] == pytest.approx({"left": overhang_m, "right": overhang_m})
+    assert nominal["pob_depth_m"] == pytest.approx(max(size_m, recovery_m))
+    assert nominal["roi_length_m"] == pytest.approx(length_m)
+    assert nominal["roi_width_m"] == pytest.approx(width_m)
+    assert nominal["required_detection_range_m"] == pytest.approx(d)
+    assert nominal["required_separation_m"] == pytest.approx(math.hypot(length_m, width_m))
+    assert nominal["stopping_distance_m"] == pytest.approx(recovery_m)
+
+
+def test_inflated_detection_range(clearway: Clearway, config: Path) -> None:
+    ran = clearway(
+        "contract", "show", "--contract", config / "default_contract.yaml", "--format", "json"
+    )
+    inflated = json.loads(ran.out)["inflated"]
+    a = G * math.tan(math.radians(15.0))
+    radius_m, tracking_m, face_m = 0.30, 0.25, 0.05
+    speed_mps, late_s, timeout_s = 2.8 + 0.20, 0.15 + 0.15, 0.5
+    margin_m = radius_m + tracking_m + 2.0 * face_m
+    d, _ = depth_m(speed_mps, 4.0 + 2.0 * margin_m, a)
+    run_on_m = speed_mps * timeout_s + speed_mps**2 / (2.0 * a)
+    needed_m = margin_m + d + speed_mps * late_s + tracking_m + run_on_m
+    assert inflated["required_detection_range_m"] == pytest.approx(needed_m)
+    assert inflated["stopping_distance_m"] == pytest.approx(
+        speed_mps * late_s + speed_mps**2 / (2.0 * a)
+    )
+
+
+def test_clauses_and_verdict(clearway: Clearway, config: Path) -> None:
+    contract = config / "default_contract.yaml"
+    ran = clearway("contract", "show", "--contract", contract, "--format", "json")
+    document = json.loads(ran.out)
+    assert document["compliant"] is True
+    assert document["input_set"] == "inner"
+    clauses = {clause["name"]: clause for clause in document["clauses"]}
+    for clause in clauses.values():
+        assert clause["margin"] == pytest.approx(clause["declared"] - clause["required"])
+        assert clause["holds"] is (clause["margin"] > 0.0)
+        assert set(clause) == {
+            "name", "required", "declared", "margin", "unit", "holds", "reason",
+        }  # fmt: skip
+    assert document["binding"] == "separation"
+    assert clauses["separation"]["declared"] == 20.0
+
+
+def test_a_contract_that_does_not_comply_is_shown(clearway: Clearway, config: Path) -> None:
+    contract = config / "default_contract.yaml"
+    broken = "environment.obstacle_separation_min_m=16.0"
+    arguments = ("contract", "show", "--contract", contract, "--set", broken)
+    ran = clearway(*arguments, "--format", "json")
+    assert ran.code == 0
+    assert json.loads(ran.out)["compliant"] is False
+    table = clearway(*arguments)
+    assert table.code == 0
+    assert table.out.startswith("NOT COMPLIANT")
+    assert "broken most: separation" in table.out
+
+
+def test_paper_input_set_is_wider_sideways(clearway: Clearway, config: Path) -> None:
+    contract = config / "default_contract.yaml"
+    ran = clearway(
+        "contract", "show", "--contract", contract, "--input-set", "paper", "--format", "json"
+    )
+    document = json.loads(ran.out)
+    assert document["input_set"] == "paper"
+    tilt_rad = math.radians(15.0)
+    assert document["accel_mps2"]["right"] == pytest.approx(
+        G * math.tan(tilt_rad) / math.cos(tilt_rad)
+    )
+
+
+def test_csv_and_json_say_the_same(clearway: Clearway, config: Path, tmp_path: Path) -> None:
+    contract = config / "paper_contract.yaml"
+    output = tmp_path / "contract.csv"
+    shown = clearway("contract", "show", "--contract", contract, "--format", "json")
+    written = clearway("contract", "show", "--contract", contract, "--format", "csv", "-o", output)
+    assert (written.code, written.out) == (0, "")
+    rows = dict(csv.reader(io.StringIO(output.read_text(encoding="utf-8"))))
+    document = json.loads(shown.out)
+    range_m = document["inflated"]["required_detection_range_m"]
+    assert float(rows["inflated.required_detection_range_m"]) == range_m
+    assert rows["nominal.csb_shape"] == document["nominal"]["csb_shape"]
+    assert json.loads(rows["clauses.stop.holds"]) is True
+    assert rows["contract_sha256"] == document["contract_sha256"]
+
+
+def test_the_table_names_every_clause(clearway: Clearway, config: Path) -> None:
+    ran = clearway("contract", "show", "--contract", config / "default_contract.yaml")
+    assert ran.out.startswith("COMPLIANT")
+    for name in ("thrust", "detection_range", "stop", "passive_safety", "separation"):
+        assert name in ran.out

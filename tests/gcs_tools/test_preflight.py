@@ -1,0 +1,190 @@
+"""Pre-flight: a contract, a field and a mission on paper, and who is refused."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import math
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from gcs_tools.field_check import OFFENDERS_MAX, FieldRule, check_field, intersecting_pairs
+from gcs_tools.processes import free_ports
+from gcs_tools.vehicle import VehicleError, describe_vehicle
+from onboard.config import Mission, load_contract
+from onboard.contract import assess
+from onboard.region import Box
+from sitl.field import Obstacle, ObstacleField
+from tests.gcs_tools.running import CONFIG, Clearway
+
+PAPER = assess(load_contract(CONFIG / "paper_contract.yaml"))
+SIZE_M = (1.0, 1.0)
+
+
+def obstacle(name: str, center_ned_m: tuple[float, float], **more: Any) -> Obstacle:
+    return Obstacle.model_validate(
+        {"id": name, "center_ned_m": center_ned_m, "size_m": SIZE_M, **more}
+    )
+
+
+def rules(obstacles: Sequence[Obstacle], mission: Mission | None = None) -> dict[str, FieldRule]:
+    found = check_field(PAPER, ObstacleField.of(obstacles), mission)
+    return {rule.name: rule for rule in found}
+
+
+def mission(*ends_ned_m: tuple[float, float], half_width_m: float = 3.0) -> Mission:
+    legs = [{"end_ned_m": end, "target_half_width_m": half_width_m} for end in ends_ned_m]
+    return Mission.model_validate({"altitude_m": 4.0, "legs": legs})
+
+
+@pytest.mark.parametrize("name", ["paper", "default"])
+def test_shipped_examples_may_fly(clearway: Clearway, config: Path, name: str) -> None:
+    ran = clearway(
+        "preflight",
+        *("--contract", config / f"{name}_contract.yaml"),
+        *("--field", config / f"{name}_field.yaml"),
+        *("--mission", config / f"{name}_mission.yaml"),
+    )
+    assert ran.code == 0
+    assert ran.out.startswith("MAY FLY")
+
+
+def test_a_broken_clause_is_refused(clearway: Clearway, config: Path) -> None:
+    arguments = (
+        "preflight", "--contract", config / "paper_contract.yaml",
+        "--set", "sensor.detection_range_m=4.0",
+    )  # fmt: skip
+    ran = clearway(*arguments, "--format", "json")
+    document = json.loads(ran.out)
+    assert ran.code == 1
+    assert document["compliant"] is False
+    assert document["contract"]["compliant"] is False
+    assert any(refusal.startswith("detection_range: ") for refusal in document["refusals"])
+    table = clearway(*arguments)
+    assert table.code == 1
+    assert table.out.startswith("DO NOT FLY")
+
+
+def test_intersecting_regions_are_refused(clearway: Clearway, config: Path) -> None:
+    ran = clearway(
+        "preflight",
+        *("--contract", config / "paper_contract.yaml"),
+        *("--field", config / "intersecting_rois_field.yaml"),
+        *("--mission", config / "paper_mission.yaml"),
+        *("--format", "json"),
+    )
+    document = json.loads(ran.out)
+    assert ran.code == 1
+    assert document["contract"]["compliant"] is True
+    broken = {rule["name"]: rule for rule in document["field"] if not rule["holds"]}
+    assert set(broken) == {"separation", "roi_disjoint"}
+    assert broken["roi_disjoint"]["offenders"] == ["2 and 3 (leg 1)"]
+
+
+def test_sizes_are_those_in_the_leg_frame() -> None:
+    turned = obstacle("1", (20.0, 0.0), yaw_deg=45.0)
+    along_north = rules([turned], mission((40.0, 0.0)))["obstacle_size_max"]
+    assert along_north.required == pytest.approx(math.sqrt(2.0))
+    assert not along_north.holds
+    assert along_north.offenders == ("1 (leg 1): 1.41 m",)
+    along_the_obstacle = rules([turned], mission((40.0, 40.0)))["obstacle_size_max"]
+    assert along_the_obstacle.required == pytest.approx(1.0)
+    assert along_the_obstacle.holds
+
+
+def test_an_obstacle_thinner_than_assumed_is_named() -> None:
+    thin = rules([obstacle("pole", (20.0, 0.0), size_m=(0.2, 1.0))])["obstacle_size_min"]
+    assert not thin.holds
+    assert thin.offenders == ("pole (heading north): 0.20 m",)
+
+
+def test_separation_is_between_centres() -> None:
+    near = rules([obstacle("a", (0.0, 0.0)), obstacle("b", (7.0, 10.0))])["separation"]
+    assert near.declared == pytest.approx(math.hypot(7.0, 10.0))
+    assert not near.holds
+    assert near.offenders == ("a and b: 12.21 m",)
+    same_place = rules([obstacle("a", (0.0, 0.0)), obstacle("b", (0.0, 0.0))])["separation"]
+    assert (same_place.declared, same_place.holds) == (0.0, False)
+    alone = rules([obstacle("a", (0.0, 0.0))])["separation"]
+    assert alone.holds
+
+
+def test_start_and_end_lie_outside_every_region() -> None:
+    region = PAPER.region_around(Box(19.5, 20.5, -0.5, 0.5), 0.0).extent
+    in_the_way = [obstacle("1", (20.0, 0.0))]
+    for end_m, clear in [
+        (region.x_min_m - 0.1, True),
+        (region.x_min_m + 0.1, False),
+        (region.x_max_m - 0.1, False),
+        (region.x_max_m + 0.1, True),
+    ]:
+        assert rules(in_the_way, mission((end_m, 0.0)))["end_clear"].holds is clear
+    at_the_start = rules([obstacle("1", (3.0, 0.0))], mission((46.0, 0.0)))["start_clear"]
+    assert at_the_start.offenders == ("1 (leg 1)",)
+
+
+def test_a_later_leg_starts_anywhere_beside_the_end_of_the_one_before() -> None:
+    beside = [obstacle("1", (42.0, 8.0))]
+    narrow = rules(beside, mission((40.0, 0.0), (40.0, -40.0), half_width_m=0.5))
+    wide = rules(beside, mission((40.0, 0.0), (40.0, -40.0), half_width_m=9.0))
+    assert narrow["start_clear"].holds
+    assert not wide["start_clear"].holds
+
+
+def test_offenders_are_bounded() -> None:
+    crowd = [obstacle(str(n), (0.01 * n, 0.0)) for n in range(60)]
+    disjoint = rules(crowd)["roi_disjoint"]
+    assert disjoint.required == 60 * 59 / 2
+    assert len(disjoint.offenders) == OFFENDERS_MAX
+
+
+coordinates = st.floats(-50.0, 50.0)
+sizes = st.floats(0.0, 20.0)
+
+
+@given(st.lists(st.tuples(coordinates, coordinates, sizes, sizes), max_size=25))
+def test_the_sweep_finds_what_comparing_all_pairs_finds(
+    corners: list[tuple[float, float, float, float]],
+) -> None:
+    boxes = [Box(x, x + along, y, y + across) for x, y, along, across in corners]
+    everyone = {
+        (i, j)
+        for j, second in enumerate(boxes)
+        for i, first in enumerate(boxes[:j])
+        if first.intersects(second)
+    }
+    found = list(intersecting_pairs(boxes))
+    assert len(found) == len(set(found))
+    assert set(found) == everyone
+
+
+def test_a_large_forest_is_checked() -> None:
+    """Ten thousand stems; comparing all pairs in Python would take minutes."""
+    grid = np.arange(100) * 15.0
+    field = ObstacleField.of(
+        [obstacle(f"{x:.0f}/{y:.0f}", (x + 20.0, y)) for x in grid for y in grid]
+    )
+    found = {rule.name: rule for rule in check_field(PAPER, field, None)}
+    assert all(rule.holds for rule in found.values())
+    assert found["separation"].declared == pytest.approx(15.0)
+
+
+def test_stems_from_a_survey(
+    clearway: Clearway, config: Path, written: Callable[[str, Any], Path]
+) -> None:
+    stems = written("stems.csv", "x_m,y_m,dbh_cm\n20.0,0.0,110.0\n40.0,1.0,105.0\n")
+    contract = config / "paper_contract.yaml"
+    ran = clearway("preflight", "--contract", contract, "--field", stems)
+    assert ran.code == 0
+
+
+def test_no_vehicle_is_said_so() -> None:
+    url = f"udpin://127.0.0.1:{free_ports(1)[0]}"
+    with pytest.raises(VehicleError, match=r"no autopilot heard in 0\.2 s"):
+        asyncio.run(describe_vehicle(url, timeout_s=0.2))
