@@ -23,7 +23,6 @@ derivatives.
 | x_b, y_b, z_b | ``x_axis_*`` ... | wanted body axes, NED |
 """
 
-# ruff: noqa: PLR0917  compiled functions take scalars and named tuples, by position
 from __future__ import annotations
 
 import math
@@ -151,12 +150,12 @@ def _wanted_velocity(
     )
     east = _toward(setpoint.east_m, setpoint.velocity_east_mps, state.east_m, gains.position_per_s)
     down = _toward(setpoint.down_m, setpoint.velocity_down_mps, state.down_m, gains.position_per_s)
-    speed = math.sqrt(north * north + east * east)  # nan compares false: no limit, none needed
-    if speed > gains.speed_max_mps:
+    speed = math.sqrt(north * north + east * east)
+    if speed > gains.speed_max_mps:  # nan compares false: nothing to limit
         north *= gains.speed_max_mps / speed
         east *= gains.speed_max_mps / speed
-    down = min(down, gains.sink_max_mps)
-    down = max(down, -gains.climb_max_mps)
+    if not math.isnan(down):
+        down = min(max(down, -gains.climb_max_mps), gains.sink_max_mps)
     return north, east, down
 
 

@@ -118,6 +118,7 @@ class Bus:
         prefix = f"clearway/{config.vehicle}"
         self._obstacles = session.declare_publisher(f"{prefix}/obstacles")
         self._truth = session.declare_publisher(f"{prefix}/truth")
+        # Dropping a token withdraws it.
         self._tokens = [
             session.liveliness().declare_token(f"{prefix}/obstacles/{sensor.source}")
             for sensor in config.sensors

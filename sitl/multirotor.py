@@ -20,7 +20,6 @@ Rotors 1 and 2 turn counter-clockwise seen from above, so that their drag yaws t
 (+z_frd).  This is PX4's numbering of a quad X.
 """
 
-# ruff: noqa: PLR0917  compiled functions take scalars and named tuples, by position
 from __future__ import annotations
 
 import math

@@ -162,6 +162,13 @@ def test_acceleration_setpoint_is_flown_without_feedback() -> None:
     assert state.velocity_north_mps == pytest.approx(2.0, abs=0.25)  # less the attitude's lag
 
 
+def test_an_axis_without_position_and_velocity_has_no_feedback() -> None:
+    nan = math.nan
+    state = settle(Setpoint(nan, nan, nan, nan, nan, nan, 0.0, 0.0, -1.0), 2.0, ControllerGains())
+    assert state.velocity_down_mps == pytest.approx(-2.0, abs=0.2)
+    assert state[3:5] == pytest.approx((0.0, 0.0), abs=0.01)
+
+
 def test_setpoint_moves_along_its_derivatives_between_updates() -> None:
     """One update a second is as good as many, if the motion is a polynomial."""
     gains = ControllerGains()
