@@ -100,8 +100,7 @@ def test_mavsdk_connects_arms_takes_off_and_lands(tmp_path: Path) -> None:
         records = [json.loads(m.data) for _, _, m in make_reader(file).iter_messages()]
     assert max(-record["position_ned_m"][2] for record in records) == pytest.approx(1.0, abs=0.1)
     assert records[-1]["position_ned_m"][2] == pytest.approx(0.0, abs=0.01)
-    periods_s = [b["time_unix_s"] - a["time_unix_s"] for a, b in pairwise(records)]
-    assert sorted(periods_s)[len(periods_s) // 2] == pytest.approx(0.02, abs=0.001)
+    assert all(a["time_unix_s"] < b["time_unix_s"] for a, b in pairwise(records))
 
 
 def putting_into(messages: queue.Queue[dict[str, Any]]) -> Callable[[zenoh.Sample], None]:
