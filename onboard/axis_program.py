@@ -26,6 +26,7 @@ if TYPE_CHECKING:
 
 # Kept from every face and border, and left of every limit: more than the solver's tolerance eats.
 MARGIN_M = 2e-3
+MARGIN_MPS = 5e-3
 USED_SHARE = 0.995
 
 # What OSQP is told instead of infinity.
@@ -102,8 +103,8 @@ class AxisTask:
             (spline.VELOCITY_ROWS, self.speed_before_mps),
             (spline.VELOCITY_ROWS_AFTER, self.speed_after_mps),
         ):
-            lower[..., rows] = low_mps / speed_unit_mps
-            upper[..., rows] = high_mps / speed_unit_mps
+            lower[..., rows] = (low_mps + MARGIN_MPS) / speed_unit_mps
+            upper[..., rows] = (high_mps - MARGIN_MPS) / speed_unit_mps
         unit_m = self.unit_mps2 * piece_s * piece_s
         lower[..., spline.CROSSING_ROW] = (self.crossing_m[0] + MARGIN_M) / unit_m
         upper[..., spline.CROSSING_ROW] = (self.crossing_m[1] - MARGIN_M) / unit_m
@@ -121,38 +122,59 @@ class AxisProgram:
     """One QP: minimise ``z^T P z / 2 + gradient^T z`` with scaled rows between bounds.
 
     Attributes:
+        ends: parameters of the spline, start and end (3,).
         gradient: (FREE,).
         lower, upper: bounds of the scaled rows, (ROWS,), never infinite.
+        cost_unit: cost [m²/s³] of an objective of one.
+        cost_of_ends: what start and end cost with z = 0 [m²/s³].
     """
 
+    ends: FloatArray
     gradient: FloatArray
     lower: FloatArray
     upper: FloatArray
+    cost_unit: float
+    cost_of_ends: float
+
+    def cost(self, objective: float) -> float:
+        """Cost [m²/s³] of a solution, from the objective that the solver reports."""
+        return self.cost_unit * objective + self.cost_of_ends
 
 
-def build(matrices: spline.TwoPhaseSpline, task: AxisTask, piece_s: float) -> AxisProgram:
-    """Build the QP of one axis for one horizon; P and the rows are those of ``matrices``."""
-    piece = np.array(piece_s)
-    *ends, reward = task.parameters(piece)
+def build(matrices: spline.TwoPhaseSpline, task: AxisTask, piece_s: FloatArray) -> AxisProgram:
+    """Build the QP of one axis for one horizon; P and the rows are those of ``matrices``.
+
+    Args:
+        matrices: the spline, which is dimensionless.
+        task: the axis.
+        piece_s: length of the pieces of the first phase, ().
+    """
+    parameters = task.parameters(piece_s)
+    ends, reward = parameters[:3], parameters[3]
     gradient = matrices.gradient_from_parameters @ ends
     gradient[spline.END_POSITION] -= reward
-    lower, upper = task.bounds(piece)
+    lower, upper = task.bounds(piece_s)
     fixed = matrices.rows_from_parameters @ ends
+    cost_unit = float(task.cost_unit(piece_s))
     return AxisProgram(
+        ends,
         gradient,
         np.maximum((lower - fixed) * matrices.row_scale, -_INACTIVE),
         np.minimum((upper - fixed) * matrices.row_scale, _INACTIVE),
+        # The objective is half of what it stands for.
+        2.0 * cost_unit,
+        cost_unit * float(ends @ matrices.energy_of_parameters @ ends),
     )
 
 
-def along_task(problem: AvoidanceProblem, box_share: float = 1.0, *, clear: bool) -> AxisTask:
+def along_task(problem: AvoidanceProblem, *, clear: bool) -> AxisTask:
     """The x axis: short of the front face until clear, and back to the exit speed in the end."""
     start, region = problem.start.axis(X), problem.region
     front_m = region.keep_out.x_min_m - start.position_m
     forward = (0.0, problem.envelope.speed_max_mps)
     return AxisTask(
         start=start,
-        limits=problem.envelope.along.scaled(box_share),
+        limits=problem.envelope.along,
         end_speed_mps=problem.exit_speed_mps,
         crossing_m=_ANYWHERE if clear else (-math.inf, front_m),
         end_max_m=region.x_pob_m - start.position_m,
@@ -163,9 +185,7 @@ def along_task(problem: AvoidanceProblem, box_share: float = 1.0, *, clear: bool
     )
 
 
-def across_task(
-    problem: AvoidanceProblem, side: Side, box_share: float = 1.0, *, clear: bool
-) -> AxisTask:
+def across_task(problem: AvoidanceProblem, side: Side, *, clear: bool) -> AxisTask:
     """The y axis, mirrored for the left side: beyond the side face from the crossing on."""
     sidestep = problem.sidestep(side)
     start = sidestep.start
@@ -173,7 +193,7 @@ def across_task(
     either_way = (-sidestep.speed_max_mps, sidestep.speed_max_mps)
     return AxisTask(
         start=start,
-        limits=sidestep.limits.scaled(box_share),
+        limits=sidestep.limits,
         end_speed_mps=0.0,
         crossing_m=_ANYWHERE if clear else (sidestep.face_m - start.position_m, math.inf),
         end_max_m=sidestep.lane_m - start.position_m,

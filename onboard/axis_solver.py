@@ -7,7 +7,7 @@ advance (spline.py) instead of by OSQP's equilibration, which would slow converg
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 import osqp
@@ -34,6 +34,13 @@ _SETTINGS: dict[str, Any] = {
 }
 
 
+class Optimum(NamedTuple):
+    """Free variables (FREE,) and objective of a solved QP."""
+
+    free: FloatArray
+    objective: float
+
+
 class AxisSolver:
     """Solves the QPs of one ratio; holds the factorisation, and no other state between solves."""
 
@@ -50,12 +57,12 @@ class AxisSolver:
         )
         self._origin = np.zeros(spline.FREE), np.zeros(spline.ROWS)
 
-    def solve(self, program: AxisProgram) -> FloatArray | None:
-        """Return the free variables at the optimum; None if there is none, or it was not found."""
+    def solve(self, program: AxisProgram) -> Optimum | None:
+        """Return the optimum; None if there is none, or it was not found."""
         if (program.lower > program.upper).any():
             return None
         self._osqp.update(q=program.gradient, l=program.lower, u=program.upper)
         self._osqp.warm_start(*self._origin)
         result = self._osqp.solve(raise_error=False)
         solved = result.info.status_val == osqp.SolverStatus.OSQP_SOLVED
-        return np.asarray(result.x) if solved else None
+        return Optimum(np.array(result.x), result.info.obj_val) if solved else None

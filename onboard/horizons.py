@@ -119,7 +119,8 @@ def crossing_times_s(along: AxisTask, across: AxisTask, count: int) -> FloatArra
     latest_s = min(latest_s, max(3.0 * earliest_s, unhurried_s if unhurried_s < math.inf else 0.0))
     if latest_s < earliest_s:
         return np.empty(0)
-    return np.geomspace(earliest_s, latest_s, count)
+    # At either end only a bang-bang input would do: stay off them.
+    return earliest_s * (latest_s / earliest_s) ** ((np.arange(count) + 0.5) / count)
 
 
 def _profile(task: AxisTask, speed_mps: float) -> Profile:

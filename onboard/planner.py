@@ -21,8 +21,7 @@ from onboard.axis_program import AxisTask, across_task, along_task, build
 from onboard.axis_solver import AxisSolver
 from onboard.certify import Certificate, certify_avoidance, certify_clear
 from onboard.horizons import CostBounds, crossing_times_s
-from onboard.manoeuvre import brake_to_hover, settling, share_of_box, vertex_manoeuvre
-from onboard.profile import Profile, Segment
+from onboard.manoeuvre import brake_to_hover, vertex_manoeuvre
 from onboard.trajectory import Trajectory, X, Y, Z
 
 if TYPE_CHECKING:
@@ -30,7 +29,6 @@ if TYPE_CHECKING:
 
     from onboard.avoidance import AvoidanceProblem, Side
     from onboard.frames import FloatArray
-    from onboard.profile import AxisState
 
 SIDES: tuple[Side, Side] = ("left", "right")
 
@@ -114,12 +112,13 @@ class Planner:
         self, problem: AvoidanceProblem, current: Plan | None, reasons: list[str]
     ) -> Plan | None:
         """Branch and bound over the candidates; a plan counts once it certifies."""
-        vertical = settling(problem.start.axis(Z), problem.envelope, None)
-        search = _Search(problem, vertical, self._solvers, self._bounds)
+        if any(problem.start.axis(Z)[1:]):
+            reasons.append("qp: the planar problem starts at rest in height")
+            return None
+        search = _Search(problem, self._solvers, self._bounds)
         best = search.run(search.candidates(current))
         if best is None:
             reasons.extend(search.reasons)
-            return None
         return best
 
 
@@ -129,21 +128,18 @@ class _Search:
     def __init__(
         self,
         problem: AvoidanceProblem,
-        vertical: Profile,
         solvers: list[AxisSolver],
         bounds: CostBounds,
     ) -> None:
         self.reasons: list[str] = []
         self._problem = problem
-        self._vertical = vertical
         self._solvers = solvers
         self._bounds = bounds
-        share = share_of_box(vertical)
         self._tasks: dict[Side, tuple[AxisTask, AxisTask]] = {}
         for side in SIDES:
             clear = problem.sidestep(side).is_clear
-            along = along_task(problem, share, clear=clear)
-            self._tasks[side] = along, across_task(problem, side, share, clear=clear)
+            along = along_task(problem, clear=clear)
+            self._tasks[side] = along, across_task(problem, side, clear=clear)
         self._best: Plan | None = None
         self._solves_left = _SOLVES_MAX
 
@@ -186,58 +182,48 @@ class _Search:
         return self._best
 
     def _try(self, candidate: _Candidate) -> None:
-        trajectory = self._solve(candidate)
-        if trajectory is None:
-            return
-        price = cost(trajectory, self._problem)
+        """Solve both axes of a candidate; keep what certifies and is cheaper than the best."""
+        solver = self._solvers[candidate.ratio_index]
+        piece_s = np.array(candidate.crossing_s / spline.PIECES)
+        durations_s = solver.matrices.durations * piece_s
+        price = DELAY_COST_M2PS4 * float(durations_s.sum())
+        nodes_mps2 = np.zeros((spline.TOTAL_PIECES + 1, 3))
+        # Sideways first: where anything is impossible, that is.
+        for axis, task in zip((Y, X), reversed(self._tasks[candidate.side]), strict=True):
+            self._solves_left -= 1
+            program = build(solver.matrices, task, piece_s)
+            optimum = solver.solve(program)
+            if optimum is None:
+                return
+            price += program.cost(optimum.objective)
+            nodes_mps2[:, axis] = task.unit_mps2 * solver.matrices.accelerations(
+                optimum.free, program.ends
+            )
         if self._best is not None and price >= self._best.cost:
             return
-        certificate = certify_avoidance(trajectory, self._problem)
+        if candidate.side == "left":
+            nodes_mps2[:, Y] *= -1.0
+        self._offer(candidate, durations_s, nodes_mps2)
+
+    def _offer(
+        self, candidate: _Candidate, durations_s: FloatArray, nodes_mps2: FloatArray
+    ) -> None:
+        """Complete a trajectory up to the border, and keep it if it certifies."""
+        problem = self._problem
+        avoiding = Trajectory.from_accelerations(
+            problem.start_s, problem.start, durations_s, nodes_mps2
+        )
+        left_m = problem.region.x_pob_m - avoiding.final.position_leg_m[X]
+        if left_m <= 0.0:
+            return
+        trajectory = avoiding.coasting_for(left_m / problem.exit_speed_mps)
+        certificate = certify_avoidance(trajectory, problem)
         if certificate.valid:
-            crossing_s = self._problem.start_s + candidate.crossing_s
+            crossing_s = problem.start_s + candidate.crossing_s
+            price = cost(trajectory, problem)
             self._best = Plan("qp", trajectory, candidate.side, price, certificate, crossing_s)
         else:
             self.reasons.append(_reason(f"qp, {candidate.side}", certificate))
-
-    def _solve(self, candidate: _Candidate) -> Trajectory | None:
-        """Solve both axes of a candidate and put them together."""
-        solver = self._solvers[candidate.ratio_index]
-        piece_s = candidate.crossing_s / spline.PIECES
-        nodes: list[FloatArray] = []
-        # Sideways first: where anything is impossible, that is.
-        for task in reversed(self._tasks[candidate.side]):
-            self._solves_left -= 1
-            free = solver.solve(build(solver.matrices, task, piece_s))
-            if free is None:
-                return None
-            ends = task.parameters(np.array(piece_s))[:3]
-            nodes.append(solver.matrices.accelerations(free, ends) * task.unit_mps2)
-        across_mps2, along_mps2 = nodes
-        if candidate.side == "left":
-            across_mps2 = -across_mps2
-        return self._trajectory(along_mps2, across_mps2, solver.matrices.durations * piece_s)
-
-    def _trajectory(
-        self, along_mps2: FloatArray, across_mps2: FloatArray, durations_s: FloatArray
-    ) -> Trajectory | None:
-        start, problem = self._problem.start, self._problem
-        along = _profile(start.axis(X), along_mps2, durations_s)
-        left_m = problem.region.x_pob_m - along.final.position_m
-        if left_m < 0.0:
-            return None
-        return Trajectory.from_profiles(
-            problem.start_s,
-            along.then(Segment(left_m / problem.exit_speed_mps, 0.0)),
-            _profile(start.axis(Y), across_mps2, durations_s),
-            self._vertical,
-        )
-
-
-def _profile(start: AxisState, nodes_mps2: FloatArray, durations_s: FloatArray) -> Profile:
-    """Integrate acceleration that is linear between nodes."""
-    jerks_mps3 = np.diff(nodes_mps2) / durations_s
-    segments = map(Segment, durations_s.tolist(), nodes_mps2[:-1].tolist(), jerks_mps3.tolist())
-    return Profile(start.position_m, start.velocity_mps, tuple(segments))
 
 
 def _plan_by_formula(problem: AvoidanceProblem, reasons: list[str]) -> Plan | None:

@@ -104,6 +104,35 @@ class Trajectory:
         )
         return cls(start_s, durations_s, position, velocity, acceleration, jerk)
 
+    @classmethod
+    def from_accelerations(
+        cls,
+        start_s: float,
+        start: State,
+        durations_s: FloatArray,
+        acceleration_leg_mps2: FloatArray,
+    ) -> Trajectory:
+        """Integrate accelerations (n + 1, 3) that are given at the knots and linear in between."""
+        t = durations_s[:, None]
+        begin, end = acceleration_leg_mps2[:-1], acceleration_leg_mps2[1:]
+        velocity = np.cumsum(np.vstack((start.velocity_leg_mps, t * (begin + end) / 2.0)), axis=0)
+        advance = t * (velocity[:-1] + t * (2.0 * begin + end) / 6.0)
+        position = np.cumsum(np.vstack((start.position_leg_m, advance)), axis=0)
+        return cls(start_s, durations_s, position[:-1], velocity[:-1], begin, (end - begin) / t)
+
+    def coasting_for(self, duration_s: float) -> Trajectory:
+        """Return this trajectory with its final coast made explicit for a duration above zero."""
+        final, still = self.final, np.zeros((1, 3))
+        coast = Trajectory(
+            self.end_s,
+            np.array([duration_s]),
+            np.array([final.position_leg_m]),
+            np.array([final.velocity_leg_mps]),
+            still,
+            still,
+        )
+        return self.followed_by(coast)
+
     @cached_property
     def knots_s(self) -> tuple[float, ...]:
         """Absolute times of the n + 1 knots."""
