@@ -140,9 +140,17 @@ class Autonomy:
         if pose is not None:
             self._follow_mode(pose, now_s)
             self._watch(pose, now_s)
-            navigator.advance(pose, now_s)
+            self._advance(pose, now_s)
             self._stream(now_s)
         self._collect_events()
+
+    def _advance(self, pose: Pose, now_s: float) -> None:
+        try:
+            self.navigator.advance(pose, now_s)
+        except Exception:
+            # A defect of ours must not end the stream while a hover is possible.
+            log.exception("deciding failed")
+            self._broken(Violation(Assumption.SELF_CHECK, 1.0, 0.0, "exceptions"), now_s)
 
     def _take_frames(self, now_s: float) -> None:
         while self._pending:

@@ -71,18 +71,27 @@ async def run(config: DaemonConfig, contract: Contract, mission: Mission, log_pa
         session = stack.enter_context(open_session(config.zenoh))
         bus = Bus(session, config.vehicle, contract)
         bus.subscribe(autonomy, clock)
+        stop = _stop_on_signals()
         log.info("ready: %s, contract %s", config.mavlink.url, contract.sha256[:12])
-        await _serve(autonomy, link, flight_log, bus, clock)
+        await _serve(autonomy, link, flight_log, bus, clock, stop)
     log.info("stopped")
 
 
-async def _serve(
-    autonomy: Autonomy, link: Link, flight_log: FlightLog, bus: Bus, clock: Clock
-) -> None:
+def _stop_on_signals() -> asyncio.Event:
     stop = asyncio.Event()
-    loop = asyncio.get_running_loop()
     for number in (signal.SIGINT, signal.SIGTERM):
-        loop.add_signal_handler(number, stop.set)
+        asyncio.get_running_loop().add_signal_handler(number, stop.set)
+    return stop
+
+
+async def _serve(
+    autonomy: Autonomy,
+    link: Link,
+    flight_log: FlightLog,
+    bus: Bus,
+    clock: Clock,
+    stop: asyncio.Event,
+) -> None:
     journal = Journal(autonomy)
     due_s = clock.now_s()
     while not stop.is_set():

@@ -44,6 +44,7 @@ class Assumption(StrEnum):
     PLAN_EXISTS = "plan_exists"
     LEG_END_CLEAR = "leg_end_clear"
     TARGET_REACHED = "target_reached"
+    SELF_CHECK = "self_check"
 
 
 @dataclass(frozen=True)

@@ -221,11 +221,10 @@ class Navigator:
 
     def recheck_plan(self, obstacle: Obstacle, now_s: float) -> None:
         """Hold what is flown against an obstacle that is new or has grown."""
-        if self.phase is not Phase.AVOID or self._reference is None or self.avoidance is None:
+        if self.phase is not Phase.AVOID or self.avoidance is None:
             return
-        if now_s >= self._reference.end_s:
-            return
-        if self._clear(self._reference.from_time(now_s), [obstacle]):
+        planned = self.avoidance.plan.trajectory
+        if now_s >= planned.end_s or self._clear(planned.from_time(now_s), [obstacle]):
             return
         of_interest = self.avoidance.obstacle.id == obstacle.id
         if of_interest and self._replan(obstacle, now_s):
@@ -331,7 +330,7 @@ class Navigator:
             late_m = start.position_leg_m[0] - region.extent.x_min_m
             late = Violation(Assumption.LATE_FIRST_SIGHT, late_m, allowed_m, "m", obstacle.id)
             self._note(late.event(now_s))
-        entry_mps = start.velocity_leg_mps[0]
+        entry_mps = start.velocity_leg_mps[X]
         plan = self._plan(self._problem(obstacle, start, start_s, entry_mps), None)
         if plan is None:
             self._break(Violation(Assumption.PLAN_EXISTS, 0.0, 1.0, "plans", obstacle.id), now_s)
@@ -389,7 +388,8 @@ class Navigator:
             start_s=start_s,
             region=obstacle.region,
             envelope=self._envelope,
-            exit_speed_mps=exit_speed_mps,
+            # Round-off in the cruise must not ask for more than the contract's speed.
+            exit_speed_mps=min(exit_speed_mps, self._envelope.speed_max_mps),
             climb_m=self._mission.climb_max_m,
             climb_preferred=self._mission.climb_max_m > 0.0,
             coast_time_s=self._assessment.inflated.encounter.coast_time_s,

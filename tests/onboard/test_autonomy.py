@@ -314,3 +314,16 @@ def test_state_is_json_from_the_first_tick(rig: Rig) -> None:
     assert record.topic == "state"
     assert record.time_unix_s == EPOCH_UNIX_S
     assert json.loads(json.dumps(record.payload, allow_nan=False))["phase"] == "standby"
+
+
+def test_defect_of_ours_ends_in_hover_not_in_silence(
+    cruising: Rig, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def defect(*_: object) -> None:
+        raise ZeroDivisionError
+
+    monkeypatch.setattr(cruising.autonomy.navigator, "advance", defect)
+    cruising.run(4.0)
+    assert cruising.phase is Phase.HOLD
+    assert "self_check" in cruising.texts("violation")[0]
+    assert cruising.setpoints[-1].vx == pytest.approx(0.0, abs=1e-6)

@@ -1,5 +1,6 @@
 import asyncio
 import contextlib
+import functools
 import os
 import pty
 import socket
@@ -20,7 +21,7 @@ def free_port(kind: socket.SocketKind) -> int:
 @pytest.mark.parametrize(
     ("url", "scheme", "target", "number"),
     [
-        ("udpin://0.0.0.0:14540", "udpin", "0.0.0.0", 14540),
+        ("udpin://127.0.0.1:14540", "udpin", "127.0.0.1", 14540),
         ("udpout://127.0.0.1:14540", "udpout", "127.0.0.1", 14540),
         ("tcpout://autopilot.local:5760", "tcpout", "autopilot.local", 5760),
         ("serial:///dev/ttyAMA0:921600", "serial", "/dev/ttyAMA0", 921600),
@@ -50,10 +51,15 @@ async def opened(url: str, receive: Callable[[bytes], None]) -> AsyncIterator[Li
         await asyncio.sleep(0)
 
 
-async def until(condition: Callable[[], bool]) -> None:
-    async with asyncio.timeout(5.0):
-        while not condition():
-            await asyncio.sleep(0.005)
+async def until(
+    condition: Callable[[], bool], meanwhile: Callable[[], None] = lambda: None
+) -> None:
+    for _ in range(500):
+        if condition():
+            return
+        meanwhile()
+        await asyncio.sleep(0.01)
+    pytest.fail("nothing arrived within 5 s")
 
 
 @pytest.mark.parametrize(("listening", "calling"), [("udpin", "udpout"), ("tcpin", "tcpout")])
@@ -67,9 +73,7 @@ def test_bytes_go_both_ways(listening: str, calling: str) -> None:
             opened(f"{listening}://{address}", at_server.extend) as server,
             opened(f"{calling}://{address}", at_client.extend) as client,
         ):
-            while not at_server:
-                client.send(b"ping")
-                await asyncio.sleep(0.01)
+            await until(lambda: bool(at_server), meanwhile=lambda: client.send(b"ping"))
             server.send(b"pong")
             await until(lambda: bytes(at_client) == b"pong")
 
@@ -95,9 +99,9 @@ def test_tcp_client_connects_again() -> None:
             for greeting in (b"first", b"second"):
                 heard.clear()
                 async with opened(f"tcpin://{address}", heard.extend):
-                    while not heard:
-                        client.send(greeting)
-                        await asyncio.sleep(0.02)
+                    await until(
+                        lambda: bool(heard), meanwhile=functools.partial(client.send, greeting)
+                    )
                 assert bytes(heard).startswith(greeting)
 
     asyncio.run(reconnect())

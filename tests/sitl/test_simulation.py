@@ -9,24 +9,22 @@ from typing import Any
 import pytest
 from mcap.reader import make_reader
 
-from onboard.config import Mission, load_contract
+from gcs_tools.scenario import load_scenario
 from onboard.guidance import Phase
-from onboard.yaml_file import load_yaml
-from sitl.config import SitlConfig
-from sitl.field import load_field
 from sitl.simulation import SimulatedFlight, Simulation, fly
 
 CONFIG = Path(__file__).parents[2] / "config"
-TAKE_OFF = {"MIS_TAKEOFF_ALT": 4.0}
 
 
-def paper_flight(seed: int = 1, field: Path = CONFIG / "paper_field.yaml") -> SimulatedFlight:
+def flight_of(scenario: str, seed: int = 1) -> SimulatedFlight:
+    read = load_scenario(CONFIG / scenario)
     return SimulatedFlight(
-        contract=load_contract(CONFIG / "paper_contract.yaml"),
-        mission=load_yaml(CONFIG / "paper_mission.yaml", Mission),
-        sitl=load_yaml(CONFIG / "paper_sitl.yaml", SitlConfig),
-        obstacles=load_field(field),
+        contract=read.contract,
+        mission=read.mission,
+        sitl=read.sitl_config(seed=seed),
+        obstacles=read.obstacles,
         seed=seed,
+        fly_outside_contract=read.force,
         time_limit_s=120.0,
     )
 
@@ -40,7 +38,7 @@ def messages(log: Path, topic: str) -> Iterator[dict[str, Any]]:
 @pytest.fixture(scope="module")
 def flown(tmp_path_factory: pytest.TempPathFactory) -> Path:
     directory = tmp_path_factory.mktemp("paper")
-    assert fly(paper_flight(), directory).landed
+    assert fly(flight_of("paper.yaml"), directory).landed
     return directory
 
 
@@ -61,7 +59,7 @@ def test_paper_flight_stays_clear_and_ends_where_the_paper_does(flown: Path) -> 
 
 
 def test_paper_flight_is_tracked_within_its_contract(flown: Path) -> None:
-    limit_m = load_contract(CONFIG / "paper_contract.yaml").vehicle.tracking_error_m
+    limit_m = flight_of("paper.yaml").contract.vehicle.tracking_error_m
     states = list(messages(flown / "flight.mcap", "/state"))
     assert max(state["tracking_error_m"] for state in states) < limit_m
 
@@ -79,19 +77,14 @@ def test_paper_flight_climbs_to_gain_agility(flown: Path) -> None:
 
 
 def test_same_seed_gives_the_same_bytes(flown: Path, tmp_path: Path) -> None:
-    fly(paper_flight(), tmp_path)
+    fly(flight_of("paper.yaml"), tmp_path)
     for name in ("flight.mcap", "truth.mcap"):
         first, second = ((place / name).read_bytes() for place in (flown, tmp_path))
         assert hashlib.sha256(first).digest() == hashlib.sha256(second).digest()
 
 
 def test_intersecting_regions_end_in_hold(tmp_path: Path) -> None:
-    moved = tmp_path / "field.yaml"
-    moved.write_text(
-        '- {id: "1", center_ned_m: [15.0, 0.2], size_m: [1.0, 1.0], yaw_deg: 0.0}\n'
-        '- {id: "2", center_ned_m: [21.0, -1.0], size_m: [1.0, 1.0], yaw_deg: 0.0}\n'
-    )
-    fly(paper_flight(field=moved), tmp_path)
+    fly(flight_of("intersecting_rois.yaml"), tmp_path)
     events = list(messages(tmp_path / "flight.mcap", "/events"))
     assert [e["data"]["to"] for e in events if e["name"] == "phase"][-2:] == ["hold", "standby"]
     (violation,) = [e["data"] for e in events if e["name"] == "violation"]
@@ -101,7 +94,7 @@ def test_intersecting_regions_end_in_hold(tmp_path: Path) -> None:
 
 
 def test_daemon_that_dies_in_cruise_is_stopped_by_the_autopilot() -> None:
-    simulation = Simulation(paper_flight())
+    simulation = Simulation(flight_of("paper.yaml"))
     while simulation.autonomy.navigator.phase is not Phase.CRUISE or simulation.now_s < 10.0:
         simulation.advance()
     scene, died_s = simulation.scene, simulation.now_s

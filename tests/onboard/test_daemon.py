@@ -1,0 +1,196 @@
+"""`clearway-onboard` as a process: files and signals in, MAVLink and Zenoh out."""
+
+import json
+import signal
+import socket
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import pytest
+import yaml
+import zenoh
+from mcap.reader import make_reader
+from pymavlink.dialects.v20 import common as mavlink
+
+from onboard.config import ZenohEndpoints, load_contract
+from onboard.daemon import open_session
+
+CONFIG = Path(__file__).parents[2] / "config"
+COMMAND = [sys.executable, "-m", "onboard", "--config"]
+
+
+def free_port(kind: socket.SocketKind = socket.SOCK_STREAM) -> int:
+    with socket.socket(socket.AF_INET, kind) as probe:
+        probe.bind(("127.0.0.1", 0))
+        port: int = probe.getsockname()[1]
+        return port
+
+
+@pytest.fixture
+def settings() -> dict[str, Any]:
+    return {
+        "vehicle": "v1",
+        "contract": str(CONFIG / "default_contract.yaml"),
+        "mission": str(CONFIG / "paper_mission.yaml"),
+        "mavlink": {"url": f"udpin://127.0.0.1:{free_port(socket.SOCK_DGRAM)}"},
+        "zenoh": {"listen": [f"tcp/127.0.0.1:{free_port()}"]},
+        "log_file": "flight.mcap",
+    }
+
+
+def write(directory: Path, settings: dict[str, Any]) -> Path:
+    path = directory / "onboard.yaml"
+    path.write_text(yaml.safe_dump(settings))
+    return path
+
+
+def refused(directory: Path, settings: dict[str, Any]) -> str:
+    """Run the daemon on settings that it must refuse; return its one line of complaint."""
+    done = subprocess.run(
+        [*COMMAND, write(directory, settings)],
+        capture_output=True,
+        text=True,
+        timeout=30,
+        check=False,
+    )
+    assert done.returncode == 2
+    complaint = "clearway-onboard: error: "
+    lines = [line for line in done.stderr.splitlines() if line.startswith(complaint)]
+    assert len(lines) == 1
+    assert "Traceback" not in done.stderr
+    return lines[0]
+
+
+@contextmanager
+def running(directory: Path, settings: dict[str, Any]) -> Iterator[subprocess.Popen[str]]:
+    daemon = subprocess.Popen(
+        [*COMMAND, write(directory, settings)], stderr=subprocess.PIPE, text=True
+    )
+    try:
+        assert daemon.stderr is not None
+        line = ""
+        while "ready" not in line:
+            line = daemon.stderr.readline()
+            assert line, "the daemon ended before it was ready"
+        yield daemon
+    finally:
+        daemon.kill()
+        daemon.communicate(timeout=10)
+
+
+@contextmanager
+def neighbour(settings: dict[str, Any]) -> Iterator[zenoh.Session]:
+    with open_session(ZenohEndpoints(connect=tuple(settings["zenoh"]["listen"]))) as session:
+        yield session
+
+
+def test_missing_key_names_file_and_key(tmp_path: Path, settings: dict[str, Any]) -> None:
+    del settings["contract"]
+    assert "onboard.yaml: contract is missing" in refused(tmp_path, settings)
+
+
+def test_unknown_key_is_named(tmp_path: Path, settings: dict[str, Any]) -> None:
+    settings["mavlink"]["baud"] = 57600
+    assert "mavlink.baud is not a known key" in refused(tmp_path, settings)
+
+
+def test_bad_contract_names_file_key_value_and_unit(
+    tmp_path: Path, settings: dict[str, Any]
+) -> None:
+    contract = yaml.safe_load((CONFIG / "default_contract.yaml").read_text())
+    contract["vehicle"]["cruise_speed_mps"] = -1.0
+    (tmp_path / "contract.yaml").write_text(yaml.safe_dump(contract))
+    settings["contract"] = "contract.yaml"
+    message = refused(tmp_path, settings)
+    assert "contract.yaml: vehicle.cruise_speed_mps [m/s] = -1.0" in message
+
+
+def test_missing_file_is_named(tmp_path: Path, settings: dict[str, Any]) -> None:
+    settings["mission"] = "nowhere.yaml"
+    assert "nowhere.yaml: cannot be read: No such file" in refused(tmp_path, settings)
+
+
+def test_mavlink_port_in_use_names_the_url(tmp_path: Path, settings: dict[str, Any]) -> None:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as holder:
+        holder.bind(("127.0.0.1", 0))
+        settings["mavlink"]["url"] = f"udpin://127.0.0.1:{holder.getsockname()[1]}"
+        assert settings["mavlink"]["url"] in refused(tmp_path, settings)
+
+
+def test_zenoh_port_in_use_is_one_error(tmp_path: Path, settings: dict[str, Any]) -> None:
+    with socket.socket(socket.AF_INET, socket.SOCK_STREAM) as holder:
+        holder.bind(("127.0.0.1", 0))
+        holder.listen()
+        settings["zenoh"]["listen"] = [f"tcp/127.0.0.1:{holder.getsockname()[1]}"]
+        assert "Zenoh" in refused(tmp_path, settings)
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_signal_ends_it_cleanly_with_a_finished_log(
+    tmp_path: Path, settings: dict[str, Any], number: signal.Signals
+) -> None:
+    with running(tmp_path, settings) as daemon:
+        daemon.send_signal(number)
+        assert daemon.wait(timeout=10) == 0
+    with (tmp_path / "flight.mcap").open("rb") as stream:
+        summary = make_reader(stream).get_summary()
+    assert summary is not None
+    assert summary.statistics is not None
+    assert summary.statistics.message_count > 0
+
+
+def test_it_starts_without_any_zenoh_peer(tmp_path: Path, settings: dict[str, Any]) -> None:
+    settings["zenoh"] = {"connect": [f"tcp/127.0.0.1:{free_port()}"]}
+    with running(tmp_path, settings) as daemon:
+        assert daemon.poll() is None
+
+
+def test_contract_is_served_with_its_hash(tmp_path: Path, settings: dict[str, Any]) -> None:
+    contract = load_contract(CONFIG / "default_contract.yaml")
+    with running(tmp_path, settings), neighbour(settings) as session:
+        reply = next(iter(session.get("clearway/v1/contract", timeout=5.0)))
+        assert reply.ok is not None
+        answer = json.loads(reply.ok.payload.to_bytes())
+    assert answer["sha256"] == contract.sha256
+    assert answer["contract"]["vehicle"]["cruise_speed_mps"] == 2.8
+
+
+def test_garbage_on_both_sides_is_counted_and_survived(
+    tmp_path: Path, settings: dict[str, Any]
+) -> None:
+    _, _, port = settings["mavlink"]["url"].rpartition(":")
+    with (
+        running(tmp_path, settings) as daemon,
+        neighbour(settings) as session,
+        socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as autopilot,
+    ):
+        statuses = session.declare_subscriber("clearway/v1/status")
+        autopilot.connect(("127.0.0.1", int(port)))
+        dropped = {"frames_malformed": 0, "mavlink_garbage_bytes": 0}
+        deadline_s = time.monotonic() + 20.0
+        while not all(dropped.values()) and time.monotonic() < deadline_s:
+            session.put("clearway/v1/obstacles", b"\xff not a frame")
+            autopilot.send(b"\x00\x01 not MAVLink")
+            dropped = json.loads(statuses.recv().payload.to_bytes())["dropped"]
+        assert dropped["frames_malformed"] > 0
+        assert dropped["mavlink_garbage_bytes"] > 0
+        assert daemon.poll() is None
+
+
+def test_autopilot_hears_a_heartbeat_of_component_196(
+    tmp_path: Path, settings: dict[str, Any]
+) -> None:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as autopilot:
+        autopilot.bind(("127.0.0.1", 0))
+        autopilot.settimeout(10.0)
+        settings["mavlink"]["url"] = f"udpout://127.0.0.1:{autopilot.getsockname()[1]}"
+        with running(tmp_path, settings):
+            data = autopilot.recv(2048)
+    (message,) = mavlink.MAVLink(None).parse_buffer(data)
+    assert message.get_type() == "HEARTBEAT"
+    assert message.get_srcComponent() == mavlink.MAV_COMP_ID_OBSTACLE_AVOIDANCE
