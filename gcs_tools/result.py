@@ -100,7 +100,8 @@ def result_of(
         truth: the simulation's log.
         seed: of the simulation.
         aborted: why the operator gave the flight up, if so.
-        plan_times_s: wall time of each plan.
+        plan_times_s: wall time of each plan; by default what the log says, which a flight in
+            virtual time does not.
     """
     states = flight.topic("/state")
     flown = [state for state in states if state["phase"] in _FLYING]
@@ -117,7 +118,7 @@ def result_of(
         duration_s=flown[-1]["time_s"] - flown[0]["time_s"] if flown else 0.0,
         obstacles_avoided=_avoided(states),
         plans=_plans(flight),
-        plan_time_ms=plan_time_ms(plan_times_s),
+        plan_time_ms=plan_time_ms(plan_times_s or _logged_plan_times_s(flight)),
         violations=tuple(
             event["text"] for event in flight.topic("/events") if event["name"] == "violation"
         ),
@@ -137,6 +138,11 @@ def plan_time_ms(times_s: Sequence[float]) -> dict[str, float | None]:
         return ranked[max(0, math.ceil(share * len(ranked)) - 1)] * 1e3
 
     return {"p50": percentile(0.50), "p99": percentile(0.99), "max": percentile(1.0)}
+
+
+def _logged_plan_times_s(flight: Log) -> list[float]:
+    times_ms = (plan.get("plan_time_ms") for plan in flight.topic("/plan"))
+    return [time_ms * 1e-3 for time_ms in times_ms if time_ms is not None]
 
 
 def _outcome(flight: Log, collisions: int, aborted: str | None) -> tuple[Outcome, str]:

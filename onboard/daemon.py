@@ -92,7 +92,7 @@ async def _serve(
     clock: Clock,
     stop: asyncio.Event,
 ) -> None:
-    journal = Journal(autonomy)
+    journal = Journal(autonomy, timed=True)
     due_s = clock.now_s()
     while not stop.is_set():
         now_s = clock.now_s()

@@ -42,10 +42,12 @@ class Journal:
 
     Args:
         autonomy: the service; its events are taken from it here and nowhere else.
+        timed: record how long plans took; a simulation does not, to be the same every time.
     """
 
-    def __init__(self, autonomy: Autonomy) -> None:
+    def __init__(self, autonomy: Autonomy, *, timed: bool) -> None:
         self._autonomy = autonomy
+        self._timed = timed
         self._obstacles_revision = 0
 
     def collect(self, now_s: float) -> list[Record]:
@@ -73,6 +75,7 @@ class Journal:
             "kind": step.plan.kind,
             "side": step.plan.side,
             "cost": step.plan.cost,
+            "plan_time_ms": step.plan_time_s * 1e3 if self._timed else None,
             "start_s": epoch_s + trajectory.start_s,
             "end_s": epoch_s + trajectory.end_s,
             "keep_out_ned_m": box_ned_m(step.obstacle.region.keep_out, step.leg),

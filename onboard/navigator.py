@@ -53,11 +53,12 @@ class Avoidance:
 
 @dataclass(frozen=True)
 class PlannedStep:
-    """A plan as it was made, for the log."""
+    """A plan as it was made, for the log; ``plan_time_s`` is what the planner took for it."""
 
     plan: Plan
     obstacle: Obstacle
     leg: LegFrame
+    plan_time_s: float
 
 
 class Navigator:
@@ -362,7 +363,8 @@ class Navigator:
     def _fly(self, avoidance: Avoidance) -> None:
         self.avoidance = avoidance
         self._upcoming = avoidance.plan.trajectory
-        self._planned.append(PlannedStep(avoidance.plan, avoidance.obstacle, self.leg))
+        step = PlannedStep(avoidance.plan, avoidance.obstacle, self.leg, self.plan_times_s[-1])
+        self._planned.append(step)
 
     def _replan(self, obstacle: Obstacle, now_s: float) -> bool:
         """Plan again in mid-manoeuvre, around an obstacle that has grown."""

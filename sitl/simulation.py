@@ -154,7 +154,7 @@ def fly(flight: SimulatedFlight, directory: Path) -> SimulationReport:
     with ExitStack() as stack:
         flight_log = stack.enter_context(FlightLog(directory / "flight.mcap", metadata))
         truth_log = stack.enter_context(TruthLog(directory / "truth.mcap", EPOCH_UNIX_S))
-        journal = Journal(simulation.autonomy)
+        journal = Journal(simulation.autonomy, timed=False)
         while not simulation.over and simulation.now_s < flight.time_limit_s:
             simulation.advance()
             if simulation.at_tick:
