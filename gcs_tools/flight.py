@@ -65,7 +65,7 @@ def _may_fly(checked: Preflight, forced: bool, console: Console) -> bool:
     verdict = "[yellow]not compliant, flying all the same[/]" if forced else "[red]refused[/]"
     console.print(f"pre-flight check: {verdict}")
     for refusal in checked.refusals:
-        console.print(f"  • {refusal}", markup=False)
+        console.print(f"  • {refusal}", markup=False, soft_wrap=True)
     return forced
 
 
@@ -144,13 +144,16 @@ def _draw(scenario: Scenario, logs: tuple[Log, Log], result: Result, path: Path)
 
 
 def _print_summary(scenario: Scenario, result: Result, directory: Path, console: Console) -> None:
-    console.print(f"[bold {_COLOURS[result.outcome]}]{result.outcome.upper()}[/]  {result.reason}")
+    console.print(
+        f"[bold {_COLOURS[result.outcome]}]{result.outcome.upper()}[/]  {escape(result.reason)}",
+        soft_wrap=True,
+    )
     table = Table(show_header=False, box=None, padding=(0, 2, 0, 0))
     for name, value in _summary(scenario, result):
         table.add_row(name, value)
     console.print(table)
     for violation in result.violations:
-        console.print(f"violated: {violation}", style="red", markup=False)
+        console.print(f"violated: {violation}", style="red", markup=False, soft_wrap=True)
     expected = "met" if result.meets(scenario.expect) else "NOT met"
     console.print(f"expectation of {scenario.name}: {expected}")
     console.print(f"log and picture: {directory}", soft_wrap=True)
@@ -176,4 +179,4 @@ def _summary(scenario: Scenario, result: Result) -> Iterator[tuple[str, str]]:
     yield "mission time", f"{result.duration_s:.1f} s"
     if result.final_position_ned_m is not None:
         place = ", ".join(f"{value:.1f}" for value in result.final_position_ned_m)
-        yield "final position", f"[{place}] m north, east, down".replace("[", r"\[")
+        yield "final position", f"{place} m north, east, down"

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from itertools import pairwise
+from itertools import groupby, pairwise
 from pathlib import Path
 from typing import Any
 
@@ -29,6 +29,8 @@ _FLOWN, _REFERENCE, _OBSTACLE, _REGION, _LIMIT = (
 )
 _PHASES = {"cruise": "#ffffff", "avoid": "#fdeccf", "arrived": "#e3f1e1", "hold": "#f6dada"}
 _MARGIN_M = 2.5
+# Shorter ones leave no room for their name.
+_NAMED_PHASE_S = 1.5
 
 
 def draw_flight(scenario: Scenario, flight: Log, truth: Log, result: Result, path: Path) -> None:
@@ -165,22 +167,16 @@ def _draw_error(
 
 def _shade_phases(axes: Axes, states: list[dict[str, Any]], start_s: float) -> None:
     """Colour the background by phase; name the phases along the upper edge."""
-    changes = [0, *(i for i in range(1, len(states)) if _phase(states, i) != _phase(states, i - 1))]
-    for first, end in pairwise([*changes, len(states)]):
-        begin_s = states[first]["time_s"] - start_s
-        end_s = states[min(end, len(states) - 1)]["time_s"] - start_s
-        colour = _PHASES.get(_phase(states, first))
-        if colour is not None:
-            axes.axvspan(begin_s, end_s, color=colour, zorder=0)
-            if end_s - begin_s > 1.5:
-                axes.annotate(
-                    _phase(states, first), ((begin_s + end_s) / 2, 0.88), size=8, color="0.45",
-                    xycoords=("data", "axes fraction"), ha="center",
-                )  # fmt: skip
-
-
-def _phase(states: list[dict[str, Any]], index: int) -> str:
-    return str(states[index]["phase"])
+    for phase, group in groupby(states, key=lambda state: str(state["phase"])):
+        colour, times_s = _PHASES.get(phase), [state["time_s"] - start_s for state in group]
+        if colour is None:
+            continue
+        axes.axvspan(times_s[0], times_s[-1], color=colour, zorder=0)
+        if times_s[-1] - times_s[0] > _NAMED_PHASE_S:
+            axes.annotate(
+                phase, ((times_s[0] + times_s[-1]) / 2.0, 0.88), size=8, color="0.45",
+                xycoords=("data", "axes fraction"), ha="center",
+            )  # fmt: skip
 
 
 def _regions(flight: Log) -> list[FloatArray]:

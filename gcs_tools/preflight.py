@@ -121,7 +121,7 @@ def print_preflight(result: Preflight, title: str, console: Console) -> None:
     mark = "[bold green]MAY FLY[/]" if result.compliant else "[bold red]DO NOT FLY[/]"
     console.print(mark)
     for refusal in result.refusals:
-        console.print(f"  • {refusal}", style="red", markup=False)
+        console.print(f"  • {refusal}", style="red", markup=False, soft_wrap=True)
     assessment = result.assessment
     print_verdict(assessment, title, console)
     console.print(clause_table(assessment.clauses, binding=assessment.binding.name))

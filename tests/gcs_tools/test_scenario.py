@@ -1,0 +1,144 @@
+"""Scenario files, what they refer to, and the schemas that describe all files."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import yaml
+
+from gcs_tools.live_flight import Endpoints, write_configuration
+from gcs_tools.scenario import Scenario, ScenarioFile, load_scenario, obstacle_list
+from gcs_tools.schemas import MODELS
+from onboard.config import Contract, DaemonConfig, Mission, load_contract
+from onboard.yaml_file import load_yaml
+from sitl.config import SitlConfig
+from sitl.field import ObstacleField, load_field
+from tests.gcs_tools.running import CONFIG, Clearway
+
+SCENARIOS = ("paper", "default", "intersecting_rois")
+READERS: dict[str, Callable[[Path], object]] = {
+    "contract": load_contract,
+    "mission": lambda path: load_yaml(path, Mission),
+    "field": load_field,
+    "scenario": lambda path: load_yaml(path, ScenarioFile),
+    "onboard": lambda path: load_yaml(path, DaemonConfig),
+}
+
+
+def schema_of(path: Path) -> str:
+    """Name of the schema that a file declares for editors."""
+    first_line = path.read_text(encoding="utf-8").splitlines()[0]
+    prefix, suffix = "# yaml-language-server: $schema=schemas/", ".schema.json"
+    assert first_line.startswith(prefix), path
+    return first_line.removeprefix(prefix).removesuffix(suffix)
+
+
+# The simulation's own example is read by its own tests.
+SHIPPED = sorted(set(CONFIG.glob("*.yaml")) - {CONFIG / "sitl.yaml"})
+
+
+@pytest.mark.parametrize("path", SHIPPED, ids=lambda path: path.name)
+def test_every_shipped_file_names_its_schema_and_can_be_read(path: Path) -> None:
+    READERS[schema_of(path)](path)
+
+
+def test_published_schemas_are_up_to_date(clearway: Clearway, tmp_path: Path) -> None:
+    assert clearway("schema", "-o", tmp_path / "schemas").code == 0
+    for name in MODELS:
+        now = (tmp_path / "schemas" / f"{name}.schema.json").read_text(encoding="utf-8")
+        published = (CONFIG / "schemas" / f"{name}.schema.json").read_text(encoding="utf-8")
+        assert published == now, f"run: clearway schema -o {CONFIG.name}/schemas"
+
+
+def test_schemas_describe_the_keys(clearway: Clearway, tmp_path: Path) -> None:
+    clearway("schema", "-o", tmp_path)
+    schema = json.loads((tmp_path / "contract.schema.json").read_text(encoding="utf-8"))
+    vehicle = schema["$defs"]["VehicleTerms"]
+    assert vehicle["additionalProperties"] is False
+    assert vehicle["properties"]["cruise_speed_mps"]["exclusiveMinimum"] == 0.0
+    assert "setpoint_loss_timeout_s" not in vehicle["required"]
+
+
+@pytest.mark.parametrize("name", SCENARIOS)
+def test_shipped_scenarios_agree_with_their_contract(name: str) -> None:
+    scenario = load_scenario(CONFIG / f"{name}.yaml")
+    contract, plant = scenario.contract, scenario.plant
+    assert plant.multirotor.radius_m == contract.vehicle.radius_m
+    assert plant.multirotor.thrust_to_weight == contract.vehicle.thrust_to_weight
+    for sensor in plant.sensors:
+        assert sensor.range_m >= contract.sensor.detection_range_m
+        assert sensor.field_of_view_deg >= contract.sensor.field_of_view_deg
+        assert sensor.uncertainty_m <= contract.sensor.position_error_m
+        assert sensor.noise_m <= sensor.uncertainty_m
+
+
+def inline(name: str) -> dict[str, Any]:
+    """Return a shipped scenario with the content of its files instead of their names."""
+    scenario: dict[str, Any] = yaml.safe_load((CONFIG / f"{name}.yaml").read_text("utf-8"))
+    for key in ("contract", "field", "mission"):
+        scenario[key] = yaml.safe_load((CONFIG / scenario[key]).read_text("utf-8"))
+    return scenario
+
+
+def as_documents(scenario: Scenario) -> list[Any]:
+    models = (scenario.contract, scenario.mission, *obstacle_list(scenario.obstacles))
+    return [model.model_dump() for model in models]
+
+
+def test_files_and_their_content_are_the_same(written: Callable[[str, Any], Path]) -> None:
+    by_name = load_scenario(CONFIG / "paper.yaml")
+    by_content = load_scenario(written("inline.yaml", inline("paper")))
+    assert as_documents(by_name) == as_documents(by_content)
+    assert by_content.name == "inline"
+
+
+def test_faults_reach_their_sensor(written: Callable[[str, Any], Path]) -> None:
+    document = inline("paper")
+    document["sitl"]["sensors"].append({"source": "rear", "yaw_deg": 180.0})
+    document["faults"] = [{"kind": "silent", "start_s": 12.0, "source": "rear"}]
+    scenario = load_scenario(written("faulty.yaml", document))
+    front, rear = scenario.plant.sensors
+    assert front.faults == ()
+    assert [(fault.kind, fault.start_s) for fault in rear.faults] == [("silent", 12.0)]
+
+
+def test_autopilot_follows_mission_and_contract_unless_told_otherwise(
+    written: Callable[[str, Any], Path],
+) -> None:
+    document = inline("paper")
+    parameters = load_scenario(written("plain.yaml", document)).sitl_config().parameters
+    assert parameters == {"MIS_TAKEOFF_ALT": 4.0, "COM_OF_LOSS_T": 0.5}
+    document["sitl"]["parameters"] = {"COM_OF_LOSS_T": 2.0}
+    parameters = load_scenario(written("told.yaml", document)).sitl_config().parameters
+    assert parameters == {"MIS_TAKEOFF_ALT": 4.0, "COM_OF_LOSS_T": 2.0}
+
+
+def test_obstacles_survive_being_written_down() -> None:
+    field = load_field(CONFIG / "default_field.yaml")
+    again = ObstacleField.of(obstacle_list(field))
+    assert again.ids == field.ids
+    np.testing.assert_allclose(again.center_ned_m, field.center_ned_m)
+    np.testing.assert_allclose(again.half_size_m, field.half_size_m)
+    np.testing.assert_allclose(again.yaw_rad, field.yaw_rad)
+
+
+def test_a_flight_directory_is_complete_in_itself(tmp_path: Path) -> None:
+    scenario = load_scenario(CONFIG / "default.yaml")
+    endpoints = Endpoints(14001, 14002, 7001, 7002)
+    write_configuration(scenario, endpoints, seed=7, out=tmp_path, forced=False)
+    onboard = load_yaml(tmp_path / "onboard.yaml", DaemonConfig)
+    sitl = load_yaml(tmp_path / "sitl.yaml", SitlConfig)
+    assert load_yaml(tmp_path / onboard.contract, Contract) == scenario.contract
+    assert load_yaml(tmp_path / onboard.mission, Mission) == scenario.mission
+    assert sitl.field is not None
+    assert load_field(tmp_path / sitl.field).ids == scenario.obstacles.ids
+    assert onboard.mavlink.url.removeprefix("udpin") == sitl.mavlink[0].removeprefix("udpout")
+    assert onboard.vehicle == sitl.vehicle
+    assert onboard.zenoh.connect == sitl.zenoh.listen
+    assert sitl.sensors == scenario.plant.sensors
+    assert (sitl.seed, onboard.fly_outside_contract) == (7, False)
