@@ -23,17 +23,17 @@ if TYPE_CHECKING:
 # Below this a phase is only noise to a vehicle that turns in tenths of a second.
 _CROSSING_MIN_S = 0.25
 
+# Longest crossing time, in the larger of the times to sidestep and to approach at speed.
+_PATIENCE = 2.5
+
+# A start slower than this share of the exit speed counts as this fast.
+_SLOW_SHARE = 0.3
+
+# More than any vehicle reaches in a sidestep.
+_UNBOUNDED_MPS = 1e3
+
 # A row that hardly bends once the crossing is fixed cannot be mended by bending it.
 _LEAST_CHEAPNESS = 1e-3
-
-
-class Horizon(NamedTuple):
-    """A candidate: crossing time, index of the ratio, and what its two axes cost at least."""
-
-    crossing_s: float
-    ratio_index: int
-    along_cost: float
-    across_cost: float
 
 
 class CostBounds:
@@ -96,38 +96,56 @@ def _closed_form(matrices: spline.TwoPhaseSpline) -> tuple[FloatArray, ...]:
     return cost, rows, bend, cheapness, held
 
 
-def crossing_times_s(along: AxisTask, across: AxisTask, count: int) -> FloatArray:
-    """Return crossing times to try, ascending; empty if the obstacle cannot be cleared in time.
+class CrossingTimes(NamedTuple):
+    """Crossing times to try.
 
-    They lie between the least time to clear the side face and the time at which a vehicle that
-    brakes as hard as it can passes the front face.
+    Attributes:
+        times_s: ascending; empty if the obstacle cannot be cleared in time.
+        waiting: the vehicle has to stop early and wait for its sidestep, so that the beginning of
+            the phase needs finer pieces than the rest.
     """
-    earliest_s = 0.0
-    if across.crossing_m[0] > 0.0:
-        rushing = _profile(across, across.speed_before_mps[1])
-        reached_s = rushing.last_time_at_s(across.crossing_m[0])
-        if reached_s is None:
-            coast_m = across.crossing_m[0] - rushing.final.position_m
-            reached_s = rushing.duration_s + coast_m / rushing.final.velocity_mps
-        earliest_s = reached_s
-    latest_s = math.inf
-    if math.isfinite(along.crossing_m[1]):
-        latest_s = _profile(along, 0.0).last_time_at_s(along.crossing_m[1]) or math.inf
-    earliest_s = max(earliest_s, _CROSSING_MIN_S)
-    # Unhurried: at the face at the speed of the exit, or a good while after the sidestep.
-    unhurried_s = 1.2 * max(along.crossing_m[1], 0.0) / along.end_speed_mps
-    latest_s = min(latest_s, max(3.0 * earliest_s, unhurried_s if unhurried_s < math.inf else 0.0))
+
+    times_s: FloatArray
+    waiting: bool
+
+
+def crossing_times(along: AxisTask, across: AxisTask, count: int) -> CrossingTimes:
+    """Choose crossing times between the least and the greatest that are possible.
+
+    The least is the time to clear the side face with full input, the greatest the time at which a
+    vehicle that brakes as hard as it can passes the front face.
+    """
+    earliest_s = max(_time_to_reach(across, across.crossing_m[0]), _CROSSING_MIN_S)
+    front_m = along.crossing_m[1]
+    if math.isinf(front_m):
+        latest_s, waiting = 3.0 * earliest_s, False
+    else:
+        braking = _profile(along, 0.0)
+        waiting = braking.duration_s < earliest_s
+        speed_mps = max(along.start.velocity_mps, _SLOW_SHARE * along.end_speed_mps)
+        approach_s = max(front_m, 0.0) / speed_mps
+        latest_s = braking.last_time_at_s(front_m) or math.inf
+        latest_s = min(latest_s, _PATIENCE * max(earliest_s, approach_s))
     if latest_s < earliest_s:
-        return np.empty(0)
+        return CrossingTimes(np.empty(0), waiting)
     # At either end only a bang-bang input would do: stay off them.
-    return earliest_s * (latest_s / earliest_s) ** ((np.arange(count) + 0.5) / count)
+    shares = (np.arange(count) + 0.5) / count
+    return CrossingTimes(earliest_s * (latest_s / earliest_s) ** shares, waiting)
+
+
+def _time_to_reach(task: AxisTask, position_m: float) -> float:
+    """Least time to a position ahead; 0 if it lies behind."""
+    if position_m <= 0.0:
+        return 0.0
+    rushing = _profile(task, min(task.speed_before_mps[1], _UNBOUNDED_MPS))
+    reached_s = rushing.last_time_at_s(position_m)
+    if reached_s is not None:
+        return reached_s
+    coast_m = position_m - rushing.final.position_m
+    return rushing.duration_s + coast_m / rushing.final.velocity_mps
 
 
 def _profile(task: AxisTask, speed_mps: float) -> Profile:
     """Change to a speed, from position 0, as quickly as the limits allow."""
     start = task.start._replace(position_m=0.0)
-    limit_mps = min(speed_mps, _UNBOUNDED_MPS)
-    return Profile(0.0, start.velocity_mps, speed_change(start, limit_mps, task.limits))
-
-
-_UNBOUNDED_MPS = 1e3
+    return Profile(0.0, start.velocity_mps, speed_change(start, speed_mps, task.limits))

@@ -20,12 +20,12 @@ from onboard.avoidance import DELAY_COST_M2PS4, cost
 from onboard.axis_program import AxisTask, across_task, along_task, build
 from onboard.axis_solver import AxisSolver
 from onboard.certify import Certificate, certify_avoidance, certify_clear
-from onboard.horizons import CostBounds, crossing_times_s
+from onboard.horizons import CostBounds, crossing_times
 from onboard.manoeuvre import brake_to_hover, vertex_manoeuvre
 from onboard.trajectory import Trajectory, X, Y, Z
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
+    from collections.abc import Iterable, Iterator
 
     from onboard.avoidance import AvoidanceProblem, Side
     from onboard.frames import FloatArray
@@ -35,6 +35,9 @@ SIDES: tuple[Side, Side] = ("left", "right")
 # Length of the second phase over that of the first.
 _RATIOS = tuple(2.0 ** (k / 3.0) for k in range(-4, 9))
 _CROSSINGS = 9
+
+# Growth of the pieces where the vehicle stops early and waits.
+_GROWTH = 1.2
 
 # Axis QPs solved at most.
 _SOLVES_MAX = 20
@@ -75,23 +78,29 @@ class NoPlan:
     reasons: tuple[str, ...]
 
 
+class _Bank:
+    """Solvers and cost bounds for all ratios, with one growth of the pieces."""
+
+    def __init__(self, growth: float) -> None:
+        splines = [spline.TwoPhaseSpline.with_ratio(ratio, growth) for ratio in _RATIOS]
+        self.solvers = [AxisSolver(matrices) for matrices in splines]
+        self.bounds = CostBounds(splines)
+
+
 class _Candidate(NamedTuple):
-    """One side, crossing time and ratio, with lower bounds on the cost of its two axes."""
+    """One side, crossing time and ratio, with a lower bound on the cost."""
 
     bound: float
-    across_bound: float
     side: Side
     crossing_s: float
-    ratio_index: int
+    solver: AxisSolver
 
 
 class Planner:
     """Plans avoidances.  Holds the solvers' factorisations, and nothing from plan to plan."""
 
     def __init__(self) -> None:
-        splines = [spline.TwoPhaseSpline.with_ratio(ratio) for ratio in _RATIOS]
-        self._solvers = [AxisSolver(matrices) for matrices in splines]
-        self._bounds = CostBounds(splines)
+        self._even, self._front_loaded = _Bank(1.0), _Bank(_GROWTH)
 
     def plan(self, problem: AvoidanceProblem, current: Plan | None = None) -> Plan | NoPlan:
         """Return the first certified plan: the cheapest QP, the closed form, or braking.
@@ -115,7 +124,7 @@ class Planner:
         if any(problem.start.axis(Z)[1:]):
             reasons.append("qp: the planar problem starts at rest in height")
             return None
-        search = _Search(problem, self._solvers, self._bounds)
+        search = _Search(problem, self._even, self._front_loaded)
         best = search.run(search.candidates(current))
         if best is None:
             reasons.extend(search.reasons)
@@ -125,55 +134,56 @@ class Planner:
 class _Search:
     """The QP search for one problem."""
 
-    def __init__(
-        self,
-        problem: AvoidanceProblem,
-        solvers: list[AxisSolver],
-        bounds: CostBounds,
-    ) -> None:
+    def __init__(self, problem: AvoidanceProblem, even: _Bank, front_loaded: _Bank) -> None:
         self.reasons: list[str] = []
         self._problem = problem
-        self._solvers = solvers
-        self._bounds = bounds
+        self._banks = even, front_loaded
         self._tasks: dict[Side, tuple[AxisTask, AxisTask]] = {}
         for side in SIDES:
             clear = problem.sidestep(side).is_clear
             along = along_task(problem, clear=clear)
             self._tasks[side] = along, across_task(problem, side, clear=clear)
+        # Crossing times between which nothing has failed yet.
+        self._window_s: dict[Side, tuple[float, float]] = dict.fromkeys(SIDES, (0.0, math.inf))
         self._best: Plan | None = None
         self._solves_left = _SOLVES_MAX
 
-    def candidates(self, current: Plan | None) -> list[_Candidate]:
-        """Return what to try first, both sides, cheapest bound first."""
-        found: list[_Candidate] = []
+    def candidates(self, current: Plan | None) -> Iterator[_Candidate]:
+        """Yield what to try, both sides, cheapest bound first."""
+        costs: list[FloatArray] = []
+        origins: list[tuple[Side, FloatArray, _Bank]] = []
         for side in SIDES:
-            crossings_s = crossing_times_s(*self._tasks[side], _CROSSINGS)
+            along, across = self._tasks[side]
+            crossings_s, waiting = crossing_times(along, across, _CROSSINGS)
             if current is not None and current.side == side and current.crossing_s is not None:
                 remaining_s = current.crossing_s - self._problem.start_s
                 if remaining_s > 0.0:
                     crossings_s = np.append(crossings_s, remaining_s)
-            found += self._rank(side, crossings_s, range(len(_RATIOS)))
-        return sorted(found)
+            if len(crossings_s) == 0:
+                self.reasons.append(f"qp, {side}: no time both clears the side and stays short")
+                continue
+            bank = self._banks[waiting]
+            durations_s = crossings_s * (1.0 + np.array(_RATIOS)[:, None])
+            total = bank.bounds.of(along, crossings_s) + bank.bounds.of(across, crossings_s)
+            costs.append((total + DELAY_COST_M2PS4 * durations_s).ravel())
+            origins.append((side, crossings_s, bank))
+        if not costs:
+            return
+        sizes = [len(cost) for cost in costs]
+        bounds = np.concatenate(costs)
+        for index in np.argsort(bounds, kind="stable").tolist():
+            second = index >= sizes[0]
+            side, crossings_s, bank = origins[second]
+            ratio, crossing = divmod(index - second * sizes[0], len(crossings_s))
+            crossing_s = float(crossings_s[crossing])
+            yield _Candidate(float(bounds[index]), side, crossing_s, bank.solvers[ratio])
 
-    def _rank(
-        self, side: Side, crossings_s: FloatArray, ratio_indices: Iterable[int]
-    ) -> list[_Candidate]:
-        if len(crossings_s) == 0:
-            self.reasons.append(f"qp, {side}: no time both clears the side and stays short")
-            return []
-        along, across = self._tasks[side]
-        across_cost = self._bounds.of(across, crossings_s)
-        durations_s = crossings_s * (1.0 + np.array(_RATIOS)[:, None])
-        total = self._bounds.of(along, crossings_s) + across_cost + DELAY_COST_M2PS4 * durations_s
-        return [
-            _Candidate(float(total[i, k]), float(across_cost[i, k]), side, float(crossings_s[k]), i)
-            for i in ratio_indices
-            for k in range(len(crossings_s))
-        ]
-
-    def run(self, candidates: list[_Candidate]) -> Plan | None:
+    def run(self, candidates: Iterable[_Candidate]) -> Plan | None:
         """Solve candidates in order until none left can be better."""
         for candidate in candidates:
+            soonest_s, latest_s = self._window_s[candidate.side]
+            if not soonest_s < candidate.crossing_s < latest_s:
+                continue
             if self._solves_left <= 0:
                 break
             if self._best is not None and candidate.bound >= self._best.cost * _WORTH_IT:
@@ -183,7 +193,7 @@ class _Search:
 
     def _try(self, candidate: _Candidate) -> None:
         """Solve both axes of a candidate; keep what certifies and is cheaper than the best."""
-        solver = self._solvers[candidate.ratio_index]
+        solver = candidate.solver
         piece_s = np.array(candidate.crossing_s / spline.PIECES)
         durations_s = solver.matrices.durations * piece_s
         price = DELAY_COST_M2PS4 * float(durations_s.sum())
@@ -194,6 +204,7 @@ class _Search:
             program = build(solver.matrices, task, piece_s)
             optimum = solver.solve(program)
             if optimum is None:
+                self._narrow(candidate, axis)
                 return
             price += program.cost(optimum.objective)
             nodes_mps2[:, axis] = task.unit_mps2 * solver.matrices.accelerations(
@@ -204,6 +215,15 @@ class _Search:
         if candidate.side == "left":
             nodes_mps2[:, Y] *= -1.0
         self._offer(candidate, durations_s, nodes_mps2)
+
+    def _narrow(self, candidate: _Candidate, axis: int) -> None:
+        """Rule out what is harder than a candidate that failed: sooner sideways, later along."""
+        soonest_s, latest_s = self._window_s[candidate.side]
+        if axis == Y:
+            soonest_s = max(soonest_s, candidate.crossing_s)
+        else:
+            latest_s = min(latest_s, candidate.crossing_s)
+        self._window_s[candidate.side] = soonest_s, latest_s
 
     def _offer(
         self, candidate: _Candidate, durations_s: FloatArray, nodes_mps2: FloatArray

@@ -1,11 +1,11 @@
 """Motion on one axis in two phases, as a cubic B-spline with few degrees of freedom.
 
 A phase of `PIECES` pieces leads up to the *crossing*, where the vehicle gets clear of the
-obstacle, another one to the end.  The knots are uniform in each phase and the crossing is a knot,
-so that what holds before it and what holds after it never share a piece.  Everything is
-dimensionless: time in pieces of the first phase, h; acceleration in units of the largest limit, A;
-hence velocity in A h, length in A h², jerk in A / h.  The matrices depend only on the ratio of
-the piece lengths of the two phases, and are computed once.
+obstacle, another one to the end.  The crossing is a knot, so that what holds before it and what
+holds after it never share a piece.  Everything is dimensionless: time in mean pieces of the first
+phase, h; acceleration in units of the largest limit, A; hence velocity in A h, length in A h²,
+jerk in A / h.  The matrices depend only on the ratio of the durations of the two phases and on
+the growth of their pieces, and are computed once.
 
 The start (position 0, velocity, acceleration) and the end (velocity, at rest in acceleration,
 position free) are built into the control points and need no equality rows.
@@ -54,10 +54,9 @@ _ROW_SCALING_EXPONENT = -0.375
 
 @dataclass(frozen=True, eq=False)
 class TwoPhaseSpline:
-    """The matrices for one ratio of piece lengths.
+    """The matrices for one ratio of durations.
 
     Attributes:
-        ratio: piece length of the second phase over that of the first.
         hessian: P, (FREE, FREE).
         gradient_from_parameters: K, (FREE, 3).
         energy_of_parameters: what the parameters cost with z = 0, (3, 3).
@@ -69,7 +68,6 @@ class TwoPhaseSpline:
         durations: length of each piece, (N,).
     """
 
-    ratio: float
     hessian: FloatArray
     gradient_from_parameters: FloatArray
     energy_of_parameters: FloatArray
@@ -81,16 +79,24 @@ class TwoPhaseSpline:
     durations: FloatArray
 
     @classmethod
-    def with_ratio(cls, ratio: float) -> TwoPhaseSpline:
-        """Compute the matrices."""
-        durations = np.repeat([1.0, ratio], PIECES)
-        # Three more uniform knots at either end.
-        steps = np.concatenate((np.ones(3), durations, np.full(3, ratio)))
-        knots = np.concatenate(([0.0], np.cumsum(steps))) - 3.0
+    def with_ratio(cls, ratio: float, growth: float = 1.0) -> TwoPhaseSpline:
+        """Compute the matrices.
+
+        Args:
+            ratio: duration of the second phase over that of the first.
+            growth: length of each piece over that of the one before, in either phase; above 1
+                where the action is at the beginning of a phase, and long waits follow.
+        """
+        lengths = growth ** np.arange(PIECES)
+        lengths *= PIECES / lengths.sum()
+        durations = np.concatenate((lengths, ratio * lengths))
+        # Three more knots at either end, which only shape the basis.
+        steps = np.concatenate((np.full(3, durations[0]), durations, np.full(3, durations[-1])))
+        knots = np.concatenate(([0.0], np.cumsum(steps))) - 3.0 * durations[0]
         velocity = _difference_matrix(knots, degree=3)
         acceleration = _difference_matrix(knots[1:-1], degree=2) @ velocity
         jerk = _difference_matrix(knots[2:-2], degree=1) @ acceleration
-        points_from_free, points_from_parameters = _control_points(ratio)
+        points_from_free, points_from_parameters = _control_points(knots)
         rows = np.vstack(
             (
                 acceleration[1:-1],
@@ -107,7 +113,6 @@ class TwoPhaseSpline:
         free_rows = rows @ points_from_free
         cheapness = np.einsum("ij,ij->i", free_rows, np.linalg.solve(hessian, free_rows.T).T)
         return cls(
-            ratio=ratio,
             hessian=hessian,
             gradient_from_parameters=nodes_from_free.T @ gram @ nodes_from_parameters,
             energy_of_parameters=nodes_from_parameters.T @ gram @ nodes_from_parameters,
@@ -148,16 +153,21 @@ def _basis_at_knot(knots: FloatArray, piece: int) -> FloatArray:
     return basis
 
 
-def _control_points(ratio: float) -> tuple[FloatArray, FloatArray]:
-    """F and G: control points from the free variables and from the parameters."""
+def _control_points(knots: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """F and G: control points from the free variables and from the parameters.
+
+    The control points of a polynomial are its blossom at three neighbouring knots: their mean
+    for the time t itself, the mean of their products for its square.
+    """
     count = TOTAL_PIECES + 3
     from_free, from_parameters = np.zeros((count, FREE)), np.zeros((count, 3))
     from_free[3 : count - 3, :END_POSITION] = np.eye(count - 6)
-    # Uniform knots at the start: position (c0 + 4 c1 + c2) / 6 = 0, and so on.
-    start = np.array([[1 / 6, 4 / 6, 1 / 6], [-0.5, 0.0, 0.5], [1.0, -2.0, 1.0]])
-    from_parameters[:3, :2] = np.linalg.inv(start)[:, 1:]
     from_free[-3:, END_POSITION] = 1.0
-    from_parameters[-3:, 2] = (-ratio, 0.0, ratio)
+    t1, t2, t3 = knots[1:4], knots[2:5], knots[3:6]
+    from_parameters[:3, 0] = (t1 + t2 + t3) / 3.0
+    from_parameters[:3, 1] = (t1 * t2 + t1 * t3 + t2 * t3) / 6.0
+    t1, t2, t3 = knots[-6:-3], knots[-5:-2], knots[-4:-1]
+    from_parameters[-3:, 2] = (t1 + t2 + t3) / 3.0 - knots[-4]
     return from_free, from_parameters
 
 
