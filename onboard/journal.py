@@ -58,11 +58,9 @@ class Journal:
             self._obstacles_revision = navigator.obstacles.revision
             found = [_obstacle(obstacle, navigator.leg) for obstacle in navigator.obstacles]
             records.append(self._record("obstacles", now_s, {"obstacles": found}))
-        for step in navigator.take_planned():
-            records.append(self._record("plan", now_s, self._plan(step)))
-        for event in autonomy.events():
-            records.append(self._record("events", event.time_s, event.as_json()))
-        return records
+        plans = [self._record("plan", now_s, self._plan(s)) for s in navigator.take_planned()]
+        events = [self._record("events", e.time_s, e.as_json()) for e in autonomy.events()]
+        return records + plans + events
 
     def _record(self, topic: Topic, time_s: float, payload: dict[str, Any]) -> Record:
         time_unix_s = round(self._autonomy.epoch_unix_s + time_s, 6)

@@ -202,9 +202,7 @@ def test_it_does_not_leave_standby_without_cause(
 def test_contract_that_does_not_comply_is_not_flown(contract: Contract, mission: Mission) -> None:
     slow = contract.vehicle.model_copy(update={"cruise_speed_mps": 8.0})
     rig = Rig(
-        Autonomy(
-            contract.model_copy(update={"vehicle": slow}), mission, epoch_unix_s=EPOCH_UNIX_S
-        )
+        Autonomy(contract.model_copy(update={"vehicle": slow}), mission, epoch_unix_s=EPOCH_UNIX_S)
     )
     rig.mode = OFFBOARD
     rig.run(2.0)

@@ -85,9 +85,7 @@ def test_mode_is_read_in_both_flavours(
     assert endpoint.status.heard_s == 3.0
 
 
-def test_pose_needs_attitude_and_position(
-    endpoint: MavlinkEndpoint, autopilot: Autopilot
-) -> None:
+def test_pose_needs_attitude_and_position(endpoint: MavlinkEndpoint, autopilot: Autopilot) -> None:
     endpoint.receive(autopilot.position(1.0), 0.1)
     assert endpoint.pose is None
     endpoint.receive(autopilot.attitude(), 0.2)
@@ -143,9 +141,7 @@ def test_setpoint_carries_everything(endpoint: MavlinkEndpoint, autopilot: Autop
     assert endpoint.bytes_to_send() == b""
 
 
-def test_heartbeat_goes_out_once_a_second(
-    endpoint: MavlinkEndpoint, autopilot: Autopilot
-) -> None:
+def test_heartbeat_goes_out_once_a_second(endpoint: MavlinkEndpoint, autopilot: Autopilot) -> None:
     beats = []
     for tick in range(150):
         endpoint.keep_alive(tick * 0.02, active=True)
