@@ -36,6 +36,10 @@ _UNBOUNDED_MPS = 1e3
 _LEAST_CHEAPNESS = 1e-3
 
 
+# Enough of the rows to find the dearest, nearly: every other one, and the end.
+_CHECKED_ROWS = np.append(np.arange(0, spline.CROSSING_ROW, 2), spline.END_ROW)
+
+
 class CostBounds:
     """Lower bounds on the cost of an axis, for all ratios and many crossing times at once.
 
@@ -45,31 +49,33 @@ class CostBounds:
 
     def __init__(self, splines: list[spline.TwoPhaseSpline]) -> None:
         terms = [_closed_form(matrices) for matrices in splines]
-        self._cost, self._rows, self._bend, self._cheapness, self._cheapness_bent = (
+        cost, rows, bend, cheapness, cheapness_held = (
             np.array(term) for term in zip(*terms, strict=True)
         )
+        self._cost = cost
+        self._crossing = rows[:, spline.CROSSING_ROW].T
+        self._crossing_cheapness = cheapness[:, spline.CROSSING_ROW, None]
+        self._rows = rows[:, _CHECKED_ROWS].transpose(0, 2, 1)
+        self._bend = bend[:, None, _CHECKED_ROWS]
+        self._dearness = 1.0 / cheapness[:, None, _CHECKED_ROWS]
+        self._dearness_held = 1.0 / cheapness_held[:, None, _CHECKED_ROWS]
 
     def of(self, task: AxisTask, crossings_s: FloatArray) -> FloatArray:
         """Return costs [m²/s³], (ratios, crossings)."""
         piece_s = crossings_s / spline.PIECES
         parameters = task.parameters(piece_s)
         lower, upper = task.bounds(piece_s)
-        cost = np.einsum("ti,rij,tj->rt", parameters, self._cost, parameters)
-        rows = parameters @ self._rows.transpose(0, 2, 1)
-        at_crossing = rows[..., spline.CROSSING_ROW]
-        bend = (
-            at_crossing.clip(lower[:, spline.CROSSING_ROW], upper[:, spline.CROSSING_ROW])
-            - at_crossing
-        )
-        cost += bend * bend / self._cheapness[:, spline.CROSSING_ROW, None]
-        rows += bend[..., None] * self._bend[:, None, :]
-        excess = np.maximum(rows - upper, lower - rows).clip(min=0.0)
-        cheapness = np.where(
-            bend[..., None] == 0.0, self._cheapness[:, None, :], self._cheapness_bent[:, None, :]
-        )
-        cost += (excess * excess / cheapness).max(axis=-1)
-        bounded: FloatArray = cost * task.cost_unit(piece_s)
-        return bounded
+        cost: FloatArray = np.einsum("ti,rij,tj->rt", parameters, self._cost, parameters)
+        crossing = (parameters @ self._crossing).T
+        clipped = crossing.clip(lower[:, spline.CROSSING_ROW], upper[:, spline.CROSSING_ROW])
+        bend = (clipped - crossing)[..., None]
+        rows = parameters @ self._rows + bend * self._bend
+        excess = np.maximum(rows - upper[:, _CHECKED_ROWS], lower[:, _CHECKED_ROWS] - rows)
+        np.maximum(excess, 0.0, out=excess)
+        excess *= excess
+        excess *= np.where(bend == 0.0, self._dearness, self._dearness_held)
+        cost += bend[..., 0] ** 2 / self._crossing_cheapness + excess.max(axis=-1)
+        return cost * task.cost_unit(piece_s)
 
 
 def _closed_form(matrices: spline.TwoPhaseSpline) -> tuple[FloatArray, ...]:

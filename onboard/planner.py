@@ -40,7 +40,7 @@ _CROSSINGS = 9
 _GROWTH = 1.2
 
 # Axis QPs solved at most.
-_SOLVES_MAX = 20
+_SOLVES_MAX = 12
 
 # A candidate is tried if it may save more than this share of the cost.
 _WORTH_IT = 0.98
