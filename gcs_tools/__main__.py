@@ -28,8 +28,10 @@ def main(arguments: list[str] | None = None) -> int:
     command: Callable[[argparse.Namespace], int] = options.command
     try:
         return command(options)
-    except (FileError, CommandError) as error:
+    except FileError as error:
         return _fail(str(error))
+    except CommandError as error:
+        return _fail(str(error), error.exit_code)
     except ModuleNotFoundError as error:
         if error.name in {"rich", "matplotlib"}:
             return _fail(f"{error.name} is not installed: pip install 'clearway[ground]'")

@@ -9,7 +9,6 @@ import asyncio
 import contextlib
 import json
 import math
-import signal
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from itertools import pairwise
@@ -20,10 +19,11 @@ import yaml
 import zenoh
 from pydantic import BaseModel
 
-from gcs_tools.errors import CommandError
+from gcs_tools.errors import CommandError, Interrupted
+from gcs_tools.interruption import Interruption, interruptible
 from gcs_tools.processes import Children, free_ports
 from gcs_tools.scenario import Scenario, obstacle_list
-from gcs_tools.vehicle import Interrupted, Vehicle, VehicleError, connected_vehicle
+from gcs_tools.vehicle import Vehicle, VehicleError, connected_vehicle
 from onboard.config import DaemonConfig, MavlinkLink, Mission, ZenohEndpoints
 
 VEHICLE_NAME = "vehicle"
@@ -80,14 +80,14 @@ def fly_live(
     """
     endpoints = Endpoints(*free_ports(4))
     write_configuration(scenario, endpoints, seed=seed, out=out, forced=forced)
-    with Children() as children:
+    with interruptible() as interruption, Children() as children:
         report("starting the simulation and the daemon")
         sitl, onboard = out / "sitl.yaml", out / "onboard.yaml"
         children.start("clearway-sitl", "sitl", "--config", str(sitl), log_path=out / "sitl.log")
         children.start(
             "clearway-onboard", "onboard", "--config", str(onboard), log_path=out / "onboard.log"
         )
-        return asyncio.run(_operate(scenario.mission, endpoints, children, report))
+        return asyncio.run(_operate(scenario.mission, endpoints, children, interruption, report))
 
 
 def write_configuration(
@@ -195,15 +195,16 @@ def _daemon_status(endpoints: Endpoints) -> Iterator[Status]:
 
 
 async def _operate(
-    mission: Mission, endpoints: Endpoints, children: Children, report: Report
+    mission: Mission,
+    endpoints: Endpoints,
+    children: Children,
+    interruption: Interruption,
+    report: Report,
 ) -> str | None:
-    """Play the operator, with Ctrl-C and SIGTERM as a request to stop at the next wait."""
-    stop = asyncio.Event()
-    loop = asyncio.get_running_loop()
-    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
-        loop.add_signal_handler(number, stop.set)
     try:
-        async with connected_vehicle(endpoints.operator_url, stop, START_TIMEOUT_S) as vehicle:
+        async with connected_vehicle(
+            endpoints.operator_url, interruption, START_TIMEOUT_S, children.check
+        ) as vehicle:
             with _daemon_status(endpoints) as status:
                 return await Operator(vehicle, status, children, mission, report).fly()
     except VehicleError:

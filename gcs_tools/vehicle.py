@@ -1,10 +1,9 @@
 """The operator's hands on a live vehicle, over MAVSDK: arm, take off, hand over, land.
 
 Every wait has a limit and says what it waited for.  Nothing here is ever cancelled half-way: MAVSDK
-hangs when it is closed while one of its calls is in flight, so an operator who gives up sets
-``stop``, the wait in progress notices, and every call made so far is awaited.  Setpoints are not
-sent from here: MAVSDK's offboard plugin repeats the last one on its own, which would defeat the
-autopilot's failsafe.
+hangs when it is closed while one of its calls is in flight, so an interruption is noticed by the
+wait in progress, and every call made so far is awaited.  Setpoints are not sent from here: MAVSDK's
+offboard plugin repeats the last one on its own, which would defeat the autopilot's failsafe.
 """
 
 from __future__ import annotations
@@ -26,6 +25,7 @@ from mavsdk.asyncio.plugins.mavlink_direct import MavlinkDirectAsync, MavlinkMes
 from mavsdk.asyncio.plugins.telemetry import FlightMode, LandedState, TelemetryAsync
 
 from gcs_tools.errors import CommandError
+from gcs_tools.interruption import Interruption, interruptible
 
 log = logging.getLogger("mavsdk")
 
@@ -42,6 +42,7 @@ TAKE_OFF_TIMEOUT_S_PER_M = 2.0
 
 _POLL_S = 0.05
 _RETRY_S = 0.3
+_LISTEN_S = 0.5
 _HEIGHT_TOLERANCE_M = 0.2
 _STEADY_MPS = 0.1
 
@@ -58,10 +59,6 @@ _OFFBOARD = MappingProxyType({Autopilot.PX4: (6.0, 0.0), Autopilot.ARDUPILOT: (4
 
 class VehicleError(CommandError):
     """The vehicle did not do what was asked, or is not there."""
-
-
-class Interrupted(CommandError):  # noqa: N818  not an error of anybody's
-    """The operator has given up."""
 
 
 @dataclass
@@ -94,13 +91,13 @@ class Vehicle:
     Args:
         system: MAVSDK's system.
         autopilot: which flavour of commands it takes.
-        stop: set by an operator who gives up.
+        interruption: set by an operator who gives up.
     """
 
-    def __init__(self, system: Any, autopilot: Autopilot, stop: asyncio.Event) -> None:
+    def __init__(self, system: Any, autopilot: Autopilot, interruption: Interruption) -> None:
         self.state = VehicleState()
         self.autopilot = autopilot
-        self._stop = stop
+        self._interruption = interruption
         self._system = system
         self._action = ActionAsync(system)
         self._telemetry = TelemetryAsync(system)
@@ -161,7 +158,8 @@ class Vehicle:
             if asyncio.get_running_loop().time() > deadline_s:
                 raise VehicleError(f"OFFBOARD: refused by the vehicle (MAV_RESULT {result})")
             result = await self._command(_MAV_CMD_DO_SET_MODE, (_CUSTOM_MODE_ARMED, main, sub))
-            await self._pause(_RETRY_S if result != _MAV_RESULT_ACCEPTED else 0.0)
+            self._interruption.check()
+            await asyncio.sleep(_RETRY_S if result != _MAV_RESULT_ACCEPTED else 0.0)
         await self.until(
             lambda: self.state.mode is FlightMode.OFFBOARD, MODE_TIMEOUT_S, lambda: "in OFFBOARD"
         )
@@ -188,8 +186,7 @@ class Vehicle:
         loop = asyncio.get_running_loop()
         deadline_s = loop.time() + timeout_s
         while not condition():
-            if self._stop.is_set():
-                raise Interrupted("interrupted")
+            self._interruption.check()
             if not self.state.connected:
                 raise VehicleError(f"the vehicle was lost while waiting for it to be {what()}")
             if loop.time() > deadline_s:
@@ -206,11 +203,6 @@ class Vehicle:
             return await call
         except MavsdkError as error:
             raise VehicleError(f"{what}: refused by the vehicle: {error}") from error
-
-    async def _pause(self, seconds: float) -> None:
-        await asyncio.sleep(seconds)
-        if self._stop.is_set():
-            raise Interrupted("interrupted")
 
     async def _command(self, command: int, parameters: tuple[float, ...]) -> int | None:
         """Send a COMMAND_LONG; return its MAV_RESULT."""
@@ -255,12 +247,22 @@ class Vehicle:
 
 @asynccontextmanager
 async def connected_vehicle(
-    url: str, stop: asyncio.Event, timeout_s: float = CONNECT_TIMEOUT_S
+    url: str,
+    interruption: Interruption,
+    timeout_s: float = CONNECT_TIMEOUT_S,
+    while_waiting: Callable[[], None] = lambda: None,
 ) -> AsyncIterator[Vehicle]:
     """Connect to the first autopilot on a MAVSDK URL, and keep its state up to date.
 
+    Args:
+        url: where it is.
+        interruption: set by an operator who gives up.
+        timeout_s: how long to wait for an autopilot.
+        while_waiting: called now and then until one is heard; may raise.
+
     Raises:
         VehicleError: the URL cannot be opened, or no autopilot was heard in time.
+        Interrupted: the operator gave up.
     """
     identity = Configuration.create_with_component_type(ComponentType.GROUND_STATION)
     async with _quiet(), Mavsdk(identity) as mavsdk:
@@ -268,10 +270,13 @@ async def connected_vehicle(
             await mavsdk.add_any_connection(url)
         except MavsdkError as error:
             raise VehicleError(f"{url}: cannot be opened: {error}") from error
-        system = await mavsdk.first_autopilot(timeout_s=timeout_s)
-        if system is None:
-            raise VehicleError(f"{url}: no autopilot heard in {timeout_s:g} s")
-        vehicle = Vehicle(system, await system.autopilot_type(), stop)
+        deadline_s = asyncio.get_running_loop().time() + timeout_s
+        while (system := await mavsdk.first_autopilot(min(timeout_s, _LISTEN_S))) is None:
+            interruption.check()
+            while_waiting()
+            if asyncio.get_running_loop().time() >= deadline_s:
+                raise VehicleError(f"{url}: no autopilot heard in {timeout_s:g} s")
+        vehicle = Vehicle(system, await system.autopilot_type(), interruption)
         tasks = [asyncio.ensure_future(watcher) for watcher in vehicle.watchers()]
         try:
             await vehicle.request_rates()
@@ -304,6 +309,7 @@ async def describe_vehicle(url: str, timeout_s: float = CONNECT_TIMEOUT_S) -> st
     Raises:
         VehicleError: there is no vehicle, or it is not healthy.
     """
-    async with connected_vehicle(url, asyncio.Event(), timeout_s) as vehicle:
-        await vehicle.wait_healthy()
-        return f"vehicle at {url}: {vehicle.autopilot.name}, healthy"
+    with interruptible() as interruption:
+        async with connected_vehicle(url, interruption, timeout_s) as vehicle:
+            await vehicle.wait_healthy()
+            return f"vehicle at {url}: {vehicle.autopilot.name}, healthy"
