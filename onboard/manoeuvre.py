@@ -109,8 +109,10 @@ def stop_at(
         None if the vehicle cannot stop before it has passed ``x_m``.
     """
     vertical = settling(start.axis(Z), envelope, z_m)
-    limits = envelope.along.scaled(share_of_box(vertical))
-    along = displacement(start.axis(X), x_m, speed_mps, limits)
+    x, limits = start.axis(X), envelope.along.scaled(share_of_box(vertical))
+    if x.after(speed_change(x, 0.0, limits)).position_m > x_m:
+        return None
+    along = displacement(x, x_m, speed_mps, limits)
     return None if along is None else _from_segments(start, start_s, envelope, along, vertical)
 
 

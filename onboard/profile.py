@@ -193,7 +193,8 @@ def displacement(
     """Move to rest at ``target_m``, at most at ``speed_mps``, and quickly.
 
     Returns:
-        At most seven segments; None if the axis cannot stop before it has passed the target.
+        At most seven segments, which turn back if the axis cannot stop before the target; None if
+        it can stop there, but not after its acceleration has been taken off first.
     """
     stop = Profile(*state[:2], speed_change(state, 0.0, limits)).final.position_m
     if target_m == stop:
