@@ -19,7 +19,7 @@ lint: $(VENV)/.dev
 	$(BIN)/mypy tests
 
 bench: $(VENV)/.dev
-	$(BIN)/python tests/bench.py $(if $(ONLY),--only $(ONLY)) --output build/bench.json
+	$(BIN)/python -m tests.bench $(if $(ONLY),--only $(ONLY)) --output build/bench.json
 
 $(VENV)/bin/python:
 	$(PYTHON) -m venv $(VENV)
