@@ -86,6 +86,39 @@ def _add_contract(commands: Any) -> None:
     _add_contract_options(show)
     _add_output_options(show, "table", "json", "csv")
     show.set_defaults(command=_contract_show)
+    _add_contract_solve(actions)
+    _add_contract_surface(actions)
+
+
+def _add_contract_solve(actions: Any) -> None:
+    parser = actions.add_parser("solve", help="largest or smallest value of a key that complies")
+    _add_contract_options(parser)
+    parser.add_argument(
+        "--for", dest="key", required=True, metavar="KEY", help="vehicle.cruise_speed_mps, ..."
+    )
+    _add_output_options(parser, "table", "json", "csv")
+    parser.set_defaults(command=_contract_solve)
+
+
+def _add_contract_surface(actions: Any) -> None:
+    parser = actions.add_parser("surface", help="a requirement over two keys: Fig. 11, 12, 13, any")
+    _add_contract_options(parser)
+    parser.add_argument(
+        "--figure", choices=("11", "12", "13"), help="axes and values of a figure of the paper"
+    )
+    for axis in ("x", "y"):
+        parser.add_argument(
+            f"--{axis}", metavar="KEY=LO:HI:N", help="KEY+KEY drives several keys together"
+        )
+    parser.add_argument("--z", metavar="QUANTITY", help="what to draw; default: the least margin")
+    parser.add_argument(
+        "--reading",
+        choices=("nominal", "inflated"),
+        help="the paper's point mass (default of a figure), or all errors (default otherwise)",
+    )
+    parser.add_argument("--plot", type=Path, metavar="FILE", help="draw it: PNG, SVG or PDF")
+    _add_output_options(parser, "table", "json", "csv")
+    parser.set_defaults(command=_contract_surface)
 
 
 def _add_schema(commands: Any) -> None:
@@ -166,6 +199,42 @@ def _contract_show(options: argparse.Namespace) -> int:
         input_set=options.input_set,
         form=options.form,
         output=options.output,
+    )
+    return 0
+
+
+def _contract_solve(options: argparse.Namespace) -> int:
+    from gcs_tools.contract_solve import solve_contract  # noqa: PLC0415
+
+    solve_contract(
+        options.contract,
+        key=options.key,
+        overrides=tuple(options.overrides),
+        input_set=options.input_set,
+        form=options.form,
+        output=options.output,
+    )
+    return 0
+
+
+def _contract_surface(options: argparse.Namespace) -> int:
+    from gcs_tools.contract_surface import SurfaceRequest, write_surface  # noqa: PLC0415
+
+    request = SurfaceRequest(
+        figure=options.figure,
+        x=options.x,
+        y=options.y,
+        quantity=options.z,
+        reading=options.reading,
+    )
+    write_surface(
+        options.contract,
+        request,
+        overrides=tuple(options.overrides),
+        input_set=options.input_set,
+        form=options.form,
+        output=options.output,
+        plot=options.plot,
     )
     return 0
 

@@ -41,7 +41,15 @@ def write_document(
     if form == "table" and path is None:
         table(Console(width=None if sys.stdout.isatty() else _FILE_WIDTH, highlight=False))
         return
-    text = _rendered(document, table, form)
+    write_text(_rendered(document, table, form), path)
+
+
+def write_text(text: str, path: Path | None) -> None:
+    """Write a text to ``path``, or to standard output without one.
+
+    Raises:
+        CommandError: the file cannot be written.
+    """
     if path is None:
         sys.stdout.write(text)
         return
