@@ -1,7 +1,7 @@
 """The benchmarks: ``make bench [ONLY=name]`` prints a table and writes ``build/bench.json``.
 
-Every ``bench_*.py`` beside the tests is read; each function ``bench_NAME`` in it measures one thing,
-together with a peer wherever there is one to be had, in the same run and on the same machine.
+Every ``bench_*.py`` beside the tests is read; each function ``bench_NAME`` in it measures one
+thing, with a peer wherever there is one to be had, in the same run and on the same machine.
 """
 
 from __future__ import annotations
