@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -32,7 +33,18 @@ USED_SHARE = 0.995
 # What OSQP is told instead of infinity.
 _INACTIVE = 1e8
 
+# Exponents of the piece length, shifted by two to be indices: velocity counts in units of A h,
+# length in A h², jerk in A / h (spline.py), and the reward in A / h.
+_PARAMETER_POWERS = np.array([-1, 0, -1, 1]) + 2
+_ROW_POWERS = np.repeat([0, 1, -1, -1, -2, -2], spline.ROW_COUNTS) + 2
+
 _ANYWHERE = (-math.inf, math.inf)
+
+
+def _powers(piece_s: FloatArray) -> FloatArray:
+    """Powers -2 to 1 of the piece lengths, (..., 4)."""
+    inverse = 1.0 / piece_s
+    return np.stack((inverse * inverse, inverse, np.ones_like(piece_s), piece_s), axis=-1)
 
 
 @dataclass(frozen=True)
@@ -68,49 +80,51 @@ class AxisTask:
         """Dimensionless start and end, and reward for the end position: (..., 4).
 
         Args:
-            piece_s: lengths of the pieces of the first phase, (...).
+            piece_s: mean lengths of the pieces of the first phase, (...).
         """
-        unit_mps = self.unit_mps2 * piece_s
-        return np.stack(
-            (
-                self.start.velocity_mps / unit_mps,
-                np.full_like(piece_s, self.start.acceleration_mps2 / self.unit_mps2),
-                self.end_speed_mps / unit_mps,
-                self.reward_mps3 * piece_s / (2.0 * self.unit_mps2),
-            ),
-            axis=-1,
-        )
+        return _powers(piece_s)[..., _PARAMETER_POWERS] * self._si_parameters
 
     def bounds(self, piece_s: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Dimensionless lower and upper bounds of the rows: (..., ROWS) each.
 
         Args:
-            piece_s: lengths of the pieces of the first phase, (...).
+            piece_s: mean lengths of the pieces of the first phase, (...).
         """
-        lower = np.empty((*piece_s.shape, spline.ROWS))
-        upper = np.empty_like(lower)
-        lower[..., spline.ACCELERATION_ROWS] = (
-            self.limits.acceleration_min_mps2 * USED_SHARE / self.unit_mps2
+        units = _powers(piece_s)[..., _ROW_POWERS]
+        lower, upper = self._si_bounds
+        return units * lower, units * upper
+
+    @cached_property
+    def _si_parameters(self) -> FloatArray:
+        """The parameters for pieces of one second."""
+        start, unit_mps2 = self.start, self.unit_mps2
+        values = start.velocity_mps, start.acceleration_mps2, self.end_speed_mps
+        return np.array((*values, self.reward_mps3 / 2.0)) / unit_mps2
+
+    @cached_property
+    def _si_bounds(self) -> tuple[FloatArray, FloatArray]:
+        """The bounds for pieces of one second, less the margins."""
+        jerk_mps3 = self.limits.jerk_max_mps3 * USED_SHARE
+        lower = (
+            self.limits.acceleration_min_mps2 * USED_SHARE,
+            -jerk_mps3,
+            self.speed_before_mps[0] + MARGIN_MPS,
+            self.speed_after_mps[0] + MARGIN_MPS,
+            self.crossing_m[0] + MARGIN_M,
+            -math.inf,
         )
-        upper[..., spline.ACCELERATION_ROWS] = (
-            self.limits.acceleration_max_mps2 * USED_SHARE / self.unit_mps2
+        upper = (
+            self.limits.acceleration_max_mps2 * USED_SHARE,
+            jerk_mps3,
+            self.speed_before_mps[1] - MARGIN_MPS,
+            self.speed_after_mps[1] - MARGIN_MPS,
+            self.crossing_m[1] - MARGIN_M,
+            self.end_max_m - MARGIN_M,
         )
-        jerk_unit_mps3 = self.unit_mps2 / piece_s[..., None]
-        upper[..., spline.JERK_ROWS] = self.limits.jerk_max_mps3 * USED_SHARE / jerk_unit_mps3
-        lower[..., spline.JERK_ROWS] = -upper[..., spline.JERK_ROWS]
-        speed_unit_mps = self.unit_mps2 * piece_s[..., None]
-        for rows, (low_mps, high_mps) in (
-            (spline.VELOCITY_ROWS, self.speed_before_mps),
-            (spline.VELOCITY_ROWS_AFTER, self.speed_after_mps),
-        ):
-            lower[..., rows] = (low_mps + MARGIN_MPS) / speed_unit_mps
-            upper[..., rows] = (high_mps - MARGIN_MPS) / speed_unit_mps
-        unit_m = self.unit_mps2 * piece_s * piece_s
-        lower[..., spline.CROSSING_ROW] = (self.crossing_m[0] + MARGIN_M) / unit_m
-        upper[..., spline.CROSSING_ROW] = (self.crossing_m[1] - MARGIN_M) / unit_m
-        lower[..., spline.END_ROW] = -math.inf
-        upper[..., spline.END_ROW] = (self.end_max_m - MARGIN_M) / unit_m
-        return lower, upper
+        return (
+            np.repeat(lower, spline.ROW_COUNTS) / self.unit_mps2,
+            np.repeat(upper, spline.ROW_COUNTS) / self.unit_mps2,
+        )
 
     def cost_unit(self, piece_s: FloatArray) -> FloatArray:
         """Cost [m²/s³] of a dimensionless cost of one."""

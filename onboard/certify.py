@@ -21,7 +21,7 @@ from onboard.agility import GRAVITY_MPS2
 from onboard.trajectory import X, Y, Z
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
+    from collections.abc import Iterable, Sequence
 
     from onboard.avoidance import AvoidanceProblem, Envelope
     from onboard.frames import FloatArray
@@ -34,8 +34,6 @@ VELOCITY_TOLERANCE_MPS = 1e-6
 ACCELERATION_TOLERANCE_MPS2 = 1e-6
 JERK_TOLERANCE_MPS3 = 1e-5
 TIME_TOLERANCE_S = 1e-6
-
-_AXIS_NAMES = ("x", "y", "z")
 
 
 @dataclass(frozen=True)
@@ -108,14 +106,20 @@ class _Findings:
         if not excess <= tolerance:
             self.failures.append(f"{clause} by {excess:.3g} {unit} at {time_s:.3f} s")
 
-    def exceeds_in_pieces(
-        self, clause: str, excess: FloatArray, tolerance: float, unit: str, *, at_end: bool = False
+    def table_exceeds(
+        self,
+        clauses: Sequence[str],
+        excess: FloatArray,
+        tolerance: float,
+        unit: str,
+        times_s: Sequence[float],
     ) -> None:
-        """Record the worst piece of a clause whose excess is (n,), one number per piece."""
-        if not (excess <= tolerance).all():
-            piece = int(np.argmax(excess))
-            time_s = self.trajectory.knots_s[piece + at_end]
-            self.exceeds_at(clause, float(excess[piece]), tolerance, unit, time_s)
+        """Record the worst time of every clause of a table of excesses, (clauses, times)."""
+        if (excess <= tolerance).all():
+            return
+        for clause, row in zip(clauses, excess, strict=True):
+            worst = int(np.argmax(row))
+            self.exceeds_at(clause, float(row[worst]), tolerance, unit, times_s[worst])
 
 
 def _check_start(findings: _Findings, start: State, start_s: float, envelope: Envelope) -> None:
@@ -140,12 +144,11 @@ def _check_flyable(findings: _Findings, envelope: Envelope) -> None:
     """Pieces join; jerk, tilt, thrust and speed stay within the envelope."""
     _check_joins(findings, envelope)
     trajectory = findings.trajectory
-    for axis, limit_mps3 in enumerate(envelope.jerk_max_mps3):
-        excess = np.abs(trajectory.jerk_leg_mps3[:, axis]) - limit_mps3
-        clause = f"jerk limit on {_AXIS_NAMES[axis]} exceeded"
-        findings.exceeds_in_pieces(clause, excess, JERK_TOLERANCE_MPS3, "m/s³")
-    _check_accelerations(findings, envelope, trajectory.acceleration_leg_mps2, at_end=False)
-    _check_accelerations(findings, envelope, trajectory.ends[2], at_end=True)
+    jerk_excess = np.abs(trajectory.jerk_leg_mps3) - envelope.jerk_max_mps3
+    clauses = [f"jerk limit on {axis} exceeded" for axis in "xyz"]
+    starts_s = trajectory.knots_s[:-1]
+    findings.table_exceeds(clauses, jerk_excess.T, JERK_TOLERANCE_MPS3, "m/s³", starts_s)
+    _check_accelerations(findings, envelope)
     slowest_mps, fastest_mps = trajectory.velocity_range_mps(X)
     over_mps = fastest_mps - envelope.speed_max_mps
     findings.exceeds("reverses along the leg", -slowest_mps, VELOCITY_TOLERANCE_MPS, "m/s")
@@ -161,56 +164,59 @@ def _check_joins(findings: _Findings, envelope: Envelope) -> None:
     if envelope.jerk_is_limited:
         quantities.append(("acceleration", ACCELERATION_TOLERANCE_MPS2, "m/s²"))
     trajectory = findings.trajectory
+    joins_s = trajectory.knots_s[1:-1]
     for (name, tolerance, unit), ends, starts in zip(
         quantities, trajectory.ends, trajectory.motion, strict=False
     ):
-        gap = np.abs(ends[:-1] - starts[1:]).max(axis=1, initial=0.0)
-        findings.exceeds_in_pieces(f"{name} jumps", gap, tolerance, unit, at_end=True)
+        gap = np.abs(ends[:-1] - starts[1:])
+        clauses = [f"{name} jumps on {axis}" for axis in "xyz"]
+        findings.table_exceeds(clauses, gap.T, tolerance, unit, joins_s)
 
 
-def _check_accelerations(
-    findings: _Findings, envelope: Envelope, acceleration_leg_mps2: FloatArray, *, at_end: bool
-) -> None:
-    """Tilt and thrust at one end of every piece; between the ends they are less (convexity).
+def _check_accelerations(findings: _Findings, envelope: Envelope) -> None:
+    """Tilt and thrust at both ends of every piece; in between they are less (convexity).
 
     |x| <= tan(theta) (g - z), inner |y| <= tan(phi) (g - z), |acceleration - g| <= T_max / m.
     """
-    x, y, z = acceleration_leg_mps2.T
+    trajectory = findings.trajectory
+    x, y, z = np.concatenate((trajectory.acceleration_leg_mps2, trajectory.ends[2])).T
     w = envelope.limits
     lift = 1.0 - z / GRAVITY_MPS2
-    clauses = (
-        ("braking limit exceeded", -x - w.brake_mps2 * lift),
-        ("forward acceleration limit exceeded", x - w.forward_mps2 * lift),
-        ("leftward acceleration limit exceeded", -y - w.left_mps2 * lift),
-        ("rightward acceleration limit exceeded", y - w.right_mps2 * lift),
-        (
-            "thrust limit exceeded",
-            np.sqrt(x * x + y * y + (z - GRAVITY_MPS2) ** 2) - envelope.thrust_max_mps2,
-        ),
+    thrust_mps2 = np.sqrt(x * x + y * y + (z - GRAVITY_MPS2) ** 2)
+    clauses = {
+        "braking limit exceeded": -x - w.brake_mps2 * lift,
+        "forward acceleration limit exceeded": x - w.forward_mps2 * lift,
+        "leftward acceleration limit exceeded": -y - w.left_mps2 * lift,
+        "rightward acceleration limit exceeded": y - w.right_mps2 * lift,
+        "thrust limit exceeded": thrust_mps2 - envelope.thrust_max_mps2,
+    }
+    findings.table_exceeds(
+        list(clauses),
+        np.array(list(clauses.values())),
+        ACCELERATION_TOLERANCE_MPS2,
+        "m/s²",
+        trajectory.knots_s[:-1] + trajectory.knots_s[1:],
     )
-    for clause, excess in clauses:
-        findings.exceeds_in_pieces(
-            clause, excess, ACCELERATION_TOLERANCE_MPS2, "m/s²", at_end=at_end
-        )
 
 
 def _check_region(findings: _Findings, problem: AvoidanceProblem) -> None:
     """The path stays in the lane, short of the post-obstacle border and in its height band."""
-    region = problem.region
-    _, x_max_m = findings.trajectory.position_range_m(X)
-    y_min_m, y_max_m = findings.trajectory.position_range_m(Y)
-    z_min_m, z_max_m = findings.trajectory.position_range_m(Z)
+    region, trajectory = problem.region, findings.trajectory
     start_z_m = problem.start.position_leg_m[Z]
     ceiling_m = min(start_z_m, problem.cruise_z_m - problem.climb_m)
     floor_m = max(start_z_m, problem.cruise_z_m)
-    for clause, excess_m in (
-        ("beyond the post-obstacle border", x_max_m - region.x_pob_m),
-        ("left of the lane", region.lane_left_m - y_min_m),
-        ("right of the lane", y_max_m - region.lane_right_m),
-        ("above the height band", ceiling_m - z_min_m),
-        ("below the height band", z_max_m - floor_m),
+    hull_min_m = trajectory.control_points_m.min(axis=(0, 1)).tolist()
+    hull_max_m = trajectory.control_points_m.max(axis=(0, 1)).tolist()
+    for axis, low_clause, low_m, high_clause, high_m in (
+        (X, "before the start", -math.inf, "beyond the post-obstacle border", region.x_pob_m),
+        (Y, "left of the lane", region.lane_left_m, "right of the lane", region.lane_right_m),
+        (Z, "above the height band", ceiling_m, "below the height band", floor_m),
     ):
-        findings.exceeds(clause, excess_m, POSITION_TOLERANCE_M, "m")
+        if low_m <= hull_min_m[axis] and hull_max_m[axis] <= high_m:
+            continue
+        min_m, max_m = trajectory.position_range_m(axis)
+        findings.exceeds(low_clause, low_m - min_m, POSITION_TOLERANCE_M, "m")
+        findings.exceeds(high_clause, max_m - high_m, POSITION_TOLERANCE_M, "m")
 
 
 def _check_exit(findings: _Findings, problem: AvoidanceProblem) -> None:

@@ -37,16 +37,13 @@ TOTAL_PIECES = 2 * PIECES
 FREE = TOTAL_PIECES - 2
 END_POSITION = FREE - 1
 
-# Rows: inner nodes, pieces, velocity control points that are not fixed by start and end.
-ACCELERATION_ROWS = slice(0, TOTAL_PIECES - 1)
-JERK_ROWS = slice(TOTAL_PIECES - 1, 2 * TOTAL_PIECES - 1)
-VELOCITY_ROWS = slice(2 * TOTAL_PIECES - 1, 3 * TOTAL_PIECES - 3)
-CROSSING_ROW = 3 * TOTAL_PIECES - 3
-END_ROW = CROSSING_ROW + 1
-ROWS = END_ROW + 1
-
-# Velocity control points from this row on govern the second phase.
-VELOCITY_ROWS_AFTER = slice(VELOCITY_ROWS.start + PIECES - 2, VELOCITY_ROWS.stop)
+# Rows: accelerations at inner nodes; jerks; velocity control points that are not fixed by start
+# and end, those before the crossing and those that govern what follows it; position at the
+# crossing and at the end.
+ROW_COUNTS = (TOTAL_PIECES - 1, TOTAL_PIECES, PIECES - 2, PIECES, 1, 1)
+ROWS = sum(ROW_COUNTS)
+END_ROW = ROWS - 1
+CROSSING_ROW = END_ROW - 1
 
 # Rows whose optimum costs much are scaled down: found to make ADMM converge fastest.
 _ROW_SCALING_EXPONENT = -0.375
