@@ -64,8 +64,8 @@ class Stretch:
     Attributes:
         name: for reports.
         frame: origin at the start of the leg.
-        start, end: where the leg may begin and end, in its frame: as far beside its two points as
-            the mission allows.
+        start, end: where the leg may begin and end, in its frame: as far beside or beyond its two
+            points as the mission allows.
     """
 
     name: str
@@ -143,7 +143,8 @@ def _stretches(mission: Mission | None) -> Iterator[Stretch]:
     for number, leg in enumerate(mission.legs, start=1):
         frame = LegFrame.between((*point_ned_m, 0.0), (*leg.end_ned_m, 0.0))
         length_m, half_m = math.dist(point_ned_m, leg.end_ned_m), leg.target_half_width_m
-        end_m = np.array([(length_m, -half_m, 0.0), (length_m, half_m, 0.0)])
+        # An avoidance near the end may leave no room to stop there, only beyond.
+        end_m = np.array([(length_m, -half_m, 0.0), (length_m + half_m, half_m, 0.0)])
         start_m = frame.position_leg_from_ned(start_ned_m)
         yield Stretch(f"leg {number}", frame, _enclosing(start_m), _enclosing(end_m))
         # Where this leg may end, the next may begin; it runs in another direction.

@@ -119,12 +119,13 @@ def test_start_and_end_lie_outside_every_region() -> None:
     region = PAPER.region_around(Box(19.5, 20.5, -0.5, 0.5), 0.0).extent
     in_the_way = [obstacle("1", (20.0, 0.0))]
     for end_m, clear in [
-        (region.x_min_m - 0.1, True),
-        (region.x_min_m + 0.1, False),
+        (region.x_min_m - 0.6, True),
+        (region.x_min_m - 0.4, False),
         (region.x_max_m - 0.1, False),
         (region.x_max_m + 0.1, True),
     ]:
-        assert rules(in_the_way, mission((end_m, 0.0)))["end_clear"].holds is clear
+        flown = mission((end_m, 0.0), half_width_m=0.5)
+        assert rules(in_the_way, flown)["end_clear"].holds is clear
     at_the_start = rules([obstacle("1", (3.0, 0.0))], mission((46.0, 0.0)))["start_clear"]
     assert at_the_start.offenders == ("1 (leg 1)",)
 
