@@ -24,30 +24,35 @@ from onboard.contract import Assessment, assess
 from onboard.events import Event, Severity
 from onboard.guidance import Phase
 from onboard.mavlink import MavlinkEndpoint, Pose, Setpoint
-from onboard.monitor import (
-    Assumption,
-    DetectionWatch,
-    TrackingWatch,
-    Violation,
-    check_frame,
-    check_obstacle,
-)
+from onboard.monitor import Assumption, Violation, check_frame, check_obstacle
 from onboard.navigator import Navigator
 from onboard.obstacles import (
     Detection,
     DetectionFrame,
     MalformedFrameError,
+    Obstacle,
     PoseHistory,
     corners_ned,
     parse_frame,
 )
 from onboard.planner import Planner
+from onboard.watches import (
+    DetectionWatch,
+    PositionWatch,
+    TickWatch,
+    TiltWatch,
+    TrackingWatch,
+)
 
 log = logging.getLogger(__name__)
 
 # At 20 Hz a tick sees one frame; a burst beyond this is a fault, and the oldest are dropped.
 MAX_PENDING_FRAMES: Final = 32
 AUTOPILOT_SILENCE_S: Final = 3.0
+# Somebody else's setpoint this recent means that two are flying.
+RIVAL_MEMORY_S: Final = 0.5
+# Holding without knowing where for longer than this is left to the autopilot.
+HANDOVER_AFTER_S: Final = 2.0
 
 
 @dataclass
@@ -69,7 +74,8 @@ class Autonomy:
         system_id: MAVLink id of the vehicle.
         stale_after_s: older telemetry is no telemetry.
         input_set: which set of accelerations to plan on.
-        fly_outside_contract: leave STANDBY although the contract does not comply.
+        fly_outside_contract: leave STANDBY although the contract does not comply; what then
+            fails is answered by braking, since there is no contract to solve again.
         stopwatch: reads a clock in seconds, only to report how long plans took.
     """
 
@@ -86,14 +92,18 @@ class Autonomy:
         stopwatch: Callable[[], float] = lambda: 0.0,
     ) -> None:
         self.epoch_unix_s = epoch_unix_s
-        self.assessment: Assessment = assess(contract, input_set)
+        assessment = assess(contract, input_set)
         self.link = MavlinkEndpoint(system_id)
-        self.navigator = Navigator(self.assessment, mission, Planner(), stopwatch)
+        self.navigator = Navigator(
+            assessment, mission, Planner(), stopwatch, adaptive=not fly_outside_contract
+        )
         self.detections = DetectionCounters()
-        terms = self.assessment.terms
+        self._complies = assessment.compliant or fly_outside_contract
         self._fly_outside_contract = fly_outside_contract
-        self._detection_watch = DetectionWatch(terms)
-        self._tracking_watch = TrackingWatch(terms, stale_after_s)
+        self._detection_watch = DetectionWatch()
+        self._position_watch = PositionWatch(stale_after_s)
+        self._tracking_watch, self._tilt_watch = TrackingWatch(), TiltWatch()
+        self._tick_watch = TickWatch()
         self._poses = PoseHistory()
         self._pending: deque[bytes] = deque()
         self._events: list[Event] = []
@@ -101,6 +111,12 @@ class Autonomy:
         self._hold: Setpoint | None = None
         self._refusal: tuple[str, ...] = ()
         self._watched_pose: Pose | None = None
+        self._left = False
+
+    @property
+    def assessment(self) -> Assessment:
+        """The contract as it is flown now: as declared, or solved again for what was seen."""
+        return self.navigator.assessment
 
     # ------------------------------------------------------------------ inputs, latched
 
@@ -133,8 +149,10 @@ class Autonomy:
 
     def tick(self, now_s: float) -> None:
         """Decide what is flown until the next tick, and queue its setpoint."""
-        navigator = self.navigator
-        self.link.keep_alive(now_s, active=navigator.phase is not Phase.STANDBY)
+        self.link.keep_alive(now_s, active=self.navigator.phase is not Phase.STANDBY)
+        overrun = self._tick_watch.check(now_s)
+        if overrun is not None:
+            self._broken(overrun, now_s)
         self._take_frames(now_s)
         pose = self.link.pose
         if pose is not None:
@@ -165,17 +183,14 @@ class Autonomy:
 
     def _take_frame(self, frame: DetectionFrame, now_s: float) -> None:
         stamp_s = frame.stamp_unix_s - self.epoch_unix_s
-        clock_fault = self._detection_watch.on_frame(frame.source, stamp_s, now_s)
-        if clock_fault is not None:
-            self._broken(clock_fault, now_s)
+        pose = self._poses.at(stamp_s) if frame.frame == "body_frd" else None
+        if frame.frame == "body_frd" and pose is None:
+            # Seen, but nobody knows from where: as good as not seen.
+            self.detections.unplaced_frames += 1
             return
-        pose = None
-        if frame.frame == "body_frd":
-            pose = self._poses.at(stamp_s)
-            if pose is None:
-                self.detections.unplaced_frames += 1
-                return
-        for violation in check_frame(frame, self.assessment.terms):
+        terms = self.assessment.terms
+        lateness = self._detection_watch.on_frame(frame.source, stamp_s, now_s, terms)
+        for violation in lateness + check_frame(frame, terms):
             self._broken(violation, now_s)
         for detection in frame.obstacles:
             self._take_detection(frame.source, detection, pose, now_s)
@@ -188,7 +203,7 @@ class Autonomy:
         corners = corners_ned(detection, pose)
         if not obstacles.add(obstacle_id, corners, detection.uncertainty_m):
             return
-        obstacle = obstacles.get(obstacle_id)
+        obstacle = obstacles.of_track(obstacle_id)
         if obstacle is not None:
             self.navigator.recheck_plan(obstacle, now_s)
 
@@ -215,7 +230,7 @@ class Autonomy:
         failures = tuple(self._departure_failures(pose, now_s))
         if not failures:
             self._reported.clear()
-            self._tracking_watch.restart()
+            self._tracking_watch, self._tilt_watch = TrackingWatch(), TiltWatch()
             self.navigator.take_control(pose, now_s)
         elif failures != self._refusal:
             text = "not leaving standby: " + "; ".join(failures)
@@ -224,12 +239,12 @@ class Autonomy:
 
     def _departure_failures(self, pose: Pose, now_s: float) -> list[str]:
         failures = []
-        if not (self.assessment.compliant or self._fly_outside_contract):
+        if not self._complies:
             broken = [clause.name for clause in self.assessment.clauses if not clause.holds]
             failures.append(f"the contract does not comply ({', '.join(broken)})")
-        if self._detection_watch.check(now_s) is not None:
+        if self._detection_watch.check(now_s, self.assessment.terms) is not None:
             failures.append("no fresh detection frames")
-        if self._tracking_watch.check_age(pose, now_s) is not None:
+        if self._position_watch.check_age(pose, now_s) is not None:
             failures.append("no fresh telemetry")
         failures += self.navigator.departure_failures(pose)
         if not self._fly_outside_contract:
@@ -238,24 +253,29 @@ class Autonomy:
 
     def _watch(self, pose: Pose, now_s: float) -> None:
         """Hold every assumption against what is seen."""
+        jump = None
+        if pose is not self._watched_pose:
+            jump = self._position_watch.check_jump(pose)
         if not self.navigator.flying:
+            self._watched_pose = pose
             return
-        silent = self._detection_watch.check(now_s)
-        stale = self._tracking_watch.check_age(pose, now_s)
-        for violation in (silent, stale, *self._environment_violations(now_s)):
+        if jump is not None:
+            self._broken(jump, now_s, measured=pose)
+        silent = self._detection_watch.check(now_s, self.assessment.terms)
+        stale = self._position_watch.check_age(pose, now_s)
+        for violation in (silent, stale, self._rival(now_s), *self._environment_violations(now_s)):
             if violation is not None:
                 self._broken(violation, now_s)
         if pose is not self._watched_pose:
             self._watched_pose = pose
-            self._watch_pose(pose, now_s)
+            for violation in self._tracking_violations(pose):
+                self._broken(violation, now_s)
 
-    def _watch_pose(self, pose: Pose, now_s: float) -> None:
-        jump = self._tracking_watch.check_jump(pose)
-        if jump is not None:
-            self._broken(jump, now_s, measured=pose)
-            return
-        for violation in self._tracking_violations(pose):
-            self._broken(violation, now_s)
+    def _rival(self, now_s: float) -> Violation | None:
+        age_s = now_s - self.link.rival_heard_s
+        if age_s > RIVAL_MEMORY_S:
+            return None
+        return Violation(Assumption.SECOND_COMMANDER, 2.0, 1.0, "commanders", self.link.rival)
 
     def _environment_violations(self, now_s: float) -> list[Violation]:
         """Check the obstacles that the flight is about to meet; others may be as they like."""
@@ -264,7 +284,21 @@ class Autonomy:
         for obstacle in self.navigator.obstacles_to_meet(now_s):
             conflict = next(obstacles.conflicts(obstacle), None)
             found += check_obstacle(obstacle, conflict, self.assessment.terms)
+            if len(obstacle.members) > 1:
+                self._report_merger(obstacle, now_s)
         return found
+
+    def _report_merger(self, obstacle: Obstacle, now_s: float) -> None:
+        """Say that regions intersect; avoiding the obstacles as one has answered it already."""
+        key = (Assumption.ROI_INTERSECTION, obstacle.id)
+        if self.navigator.flying and key not in self._reported:
+            self._reported.add(key)
+            limit_m = self.assessment.terms.obstacle_separation_min_m
+            broken = Violation(key[0], 0.0, limit_m, "m", obstacle.id)
+            self._events += [
+                broken.event(now_s),
+                Event(now_s, "merged", Severity.WARNING, f"avoiding {obstacle.id} as one"),
+            ]
 
     def _tracking_violations(self, pose: Pose) -> list[Violation]:
         reference = self.navigator.reference(pose.time_s)
@@ -273,12 +307,20 @@ class Autonomy:
         leg = self.navigator.leg
         x_m, y_m, _ = leg.position_leg_from_ned(np.array(pose.position_ned_m)).tolist()
         vx_mps, vy_mps, _ = leg.vector_leg_from_ned(np.array(pose.velocity_ned_mps)).tolist()
-        return self._tracking_watch.check_tracking(
+        terms = self.assessment.terms
+        found = self._tracking_watch.check(
             (x_m - reference.position_leg_m[0], y_m - reference.position_leg_m[1]),
             (vx_mps, vy_mps),
             (reference.velocity_leg_mps[0], reference.velocity_leg_mps[1]),
+            terms,
             cruising=self.navigator.cruising_freely,
         )
+        asked = self.navigator.setpoint(pose.time_s - terms.attitude_lag_s)
+        if asked is not None:
+            forward_right_mps2 = _in_heading(asked.acceleration_ned_mps2, pose.yaw_rad)
+            lacking = self._tilt_watch.check(pose, forward_right_mps2, terms)
+            found += [] if lacking is None else [lacking]
+        return found
 
     def _broken(self, violation: Violation, now_s: float, measured: Pose | None = None) -> None:
         """Report a violation once per flight, and answer it if we are the ones flying."""
@@ -288,15 +330,25 @@ class Autonomy:
         if key not in self._reported:
             self._reported.add(key)
             self._events.append(violation.event(now_s))
-        self.navigator.fail(violation, now_s, measured)
+        self.navigator.answer(violation, now_s, measured)
 
     def _stream(self, now_s: float) -> None:
         """Send this tick's setpoint; on the ground none, or ArduPilot would not take off."""
-        if self.link.status.airborne is not True:
+        if self.link.status.airborne is not True or self._left_to_the_autopilot(now_s):
             return
         setpoint = self.navigator.setpoint(now_s) or self._hold
         if setpoint is not None:
             self.link.send_setpoint(setpoint, now_s)
+
+    def _left_to_the_autopilot(self, now_s: float) -> bool:
+        """Tell whether we hover blind: then the autopilot's own failsafe does better than we."""
+        pose = self.link.pose
+        blind = pose is None or now_s - pose.time_s > HANDOVER_AFTER_S
+        left, self._left = self._left, blind and not self.navigator.flying
+        if self._left and not left and self.navigator.phase is not Phase.STANDBY:
+            text = "no position: leaving the vehicle to the autopilot"
+            self._events.append(Event(now_s, "handed_over", Severity.CRITICAL, text))
+        return self._left
 
     def _collect_events(self) -> None:
         self._events.extend(self.navigator.events)
@@ -341,6 +393,13 @@ class Autonomy:
                 "frames_dropped": self.detections.dropped_frames,
             },
         }
+
+
+def _in_heading(vector_ned: tuple[float, float, float], yaw_rad: float) -> tuple[float, float]:
+    """Return the forward and right components of a horizontal vector."""
+    cosine, sine = math.cos(yaw_rad), math.sin(yaw_rad)
+    north, east, _ = vector_ned
+    return cosine * north + sine * east, cosine * east - sine * north
 
 
 def _hold_at(pose: Pose) -> Setpoint:

@@ -397,13 +397,22 @@ def assess(contract: Contract, input_set: InputSet = "inner") -> Assessment:
         contract: the contract.
         input_set: ``"inner"`` (sound) or ``"paper"`` (Eq. 7 as printed).
     """
-    terms = Terms.of(contract, input_set)
+    return assess_terms(contract, Terms.of(contract, input_set))
+
+
+def assess_terms(contract: Contract, terms: Terms[float]) -> Assessment:
+    """Hold a contract's requirements against other terms than it declares: what is seen in flight.
+
+    Args:
+        contract: the contract that the terms come from.
+        terms: its numbers, some of them replaced.
+    """
     inflated = derive(terms, SCALAR)
     agility = Agility(terms.roll_max_rad, terms.pitch_max_rad, terms.thrust_to_weight)
     return Assessment(
         contract=contract,
         terms=terms,
-        limits=agility.acceleration_limits(input_set),
+        limits=agility.acceleration_limits(terms.input_set),
         nominal=derive(terms.idealised(), SCALAR),
         inflated=inflated,
         clauses=clauses(terms, inflated, SCALAR),

@@ -107,6 +107,9 @@ class MavlinkEndpoint:
         self.status = VehicleStatus()
         self.pose: Pose | None = None
         self.counters = LinkCounters()
+        # When somebody else last told the vehicle where to go, and who.
+        self.rival_heard_s = -math.inf
+        self.rival = ""
         self._system_id = system_id
         self._attitude_rad: tuple[float, float, float] | None = None
         self._outgoing: deque[bytes] = deque(maxlen=1000)
@@ -194,6 +197,7 @@ class MavlinkEndpoint:
             or message.get_srcComponent() != mavlink.MAV_COMP_ID_AUTOPILOT1
         ):
             self.counters.foreign_messages += 1
+            self._note_rival(message, now_s)
         elif kind == "HEARTBEAT":
             self._on_heartbeat(message, now_s)
         elif kind == "LOCAL_POSITION_NED":
@@ -202,6 +206,13 @@ class MavlinkEndpoint:
             self._on_attitude(message)
         elif kind == "EXTENDED_SYS_STATE":
             self._on_extended_state(message)
+
+    def _note_rival(self, message: Any, now_s: float) -> None:
+        if message.get_type() not in _SETPOINT_MESSAGES:
+            return
+        if message.target_system in (0, self._system_id):
+            self.rival_heard_s = now_s
+            self.rival = f"{message.get_srcSystem()}/{message.get_srcComponent()}"
 
     def _on_heartbeat(self, message: Any, now_s: float) -> None:
         mode, external_control = _mode_of(message)
@@ -232,6 +243,15 @@ class MavlinkEndpoint:
         known = message.landed_state != mavlink.MAV_LANDED_STATE_UNDEFINED
         airborne = message.landed_state == mavlink.MAV_LANDED_STATE_IN_AIR
         self.status = replace(self.status, airborne=airborne if known else None)
+
+
+_SETPOINT_MESSAGES: Final = frozenset(
+    {
+        "SET_POSITION_TARGET_LOCAL_NED",
+        "SET_POSITION_TARGET_GLOBAL_INT",
+        "SET_ATTITUDE_TARGET",
+    }
+)
 
 
 class _Sink:

@@ -14,6 +14,7 @@ from typing import Final
 
 import numpy as np
 
+from onboard.adaptation import Adaptation, adapt, slowing_distance, slows_in_time
 from onboard.agility import GRAVITY_MPS2
 from onboard.avoidance import AvoidanceProblem, Envelope
 from onboard.certify import certify_clear
@@ -30,7 +31,7 @@ from onboard.guidance import (
 )
 from onboard.manoeuvre import brake_to_hover, stop_at
 from onboard.mavlink import Pose, Setpoint
-from onboard.monitor import Assumption, Violation
+from onboard.monitor import Assumption, Violation, measured_size_max
 from onboard.obstacles import Obstacle, ObstacleMap
 from onboard.planner import Plan, Planner
 from onboard.trajectory import State, Trajectory, X
@@ -69,6 +70,7 @@ class Navigator:
         mission: where to fly.
         planner: Eq. 17.
         stopwatch: reads a clock in seconds, only to report how long plans took.
+        adaptive: answer a failed assumption by solving the contract again where that helps.
     """
 
     def __init__(
@@ -77,20 +79,23 @@ class Navigator:
         mission: Mission,
         planner: Planner,
         stopwatch: Callable[[], float],
+        *,
+        adaptive: bool,
     ) -> None:
+        self.assessment = assessment
         self.phase = Phase.STANDBY
         self.avoidance: Avoidance | None = None
         self._planned: list[PlannedStep] = []
         self.plan_times_s: list[float] = []
         self.events: list[Event] = []
-        self._assessment = assessment
+        self._adaptive = adaptive
         self._planner = planner
         self._stopwatch = stopwatch
         self._mission = mission
         self._waypoints_ned_m = _waypoints(mission)
         self._leg_index = 0
         self.leg = LegFrame.between(*self._waypoints_ned_m[:2])
-        self.obstacles = ObstacleMap(self.leg, assessment.region_around)
+        self.obstacles = ObstacleMap(self.leg, assessment.region_around, self._merged_size_max_m)
         self._envelope = _envelope(assessment)
         # What is flown now; in STANDBY nothing is.
         self._reference: Trajectory | None = None
@@ -147,12 +152,12 @@ class Navigator:
         if self.avoidance is not None:
             met.append(self.avoidance.obstacle)
             x_m, y_m, _ = self.avoidance.plan.trajectory.final.position_leg_m
-        range_m = self._assessment.terms.detection_range_m
+        range_m = self.assessment.terms.detection_range_m
         following = self.obstacles.obstacle_of_interest(x_m, y_m, horizon_m=range_m)
         if following is not None:
             met.append(following)
         # As they are known now, not as they were when the plan was made.
-        return [self.obstacles.get(obstacle.id) or obstacle for obstacle in met]
+        return [self.obstacles.of_track(o.members[0]) or o for o in met]
 
     # ------------------------------------------------------------------ triggers from outside
 
@@ -186,6 +191,56 @@ class Navigator:
         self._reference = self._upcoming = self.avoidance = None
         self._aligning = False
 
+    def answer(self, violation: Violation, now_s: float, measured: Pose | None = None) -> None:
+        """Answer a failed assumption: by a contract solved again if that complies, else by braking.
+
+        The arguments are those of `fail`.
+        """
+        if not self.flying:
+            return
+        adaptation = adapt(self.assessment, violation) if self._adaptive else None
+        if adaptation is None or not self._adopt(adaptation, violation, now_s):
+            self.fail(violation, now_s, measured)
+
+    def _adopt(self, adaptation: Adaptation, violation: Violation, now_s: float) -> bool:
+        """Fly on under the adapted contract, if the vehicle can get there from here."""
+        state, before = self.reference(now_s), self.assessment
+        if state is None:
+            return False
+        if adaptation.slower and not (
+            self.phase is Phase.CRUISE
+            and slows_in_time(before, state.velocity_leg_mps[X], adaptation.assessment)
+        ):
+            return False
+        self.assessment = adaptation.assessment
+        self._envelope = _envelope(self.assessment)
+        self._rebuild_map()
+        if adaptation.slower and not self._slow_down(state, before, now_s):
+            return False
+        speed_mps = self.assessment.terms.cruise_speed_mps
+        text = f"contract solved again for {violation}: flying on at {speed_mps:.2f} m/s"
+        self._note(Event(now_s, "adapted", Severity.WARNING, text))
+        if self.avoidance is not None:
+            self._recheck_avoided(now_s)
+        return True
+
+    def _slow_down(self, state: State, before: Assessment, now_s: float) -> bool:
+        """Cruise on at the adapted speed, unless a known region begins before it is reached."""
+        x_m, y_m, _ = state.position_leg_m
+        way_m = slowing_distance(before, state.velocity_leg_mps[X], self.assessment)
+        if self.obstacles.obstacle_of_interest(x_m, y_m, horizon_m=way_m) is not None:
+            return False
+        if not self._aligning:
+            self._cruise_from(state, now_s)
+        return True
+
+    def _recheck_avoided(self, now_s: float) -> None:
+        """Hold the flown plan against its obstacle, as inflated by the adapted contract."""
+        assert self.avoidance is not None  # noqa: S101  the caller checked
+        obstacle = self.obstacles.of_track(self.avoidance.obstacle.members[0])
+        if obstacle is not None:
+            self.recheck_plan(obstacle, now_s)
+
     def fail(self, violation: Violation, now_s: float, measured: Pose | None = None) -> None:
         """Answer a failed assumption by braking to hover (ASSUMPTION_FAILED).
 
@@ -194,7 +249,7 @@ class Navigator:
             now_s: when.
             measured: brake from this pose, when the reference itself cannot be believed.
         """
-        if self.phase not in (Phase.CRUISE, Phase.AVOID) or self._reference is None:
+        if not self.flying:
             return
         if measured is None:
             self._reference, how = self._way_to_hover(now_s)
@@ -227,7 +282,7 @@ class Navigator:
         planned = self.avoidance.plan.trajectory
         if now_s >= planned.end_s or self._clear(planned.from_time(now_s), [obstacle]):
             return
-        of_interest = self.avoidance.obstacle.id == obstacle.id
+        of_interest = self.avoidance.obstacle.members[0] in obstacle.members
         if of_interest and self._replan(obstacle, now_s):
             return
         self._break(Violation(Assumption.PLAN_EXISTS, 0.0, 1.0, "plans", obstacle.id), now_s)
@@ -257,7 +312,7 @@ class Navigator:
     def _await_alignment(self, pose: Pose, now_s: float) -> None:
         error_rad = abs(wrap_angle(pose.yaw_rad - self.leg.heading_rad))
         at_rest = math.hypot(*pose.velocity_ned_mps) < AT_REST_MPS
-        look_s = self._assessment.terms.frame_age_max_s + self._assessment.terms.reaction_time_s
+        look_s = self.assessment.terms.frame_age_max_s + self.assessment.terms.reaction_time_s
         if error_rad > HEADING_TOLERANCE_RAD or not at_rest:
             self._aligned_since_s = None
         elif self._aligned_since_s is None:
@@ -287,7 +342,7 @@ class Navigator:
         here_ned_m = (float(position_ned_m[0]), float(position_ned_m[1]), end_ned_m[2])
         # From where the vehicle is: the last leg may have left it beside its end (erratum 16).
         self.leg = LegFrame.between(here_ned_m, end_ned_m)
-        self.obstacles.start_leg(self.leg)
+        self._rebuild_map()
         self._trigger(Trigger.LEG_FLOWN, now_s)
         self._align(State((0.0, 0.0, 0.0), (0.0, 0.0, 0.0)), now_s)
 
@@ -298,7 +353,7 @@ class Navigator:
 
     def _cruise_from(self, state: State, start_s: float) -> None:
         """Fly on along the leg and stop at its end, or beyond it if that is too near."""
-        speed_mps = self._assessment.terms.cruise_speed_mps
+        speed_mps = self.assessment.terms.cruise_speed_mps
         stopping = stop_at(
             state, start_s, self._envelope, self._goal_x_m, speed_mps=speed_mps, z_m=0.0
         )
@@ -319,8 +374,8 @@ class Navigator:
         # An obstacle first seen inside its region is planned against from where we are.
         start_s = now_s if start_s is None or start_s < now_s else min(start_s, now_s + TICK_S)
         start = self._reference.sample(start_s)
-        terms = self._assessment.terms
-        allowed_m = self._assessment.inflated.encounter.speed_mps * terms.reaction_time_s
+        terms = self.assessment.terms
+        allowed_m = self.assessment.inflated.encounter.speed_mps * terms.reaction_time_s
         condition = pre_condition(
             start,
             region,
@@ -394,7 +449,7 @@ class Navigator:
             exit_speed_mps=min(exit_speed_mps, self._envelope.speed_max_mps),
             climb_m=self._mission.climb_max_m,
             climb_preferred=self._mission.climb_max_m > 0.0,
-            coast_time_s=self._assessment.inflated.encounter.coast_time_s,
+            coast_time_s=self.assessment.inflated.encounter.coast_time_s,
         )
 
     def _plan(self, problem: AvoidanceProblem, current: Plan | None) -> Plan | None:
@@ -429,6 +484,13 @@ class Navigator:
         return certify_clear(trajectory, start, trajectory.start_s, self._envelope, boxes).valid
 
     # ------------------------------------------------------------------ bookkeeping
+
+    @property
+    def _merged_size_max_m(self) -> float:
+        return measured_size_max(self.assessment.terms) if self._adaptive else 0.0
+
+    def _rebuild_map(self) -> None:
+        self.obstacles.rebuild(self.leg, self.assessment.region_around, self._merged_size_max_m)
 
     def _trigger(self, trigger: Trigger, now_s: float, *, text: str = "") -> None:
         before, self.phase = self.phase, next_phase(self.phase, trigger)

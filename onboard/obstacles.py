@@ -7,6 +7,7 @@ obstacle does not remove it.  A box only ever grows, to enclose every measuremen
 from __future__ import annotations
 
 import bisect
+import functools
 from collections import deque
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
@@ -119,19 +120,30 @@ def corners_ned(detection: Detection, pose: Pose | None) -> FloatArray:
 
 @dataclass(frozen=True)
 class Obstacle:
-    """A remembered obstacle in the current leg frame.
+    """An obstacle to avoid as one, in the current leg frame.
 
     Attributes:
-        id: ``source/id`` of its detections.
-        measured: the box that encloses every measurement.
+        id: ``source/id`` of its detections; those of a merged one are joined by ``+``.
+        members: ids of the tracks in it, more than one if their regions intersect.
+        measured: the box that encloses every measurement of every member.
         position_error_m: the largest uncertainty reported for a face.
         region: its Region of Influence.
     """
 
     id: str
+    members: tuple[str, ...]
     measured: Box
     position_error_m: float
     region: RegionOfInfluence
+
+
+@dataclass(frozen=True)
+class _Track:
+    """One detected obstacle: what encloses its measurements, in NED for other legs too."""
+
+    corners_ned_m: FloatArray
+    measured: Box
+    position_error_m: float
 
 
 RegionFactory = Callable[[Box, float], RegionOfInfluence]
@@ -140,18 +152,27 @@ RegionFactory = Callable[[Box, float], RegionOfInfluence]
 class ObstacleMap:
     """Obstacles seen so far, ordered along the current leg.
 
+    Obstacles whose regions intersect are merged into one as long as it is no larger than a single
+    obstacle may be, until no two regions intersect or nothing more fits; what then still conflicts
+    is for the monitors.
+
     Args:
         leg: the leg frame.
         region_around: measured box and position error -> Region of Influence.
+        merged_size_max_m: largest extent that merging may give; 0 keeps all apart.
     """
 
-    def __init__(self, leg: LegFrame, region_around: RegionFactory) -> None:
+    def __init__(
+        self, leg: LegFrame, region_around: RegionFactory, merged_size_max_m: float
+    ) -> None:
         # Changes whenever anything known changes.
         self.revision = 0
         self._leg = leg
         self._region_around = region_around
-        self._corners_ned_m: dict[str, FloatArray] = {}
+        self._merged_size_max_m = merged_size_max_m
+        self._tracks: dict[str, _Track] = {}
         self._obstacles: dict[str, Obstacle] = {}
+        self._obstacle_of_track: dict[str, str] = {}
         # (front of the region, id), sorted; with the longest region it bounds every search.
         self._order: list[tuple[float, str]] = []
         self._longest_region_m = 0.0
@@ -162,27 +183,35 @@ class ObstacleMap:
     def __iter__(self) -> Iterator[Obstacle]:
         return iter(self._obstacles.values())
 
-    def get(self, obstacle_id: str) -> Obstacle | None:
-        """Return the obstacle of that id, as it is known now."""
-        return self._obstacles.get(obstacle_id)
+    def of_track(self, track_id: str) -> Obstacle | None:
+        """Return the obstacle that a detection belongs to, as it is known now."""
+        obstacle_id = self._obstacle_of_track.get(track_id)
+        return None if obstacle_id is None else self._obstacles[obstacle_id]
 
-    def start_leg(self, leg: LegFrame) -> None:
-        """Re-express everything remembered in the frame of a new leg."""
-        corners, errors = self._corners_ned_m, {o.id: o.position_error_m for o in self}
-        self._leg, self._obstacles, self._order = leg, {}, []
-        self._corners_ned_m, self._longest_region_m = {}, 0.0
-        for obstacle_id, corners_ned_m in corners.items():
-            self.add(obstacle_id, corners_ned_m, errors[obstacle_id])
+    def rebuild(
+        self, leg: LegFrame, region_around: RegionFactory, merged_size_max_m: float
+    ) -> None:
+        """Express everything remembered anew: on another leg, or under other terms."""
+        tracks = self._tracks
+        self._leg, self._region_around = leg, region_around
+        self._merged_size_max_m = merged_size_max_m
+        self._tracks, self._obstacles, self._obstacle_of_track = {}, {}, {}
+        self._order, self._longest_region_m = [], 0.0
+        for track_id, track in tracks.items():
+            self.add(track_id, track.corners_ned_m, track.position_error_m)
 
-    def add(self, obstacle_id: str, corners_ned_m: FloatArray, position_error_m: float) -> bool:
+    def add(self, track_id: str, corners_ned_m: FloatArray, position_error_m: float) -> bool:
         """Remember a measurement; tell whether it changed what is known.
 
         Args:
-            obstacle_id: which obstacle.
+            track_id: which obstacle.
             corners_ned_m: corners (4, 2) of the measured box, NED.
             position_error_m: uncertainty of its faces.
+
+        Raises:
+            OverflowError: more obstacles than any sensor could have seen.
         """
-        known = self._obstacles.get(obstacle_id)
+        known = self._tracks.get(track_id)
         measured = self._leg_box(corners_ned_m)
         if known is not None:
             measured = known.measured.enclosing(measured)
@@ -191,16 +220,15 @@ class ObstacleMap:
                 return False
             # Sound for any later leg: what encloses every measurement in this one encloses them.
             corners_ned_m = self._corners_of(measured)
-            self._forget_order(known)
-        elif len(self._obstacles) >= MAX_TRACKS:
+        elif len(self._tracks) >= MAX_TRACKS:
             raise OverflowError(f"more than {MAX_TRACKS} obstacles remembered")
+        self._tracks[track_id] = _Track(corners_ned_m, measured, position_error_m)
         self.revision += 1
-        region = self._region_around(measured, position_error_m)
-        self._obstacles[obstacle_id] = Obstacle(obstacle_id, measured, position_error_m, region)
-        self._corners_ned_m[obstacle_id] = corners_ned_m
-        bisect.insort(self._order, (region.extent.x_min_m, obstacle_id))
-        length_m = region.extent.x_max_m - region.extent.x_min_m
-        self._longest_region_m = max(self._longest_region_m, length_m)
+        obstacle_id = self._obstacle_of_track.get(track_id)
+        alone = (track_id,)
+        members = alone if obstacle_id is None else self._forget(self._obstacles[obstacle_id])
+        for member in members:
+            self._place(self._obstacle((member,)))
         return True
 
     def between(self, x_min_m: float, x_max_m: float) -> Iterator[Obstacle]:
@@ -236,6 +264,42 @@ class ObstacleMap:
             if other.id != obstacle.id and other.region.extent.intersects(extent):
                 yield other
 
+    def _place(self, obstacle: Obstacle) -> None:
+        """Put an obstacle into the map, merged with what it conflicts with (to the fixpoint)."""
+        while True:
+            conflicts = self.conflicts(obstacle)
+            partner = next((o for o in conflicts if self._may_merge(obstacle, o)), None)
+            if partner is None:
+                break
+            self._forget(partner)
+            obstacle = self._obstacle(tuple(sorted((*obstacle.members, *partner.members))))
+        self._obstacles[obstacle.id] = obstacle
+        for member in obstacle.members:
+            self._obstacle_of_track[member] = obstacle.id
+        extent = obstacle.region.extent
+        bisect.insort(self._order, (extent.x_min_m, obstacle.id))
+        self._longest_region_m = max(self._longest_region_m, extent.x_max_m - extent.x_min_m)
+
+    def _may_merge(self, one: Obstacle, other: Obstacle) -> bool:
+        merged = one.measured.enclosing(other.measured)
+        return max(merged.size_m) <= self._merged_size_max_m
+
+    def _obstacle(self, members: tuple[str, ...]) -> Obstacle:
+        tracks = [self._tracks[member] for member in members]
+        measured = functools.reduce(Box.enclosing, (track.measured for track in tracks))
+        error_m = max(track.position_error_m for track in tracks)
+        region = self._region_around(measured, error_m)
+        return Obstacle("+".join(members), members, measured, error_m, region)
+
+    def _forget(self, obstacle: Obstacle) -> tuple[str, ...]:
+        """Take an obstacle out of the map; return its members."""
+        del self._obstacles[obstacle.id]
+        for member in obstacle.members:
+            del self._obstacle_of_track[member]
+        key = (obstacle.region.extent.x_min_m, obstacle.id)
+        del self._order[bisect.bisect_left(self._order, key)]
+        return obstacle.members
+
     def _leg_box(self, corners_ned_m: FloatArray) -> Box:
         flat = np.column_stack((corners_ned_m, np.zeros(len(corners_ned_m))))
         x_m, y_m = self._leg.position_leg_from_ned(flat).T[:2]
@@ -245,7 +309,3 @@ class ObstacleMap:
         x_m = [box.x_min_m, box.x_max_m, box.x_max_m, box.x_min_m]
         y_m = [box.y_min_m, box.y_min_m, box.y_max_m, box.y_max_m]
         return self._leg.position_ned_from_leg(np.column_stack((x_m, y_m, np.zeros(4))))[:, :2]
-
-    def _forget_order(self, obstacle: Obstacle) -> None:
-        key = (obstacle.region.extent.x_min_m, obstacle.id)
-        del self._order[bisect.bisect_left(self._order, key)]

@@ -1,5 +1,6 @@
 import json
 import math
+import random
 from typing import Any
 
 import numpy as np
@@ -61,7 +62,7 @@ def square(center_ned_m: tuple[float, float], side_m: float = 1.0) -> np.ndarray
 
 @pytest.fixture
 def obstacle_map() -> ObstacleMap:
-    return ObstacleMap(NORTH_LEG, region_around)
+    return ObstacleMap(NORTH_LEG, region_around, merged_size_max_m=0.0)
 
 
 def test_design_example_frame_is_read() -> None:
@@ -137,7 +138,7 @@ def test_obstacle_is_remembered_and_only_grows(obstacle_map: ObstacleMap) -> Non
     assert obstacle_map.add("a", square((10.0, 0.0)), 0.05)
     assert not obstacle_map.add("a", square((10.0, 0.0), side_m=0.8), 0.05)
     assert obstacle_map.add("a", square((10.2, 0.0)), 0.05)
-    known = obstacle_map.get("a")
+    known = obstacle_map.of_track("a")
     assert known is not None
     assert known.measured == Box(9.5, 10.7, -0.5, 0.5)
 
@@ -146,7 +147,7 @@ def test_obstacle_of_interest_is_met_within_the_horizon(obstacle_map: ObstacleMa
     obstacle_map.add("beside", square((10.0, 5.0)), 0.0)
     obstacle_map.add("ahead", square((12.0, 0.0)), 0.0)
     obstacle_map.add("behind it", square((20.0, 0.0)), 0.0)
-    ahead = obstacle_map.get("ahead")
+    ahead = obstacle_map.of_track("ahead")
     assert ahead is not None
     front_m = ahead.region.extent.x_min_m
     assert obstacle_map.obstacle_of_interest(front_m - 0.2, 0.0, horizon_m=0.1) is None
@@ -167,7 +168,7 @@ def test_obstacle_of_interest_is_met_within_the_horizon(obstacle_map: ObstacleMa
 def test_search_agrees_with_looking_at_every_obstacle(
     squares: list[tuple[float, float, float]], x_m: float, length_m: float
 ) -> None:
-    obstacle_map = ObstacleMap(NORTH_LEG, region_around)
+    obstacle_map = ObstacleMap(NORTH_LEG, region_around, merged_size_max_m=0.0)
     for number, (north_m, east_m, side_m) in enumerate(squares):
         obstacle_map.add(str(number), square((north_m, east_m), side_m), 0.0)
 
@@ -188,10 +189,68 @@ def test_conflict_is_seen_from_both_sides(obstacle_map: ObstacleMap) -> None:
 
 def test_new_leg_sees_what_was_remembered(obstacle_map: ObstacleMap) -> None:
     obstacle_map.add("a", square((10.0, 3.0)), 0.05)
-    obstacle_map.start_leg(LegFrame((10.0, 0.0, -4.0), math.pi / 2))
-    known = obstacle_map.get("a")
+    obstacle_map.rebuild(LegFrame((10.0, 0.0, -4.0), math.pi / 2), region_around, 0.0)
+    known = obstacle_map.of_track("a")
     assert known is not None
     box = known.measured
     assert (box.x_min_m, box.x_max_m) == pytest.approx((2.5, 3.5))
     assert (box.y_min_m, box.y_max_m) == pytest.approx((-0.5, 0.5))
     assert obstacle_map.obstacle_of_interest(0.0, 0.0, horizon_m=5.0) is known
+
+
+def merging_map(merged_size_max_m: float) -> ObstacleMap:
+    return ObstacleMap(NORTH_LEG, region_around, merged_size_max_m)
+
+
+def test_obstacles_whose_regions_intersect_become_one() -> None:
+    obstacle_map = merging_map(merged_size_max_m=4.0)
+    obstacle_map.add("a", square((10.0, 0.0)), 0.02)
+    obstacle_map.add("b", square((12.0, 1.0)), 0.05)
+    (merged,) = obstacle_map
+    assert merged.members == ("a", "b")
+    assert merged.measured == Box(9.5, 12.5, -0.5, 1.5)
+    assert merged.position_error_m == 0.05
+    assert obstacle_map.of_track("a") is obstacle_map.of_track("b") is merged
+
+
+def test_what_does_not_fit_stays_apart_and_in_conflict() -> None:
+    obstacle_map = merging_map(merged_size_max_m=2.9)
+    obstacle_map.add("a", square((10.0, 0.0)), 0.0)
+    obstacle_map.add("b", square((12.0, 0.0)), 0.0)
+    assert [len(list(obstacle_map.conflicts(o))) for o in obstacle_map] == [1, 1]
+
+
+def test_growth_can_bring_obstacles_together() -> None:
+    obstacle_map = merging_map(merged_size_max_m=30.0)
+    obstacle_map.add("a", square((10.0, 0.0)), 0.0)
+    obstacle_map.add("b", square((25.0, 0.0)), 0.0)
+    assert len(obstacle_map) == 2
+    obstacle_map.add("b", square((12.0, 0.0)), 0.0)
+    (merged,) = obstacle_map
+    assert merged.measured == Box(9.5, 25.5, -0.5, 0.5)
+
+
+@given(
+    st.lists(
+        st.tuples(st.floats(0, 60), st.floats(-15, 15), st.floats(0.1, 3.0)),
+        min_size=2,
+        max_size=12,
+    ),
+    st.randoms(use_true_random=False),
+)
+def test_merging_leaves_no_conflict_and_loses_nothing(
+    squares: list[tuple[float, float, float]], shuffler: random.Random
+) -> None:
+    shuffler.shuffle(squares)
+    obstacle_map = merging_map(merged_size_max_m=1e6)
+    for number, (north_m, east_m, side_m) in enumerate(squares):
+        obstacle_map.add(str(number), square((north_m, east_m), side_m), 0.0)
+    assert not [o for o in obstacle_map if any(obstacle_map.conflicts(o))]
+    for number, (north_m, east_m, side_m) in enumerate(squares):
+        owner = obstacle_map.of_track(str(number))
+        assert owner is not None
+        alone = Box(
+            north_m - side_m / 2, north_m + side_m / 2, east_m - side_m / 2, east_m + side_m / 2
+        )
+        merged = owner.measured.inflated(1e-9)
+        assert merged.enclosing(alone) == merged

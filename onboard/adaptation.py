@@ -1,0 +1,130 @@
+"""Re-solving the contract in flight, when the world turns out worse than it assumes.
+
+The contract is solved again for what has been seen.  If it still complies, the flight goes on as it
+was; else at the highest speed at which it complies; else not at all.  What has been seen only ever
+gets worse and the speed only ever falls, each by a least step, so that the answer cannot chatter:
+after finitely many steps it is final (tests/onboard/test_adaptation.py).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Final
+
+from onboard.contract import Assessment, Terms, assess_terms
+from onboard.monitor import Assumption, Violation
+
+# An error that was exceeded once is assumed to be exceeded again, by up to this share.
+HEADROOM: Final = 1.25
+# Slower than this is not worth flying: hover, and let the operator decide.
+SPEED_MIN_MPS: Final = 0.3
+SPEED_STEP_MPS: Final = 0.05
+
+
+@dataclass(frozen=True)
+class Adaptation:
+    """The contract solved again.
+
+    Attributes:
+        assessment: for what has been seen, at the speed that complies.
+        slower: whether that speed is below the one before.
+    """
+
+    assessment: Assessment
+    slower: bool
+
+
+Worsening = Callable[[Terms[float], float], Terms[float]]
+
+# What each assumption says about the terms, when it is seen broken by a measured value.
+WORSENINGS: Final[dict[tuple[Assumption, str], Worsening]] = {
+    (Assumption.DETECTION_RANGE, ""): lambda terms, seen: replace(
+        terms, detection_range_m=min(terms.detection_range_m, seen)
+    ),
+    (Assumption.FIELD_OF_VIEW, ""): lambda terms, seen: replace(
+        terms, field_of_view_rad=min(terms.field_of_view_rad, math.radians(seen))
+    ),
+    (Assumption.DETECTION_UNCERTAINTY, ""): lambda terms, seen: replace(
+        terms, position_error_m=max(terms.position_error_m, seen)
+    ),
+    (Assumption.REACTION_TIME, ""): lambda terms, seen: replace(
+        terms, reaction_time_s=max(terms.reaction_time_s, seen * HEADROOM)
+    ),
+    (Assumption.OBSTACLE_SIZE, ""): lambda terms, seen: replace(
+        terms, obstacle_size_max_m=max(terms.obstacle_size_max_m, seen)
+    ),
+    (Assumption.ROI_INTERSECTION, ""): lambda terms, seen: replace(
+        terms, obstacle_separation_min_m=min(terms.obstacle_separation_min_m, seen)
+    ),
+    (Assumption.TRACKING_ERROR, ""): lambda terms, seen: replace(
+        terms, tracking_error_m=max(terms.tracking_error_m, seen * HEADROOM)
+    ),
+    (Assumption.VELOCITY_ERROR, "x"): lambda terms, seen: replace(
+        terms, velocity_error_x_mps=max(terms.velocity_error_x_mps, seen * HEADROOM)
+    ),
+    (Assumption.VELOCITY_ERROR, "y"): lambda terms, seen: replace(
+        terms, velocity_error_y_mps=max(terms.velocity_error_y_mps, seen * HEADROOM)
+    ),
+}
+
+
+def adapt(assessment: Assessment, violation: Violation) -> Adaptation | None:
+    """Solve the contract again for a violated assumption.
+
+    Returns:
+        None if no speed complies, or if the assumption is not one that a contract states in
+        numbers (a blind sensor, an unknown position).
+    """
+    axis = violation.subject if violation.assumption is Assumption.VELOCITY_ERROR else ""
+    worsening = WORSENINGS.get((violation.assumption, axis))
+    if worsening is None:
+        return None
+    before = assessment.terms
+    terms = worsening(before, violation.measured)
+    return at_compliant_speed(replace(assessment, terms=terms), before.cruise_speed_mps)
+
+
+def at_compliant_speed(assessment: Assessment, speed_max_mps: float) -> Adaptation | None:
+    """Return the assessment at the highest speed that complies, in steps from ``speed_max_mps``.
+
+    Bisection: every requirement but the field of view's grows with speed.  Where that one decides,
+    a speed may be missed, never one returned that does not comply.
+    """
+    if _at(assessment, speed_max_mps).compliant:
+        return Adaptation(_at(assessment, speed_max_mps), slower=False)
+    # Steps taken off the speed: too few at `low`, enough at `high` unless none are.
+    low, high = 0, math.floor((speed_max_mps - SPEED_MIN_MPS) / SPEED_STEP_MPS)
+    while high - low > 1:
+        middle = (low + high) // 2
+        if _at(assessment, speed_max_mps - middle * SPEED_STEP_MPS).compliant:
+            high = middle
+        else:
+            low = middle
+    solved = _at(assessment, speed_max_mps - high * SPEED_STEP_MPS)
+    return Adaptation(solved, slower=True) if high > 0 and solved.compliant else None
+
+
+def _at(assessment: Assessment, speed_mps: float) -> Assessment:
+    terms = replace(assessment.terms, cruise_speed_mps=speed_mps)
+    return assess_terms(assessment.contract, terms)
+
+
+def slowing_distance(before: Assessment, speed_mps: float, adapted: Assessment) -> float:
+    """Bound the way made from a speed until the adapted one is reached, in metres."""
+    final_mps = adapted.terms.cruise_speed_mps
+    change_m = max(0.0, speed_mps**2 - final_mps**2) / (2.0 * before.limits.brake_mps2)
+    return change_m + speed_mps * before.terms.attitude_lag_s
+
+
+def slows_in_time(before: Assessment, speed_mps: float, adapted: Assessment) -> bool:
+    """Tell whether the adapted speed is reached before anything yet unseen could matter.
+
+    What lies within the range declared before is known, but for the age of the newest frame; the
+    region of an obstacle just beyond it must not begin before the vehicle has slowed down.
+    """
+    terms = before.terms
+    known_m = terms.detection_range_m - before.inflated.encounter.speed_mps * terms.frame_age_max_s
+    needed_m = adapted.inflated.required_detection_range_m
+    return slowing_distance(before, speed_mps, adapted) + needed_m < known_m

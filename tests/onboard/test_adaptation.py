@@ -1,0 +1,184 @@
+import math
+from dataclasses import replace
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from onboard.adaptation import (
+    HEADROOM,
+    SPEED_MIN_MPS,
+    SPEED_STEP_MPS,
+    adapt,
+    at_compliant_speed,
+    slowing_distance,
+    slows_in_time,
+)
+from onboard.config import Contract
+from onboard.contract import Assessment, assess, assess_terms
+from onboard.monitor import Assumption, Violation
+
+
+@pytest.fixture
+def assessment(contract: Contract) -> Assessment:
+    return assess(contract)
+
+
+def broken(assumption: Assumption, measured: float, subject: str = "") -> Violation:
+    return Violation(assumption, measured, 0.0, "", subject)
+
+
+def test_what_still_complies_is_flown_as_fast(assessment: Assessment) -> None:
+    adaptation = adapt(assessment, broken(Assumption.DETECTION_RANGE, 9.0, "front"))
+    assert adaptation is not None
+    assert not adaptation.slower
+    assert adaptation.assessment.terms.detection_range_m == 9.0
+    assert adaptation.assessment.compliant
+
+
+def test_shorter_sight_is_flown_at_the_fastest_step_that_complies(assessment: Assessment) -> None:
+    adaptation = adapt(assessment, broken(Assumption.DETECTION_RANGE, 5.0, "front"))
+    assert adaptation is not None
+    assert adaptation.slower
+    adapted = adaptation.assessment
+    assert adapted.compliant
+    faster = replace(
+        adapted.terms, cruise_speed_mps=adapted.terms.cruise_speed_mps + SPEED_STEP_MPS
+    )
+    assert not assess_terms(adapted.contract, faster).compliant
+
+
+def test_sight_too_short_for_any_speed_is_not_adapted_to(assessment: Assessment) -> None:
+    assert adapt(assessment, broken(Assumption.DETECTION_RANGE, 0.5, "front")) is None
+
+
+@pytest.mark.parametrize(
+    "assumption",
+    [
+        Assumption.DETECTION_AGE,
+        Assumption.SENSOR_CLOCK,
+        Assumption.TELEMETRY_AGE,
+        Assumption.ESTIMATOR_RESET,
+        Assumption.SECOND_COMMANDER,
+        Assumption.TILT_RESPONSE,
+        Assumption.TICK_OVERRUN,
+        Assumption.PLAN_EXISTS,
+    ],
+)
+def test_what_a_contract_does_not_state_in_numbers_is_not_adapted_to(
+    assessment: Assessment, assumption: Assumption
+) -> None:
+    assert adapt(assessment, broken(assumption, 1.0)) is None
+
+
+@pytest.mark.parametrize(
+    ("assumption", "subject", "measured", "field", "expected"),
+    [
+        (Assumption.FIELD_OF_VIEW, "front", 100.0, "field_of_view_rad", math.radians(100.0)),
+        (Assumption.DETECTION_UNCERTAINTY, "front", 0.08, "position_error_m", 0.08),
+        (Assumption.REACTION_TIME, "", 0.2, "reaction_time_s", 0.2 * HEADROOM),
+        (Assumption.OBSTACLE_SIZE, "front/1", 4.3, "obstacle_size_max_m", 4.3),
+        (Assumption.ROI_INTERSECTION, "a and b", 18.0, "obstacle_separation_min_m", 18.0),
+        (Assumption.TRACKING_ERROR, "", 0.3, "tracking_error_m", 0.3 * HEADROOM),
+        (Assumption.VELOCITY_ERROR, "x", 0.3, "velocity_error_x_mps", 0.3 * HEADROOM),
+        (Assumption.VELOCITY_ERROR, "y", 0.2, "velocity_error_y_mps", 0.2 * HEADROOM),
+    ],
+)
+def test_each_observation_worsens_the_term_it_is_about(
+    assessment: Assessment,
+    assumption: Assumption,
+    subject: str,
+    measured: float,
+    field: str,
+    expected: float,
+) -> None:
+    adaptation = adapt(assessment, broken(assumption, measured, subject))
+    assert adaptation is not None
+    assert getattr(adaptation.assessment.terms, field) == pytest.approx(expected)
+    assert adaptation.assessment.compliant
+
+
+def test_better_than_assumed_changes_nothing(assessment: Assessment) -> None:
+    adaptation = adapt(assessment, broken(Assumption.OBSTACLE_SIZE, 1.0, "front/1"))
+    assert adaptation is not None
+    assert adaptation.assessment.terms == assessment.terms
+
+
+observations = st.one_of(
+    st.builds(broken, st.just(Assumption.DETECTION_RANGE), st.floats(0.0, 20.0)),
+    st.builds(broken, st.just(Assumption.OBSTACLE_SIZE), st.floats(0.0, 20.0)),
+    st.builds(broken, st.just(Assumption.TRACKING_ERROR), st.floats(0.0, 2.0)),
+    st.builds(broken, st.just(Assumption.REACTION_TIME), st.floats(0.0, 2.0)),
+    st.builds(broken, st.just(Assumption.ROI_INTERSECTION), st.floats(0.0, 30.0)),
+)
+
+
+@given(st.lists(observations, max_size=30))
+def test_adaptation_cannot_chatter(seen: list[Violation]) -> None:
+    """Speed and terms only ever worsen, and speed in steps: a bounded number of changes."""
+    assessment = assess(Contract.model_validate(EXAMPLE))
+    slowings = 0
+    for violation in seen:
+        adaptation = adapt(assessment, violation)
+        if adaptation is None:
+            break
+        before, after = assessment.terms, adaptation.assessment.terms
+        assert adaptation.assessment.compliant
+        assert after.detection_range_m <= before.detection_range_m
+        assert after.tracking_error_m >= before.tracking_error_m
+        assert after.obstacle_size_max_m >= before.obstacle_size_max_m
+        if adaptation.slower:
+            slowings += 1
+            assert after.cruise_speed_mps <= before.cruise_speed_mps - SPEED_STEP_MPS + 1e-9
+        else:
+            assert after.cruise_speed_mps == before.cruise_speed_mps
+        assessment = adaptation.assessment
+    start_mps = EXAMPLE["vehicle"]["cruise_speed_mps"]
+    assert isinstance(start_mps, float)
+    assert slowings <= (start_mps - SPEED_MIN_MPS) / SPEED_STEP_MPS
+
+
+def test_slowing_distance_covers_braking_and_lag(assessment: Assessment) -> None:
+    adaptation = at_compliant_speed(
+        replace(assessment, terms=replace(assessment.terms, detection_range_m=5.0)), 2.8
+    )
+    assert adaptation is not None
+    final_mps = adaptation.assessment.terms.cruise_speed_mps
+    braking_m = (2.8**2 - final_mps**2) / (2.0 * assessment.limits.brake_mps2)
+    way_m = slowing_distance(assessment, 2.8, adaptation.assessment)
+    assert way_m == pytest.approx(braking_m + 2.8 * assessment.terms.attitude_lag_s)
+
+
+def test_it_slows_in_time_only_within_what_is_known(assessment: Assessment) -> None:
+    adaptation = adapt(assessment, broken(Assumption.DETECTION_RANGE, 5.0))
+    assert adaptation is not None
+    assert slows_in_time(assessment, 2.8, adaptation.assessment)
+    blind = replace(assessment, terms=replace(assessment.terms, detection_range_m=5.5))
+    assert not slows_in_time(blind, 2.8, adaptation.assessment)
+
+
+EXAMPLE: dict[str, dict[str, object]] = {
+    "vehicle": {
+        "roll_max_deg": 15.0,
+        "pitch_max_deg": 15.0,
+        "thrust_to_weight": 2.0,
+        "cruise_speed_mps": 2.8,
+        "radius_m": 0.30,
+        "tracking_error_m": 0.25,
+        "velocity_error_mps": (0.20, 0.10),
+        "reaction_time_s": 0.15,
+        "attitude_lag_s": 0.15,
+        "setpoint_loss_timeout_s": 0.5,
+    },
+    "sensor": {
+        "detection_range_m": 12.0,
+        "field_of_view_deg": 120.0,
+        "frame_age_max_s": 0.30,
+        "position_error_m": 0.05,
+    },
+    "environment": {
+        "obstacle_size_max_m": 4.0,
+        "obstacle_size_min_m": 0.0,
+        "obstacle_separation_min_m": 20.0,
+    },
+}

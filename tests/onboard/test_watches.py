@@ -1,0 +1,216 @@
+import math
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from onboard.contract import TICK_S, Terms
+from onboard.mavlink import Pose
+from onboard.monitor import Assumption, Violation
+from onboard.watches import (
+    CONFIRMATIONS,
+    TICK_OVERRUN_S,
+    TILT_PATIENCE_S,
+    DetectionWatch,
+    PositionWatch,
+    TickWatch,
+    TiltWatch,
+    TrackingWatch,
+)
+
+TERMS = Terms[float](
+    roll_max_rad=0.26,
+    pitch_max_rad=0.26,
+    thrust_to_weight=2.0,
+    cruise_speed_mps=2.8,
+    radius_m=0.3,
+    tracking_error_m=0.25,
+    velocity_error_x_mps=0.2,
+    velocity_error_y_mps=0.1,
+    reaction_time_s=0.15,
+    attitude_lag_s=0.15,
+    setpoint_loss_timeout_s=0.5,
+    detection_range_m=12.0,
+    field_of_view_rad=math.radians(120.0),
+    frame_age_max_s=0.3,
+    position_error_m=0.05,
+    obstacle_size_max_m=4.0,
+    obstacle_size_min_m=0.0,
+    obstacle_separation_min_m=16.0,
+)
+
+
+def names(violations: list[Violation]) -> list[Assumption]:
+    return [violation.assumption for violation in violations]
+
+
+def test_sensor_that_was_never_heard_is_blind() -> None:
+    watch = DetectionWatch()
+    violation = watch.check(0.0, TERMS)
+    assert violation is not None
+    assert violation.assumption is Assumption.DETECTION_AGE
+    assert violation.event(0.0).data["measured"] is None
+
+
+def test_silence_is_noticed_as_soon_as_it_exceeds_the_frame_age() -> None:
+    watch = DetectionWatch()
+    assert watch.on_frame("front", 10.0, 10.05, TERMS) == []
+    assert watch.check(10.29, TERMS) is None
+    assert watch.check(10.31, TERMS) is not None
+
+
+def test_old_frame_does_not_rejuvenate() -> None:
+    watch = DetectionWatch()
+    watch.on_frame("front", 10.0, 10.05, TERMS)
+    watch.on_frame("front", 9.0, 10.25, TERMS)
+    assert watch.age_s(10.3) == pytest.approx(0.3)
+
+
+def test_silence_of_one_of_two_sensors_is_silence() -> None:
+    watch = DetectionWatch()
+    watch.on_frame("front", 10.0, 10.0, TERMS)
+    for step in range(20):
+        watch.on_frame("left", 10.0 + step * 0.05, 10.0 + step * 0.05, TERMS)
+    assert watch.check(10.95, TERMS) is not None
+
+
+@pytest.mark.parametrize(
+    ("interval_s", "latency_s", "in_time"), [(0.05, 0.05, True), (0.1, 0.06, False)]
+)
+def test_reaction_takes_an_interval_and_a_latency(
+    interval_s: float, latency_s: float, *, in_time: bool
+) -> None:
+    watch = DetectionWatch()
+    seen = [
+        watch.on_frame("front", step * interval_s, step * interval_s + latency_s, TERMS)
+        for step in range(4)
+    ]
+    assert seen[0] == []
+    for later in seen[1:]:
+        assert names(later) == ([] if in_time else [Assumption.REACTION_TIME])
+
+
+def test_frame_from_the_future_is_a_clock_fault_and_no_sight() -> None:
+    watch = DetectionWatch()
+    assert names(watch.on_frame("front", 11.0, 10.0, TERMS)) == [Assumption.SENSOR_CLOCK]
+    assert watch.check(10.0, TERMS) is not None
+
+
+def pose(time_s: float, x_m: float, vx_mps: float = 2.8) -> Pose:
+    return Pose(time_s, (x_m, 0.0, -4.0), (vx_mps, 0.0, 0.0), 0.0, 0.0, 0.0)
+
+
+def test_telemetry_grows_stale() -> None:
+    watch = PositionWatch(stale_after_s=0.5)
+    assert watch.check_age(pose(1.0, 0.0), 1.5) is None
+    stale = watch.check_age(pose(1.0, 0.0), 1.51)
+    assert stale is not None
+    assert stale.assumption is Assumption.TELEMETRY_AGE
+    assert watch.check_age(None, 0.0) is not None
+
+
+def test_flight_is_no_jump_but_a_reset_is() -> None:
+    watch = PositionWatch(stale_after_s=0.5)
+    for step in range(50):
+        assert watch.check_jump(pose(step * 0.02, step * 0.056)) is None
+    reset = watch.check_jump(pose(1.0, 50 * 0.056 + 0.6))
+    assert reset is not None
+    assert reset.assumption is Assumption.ESTIMATOR_RESET
+    assert watch.check_jump(pose(1.02, 51 * 0.056 + 0.6)) is None
+
+
+def track(
+    watch: TrackingWatch,
+    error_m: tuple[float, float] = (0.0, 0.0),
+    velocity_mps: tuple[float, float] = (2.8, 0.0),
+    *,
+    cruising: bool = True,
+) -> list[Assumption]:
+    return names(watch.check(error_m, velocity_mps, (2.8, 0.0), TERMS, cruising=cruising))
+
+
+def test_tracking_error_counts_once_confirmed() -> None:
+    watch = TrackingWatch()
+    seen = [track(watch, error_m=(0.2, 0.2)) for _ in range(CONFIRMATIONS)]
+    assert seen == [[]] * (CONFIRMATIONS - 1) + [[Assumption.TRACKING_ERROR]]
+    assert watch.position_error_m == pytest.approx(math.hypot(0.2, 0.2))
+
+
+def test_single_glitch_is_forgiven() -> None:
+    watch = TrackingWatch()
+    for _ in range(5):
+        assert track(watch, error_m=(0.3, 0.0)) == []
+        assert track(watch) == []
+
+
+@pytest.mark.parametrize("velocity_mps", [(3.01, 0.0), (2.8, 0.11), (2.8, -0.11)])
+def test_velocity_error_counts_in_cruise_only(velocity_mps: tuple[float, float]) -> None:
+    watch = TrackingWatch()
+    for _ in range(CONFIRMATIONS):
+        assert track(watch, velocity_mps=velocity_mps, cruising=False) == []
+    seen = [track(watch, velocity_mps=velocity_mps) for _ in range(CONFIRMATIONS)]
+    assert seen[-1] == [Assumption.VELOCITY_ERROR]
+
+
+def test_slower_than_cruise_is_no_violation() -> None:
+    watch = TrackingWatch()
+    for _ in range(CONFIRMATIONS):
+        assert track(watch, velocity_mps=(1.0, 0.0)) == []
+
+
+def tilted(time_s: float, roll_rad: float, pitch_rad: float) -> Pose:
+    return Pose(time_s, (0.0, 0.0, -4.0), (2.8, 0.0, 0.0), roll_rad, pitch_rad, 0.0)
+
+
+def watch_tilt(
+    roll_rad: float, asked_right_mps2: float, trim_roll_rad: float = 0.0
+) -> Violation | None:
+    """Learn the trim in cruise, then ask for acceleration for half a second."""
+    watch = TiltWatch()
+    for step in range(250):
+        assert watch.check(tilted(step * TICK_S, trim_roll_rad, 0.0), (0.0, 0.0), TERMS) is None
+    start_s, found = 250 * TICK_S, None
+    for step in range(round((TILT_PATIENCE_S + TERMS.attitude_lag_s) / TICK_S) + 2):
+        pose = tilted(start_s + step * TICK_S, roll_rad, 0.0)
+        found = found or watch.check(pose, (0.0, asked_right_mps2), TERMS)
+    return found
+
+
+@pytest.mark.parametrize("side", [-1.0, 1.0])
+def test_tilt_that_delivers_is_accepted(side: float) -> None:
+    assert watch_tilt(side * math.radians(12.0), side * 2.5) is None
+
+
+@pytest.mark.parametrize("roll_rad", [0.0, math.radians(4.0), -math.radians(15.0)])
+def test_tilt_that_does_not_deliver_is_a_violation(roll_rad: float) -> None:
+    found = watch_tilt(roll_rad, 2.5)
+    assert found is not None
+    assert found.assumption is Assumption.TILT_RESPONSE
+
+
+def test_tilt_against_the_wind_is_taken_off() -> None:
+    wind_rad = math.radians(8.0)
+    assert watch_tilt(wind_rad + math.radians(12.0), 2.5, trim_roll_rad=wind_rad) is None
+    assert watch_tilt(wind_rad, 2.5, trim_roll_rad=wind_rad) is not None
+
+
+def test_ticks_in_time_are_accepted() -> None:
+    watch = TickWatch()
+    assert not [step for step in range(100) if watch.check(step * TICK_S) is not None]
+
+
+@pytest.mark.parametrize("step_s", [TICK_OVERRUN_S + 1e-6, 0.0, -1.0])
+def test_late_tick_and_time_that_stands_still_are_violations(step_s: float) -> None:
+    watch = TickWatch()
+    watch.check(10.0)
+    found = watch.check(10.0 + step_s)
+    assert found is not None
+    assert found.assumption is Assumption.TICK_OVERRUN
+
+
+@given(st.lists(st.floats(0.0, 10.0), min_size=1))
+def test_age_is_that_of_the_newest_frame(stamps_s: list[float]) -> None:
+    watch = DetectionWatch()
+    for stamp_s in stamps_s:
+        watch.on_frame("front", stamp_s, 10.0, TERMS)
+    assert watch.age_s(10.0) == pytest.approx(10.0 - max(stamps_s))
