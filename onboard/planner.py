@@ -25,7 +25,7 @@ from onboard.manoeuvre import brake_to_hover, vertex_manoeuvre
 from onboard.trajectory import Trajectory, X, Y, Z
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator
+    from collections.abc import Iterable
 
     from onboard.avoidance import AvoidanceProblem, Side
     from onboard.frames import FloatArray
@@ -33,17 +33,30 @@ if TYPE_CHECKING:
 SIDES: tuple[Side, Side] = ("left", "right")
 
 # Length of the second phase over that of the first.
-_RATIOS = tuple(2.0 ** (k / 3.0) for k in range(-4, 9))
-_CROSSINGS = 9
+_RATIOS = tuple(2.0 ** (k / 3.0) for k in range(-3, 8))
+_RELATIVE_DURATIONS = 1.0 + np.array(_RATIOS)[:, None]
+_CROSSINGS = 8
+
+# Candidates kept of each side; far more than are ever solved.
+_CANDIDATES_MAX = 60
+
+# Replanning after the crossing: the phase that remains is all one.
+_REMAINING_MIN_S = 0.1
 
 # Growth of the pieces where the vehicle stops early and waits.
 _GROWTH = 1.2
 
-# Axis QPs solved at most.
+# Axis QPs solved at most: until something certifies, before looking around it, and in all.
+_SOLVES_UNTIL_FOUND = 18
+_SOLVES_FIRST = 4
 _SOLVES_MAX = 12
 
+# Factors by which the crossing time is then varied, and candidates tried for each.
+_STEPS = (1.12,)
+_NEIGHBOURS_MAX = 3
+
 # A candidate is tried if it may save more than this share of the cost.
-_WORTH_IT = 0.98
+_WORTH_IT = 0.02
 
 
 @dataclass(frozen=True)
@@ -88,9 +101,10 @@ class _Bank:
 
 
 class _Candidate(NamedTuple):
-    """One side, crossing time and ratio, with a lower bound on the cost."""
+    """One side, crossing time and ratio, with lower bounds on the cost, in all and along x."""
 
     bound: float
+    along_bound: float
     side: Side
     crossing_s: float
     solver: AxisSolver
@@ -125,9 +139,12 @@ class Planner:
             reasons.append("qp: the planar problem starts at rest in height")
             return None
         search = _Search(problem, self._even, self._front_loaded)
-        best = search.run(search.candidates(current))
-        if best is None:
-            reasons.extend(search.reasons)
+        best = search.run(search.candidates(current), _SOLVES_FIRST)
+        for step in _STEPS:
+            if best is None:
+                reasons.extend(search.reasons)
+                return None
+            best = search.run(search.neighbours(step), _SOLVES_MAX)
         return best
 
 
@@ -146,50 +163,63 @@ class _Search:
         # Crossing times between which nothing has failed yet.
         self._window_s: dict[Side, tuple[float, float]] = dict.fromkeys(SIDES, (0.0, math.inf))
         self._best: Plan | None = None
-        self._solves_left = _SOLVES_MAX
+        self._best_candidate: _Candidate | None = None
+        self._bank_of: dict[Side, _Bank] = {}
+        self._solves = 0
 
-    def candidates(self, current: Plan | None) -> Iterator[_Candidate]:
-        """Yield what to try, both sides, cheapest bound first."""
-        costs: list[FloatArray] = []
-        origins: list[tuple[Side, FloatArray, _Bank]] = []
+    def candidates(self, current: Plan | None) -> list[_Candidate]:
+        """Return what to try, both sides, cheapest bound first."""
+        crossings_s: dict[Side, FloatArray] = {}
         for side in SIDES:
-            along, across = self._tasks[side]
-            crossings_s, waiting = crossing_times(along, across, _CROSSINGS)
+            times_s, waiting = crossing_times(*self._tasks[side], _CROSSINGS)
+            self._bank_of[side] = self._banks[waiting]
             if current is not None and current.side == side and current.crossing_s is not None:
-                remaining_s = current.crossing_s - self._problem.start_s
-                if remaining_s > 0.0:
-                    crossings_s = np.append(crossings_s, remaining_s)
-            if len(crossings_s) == 0:
+                remaining_s = max(current.crossing_s - self._problem.start_s, _REMAINING_MIN_S)
+                times_s = np.append(times_s, remaining_s)
+            if len(times_s) > 0:
+                crossings_s[side] = times_s
+            else:
                 self.reasons.append(f"qp, {side}: no time both clears the side and stays short")
-                continue
-            bank = self._banks[waiting]
-            durations_s = crossings_s * (1.0 + np.array(_RATIOS)[:, None])
-            total = bank.bounds.of(along, crossings_s) + bank.bounds.of(across, crossings_s)
-            costs.append((total + DELAY_COST_M2PS4 * durations_s).ravel())
-            origins.append((side, crossings_s, bank))
-        if not costs:
-            return
-        sizes = [len(cost) for cost in costs]
-        bounds = np.concatenate(costs)
-        for index in np.argsort(bounds, kind="stable").tolist():
-            second = index >= sizes[0]
-            side, crossings_s, bank = origins[second]
-            ratio, crossing = divmod(index - second * sizes[0], len(crossings_s))
-            crossing_s = float(crossings_s[crossing])
-            yield _Candidate(float(bounds[index]), side, crossing_s, bank.solvers[ratio])
+        return self._rank(crossings_s)
 
-    def run(self, candidates: Iterable[_Candidate]) -> Plan | None:
-        """Solve candidates in order until none left can be better."""
+    def neighbours(self, step: float) -> list[_Candidate]:
+        """Return what lies a factor away from the best crossing time, and half of it."""
+        if self._best_candidate is None:
+            return []
+        _, _, side, crossing_s, solver = self._best_candidate
+        near = {solver, *_beside(self._bank_of[side].solvers, solver)}
+        factors = np.array([1.0 / step, 1.0, step])
+        found = self._rank({side: crossing_s * factors})
+        return [candidate for candidate in found if candidate.solver in near][:_NEIGHBOURS_MAX]
+
+    def _rank(self, crossings_s: dict[Side, FloatArray]) -> list[_Candidate]:
+        """Return all ratios at the crossing times of each side, cheapest bound first."""
+        found: list[_Candidate] = []
+        for bank in self._banks:
+            sides = [side for side in crossings_s if self._bank_of[side] is bank]
+            if not sides:
+                continue
+            questions = [(task, crossings_s[side]) for side in sides for task in self._tasks[side]]
+            costs = bank.bounds.of(questions)
+            for side, along, across in zip(sides, costs[::2], costs[1::2], strict=True):
+                found += _cheapest(bank, side, crossings_s[side], along, across)
+        return sorted(found, key=lambda candidate: candidate.bound)
+
+    def run(self, candidates: Iterable[_Candidate], solves_max: int) -> Plan | None:
+        """Solve candidates in order until none left can be better, or ``solves_max`` are solved."""
         for candidate in candidates:
             soonest_s, latest_s = self._window_s[candidate.side]
             if not soonest_s < candidate.crossing_s < latest_s:
                 continue
-            if self._solves_left <= 0:
+            if self._solves >= (_SOLVES_UNTIL_FOUND if self._best is None else solves_max):
                 break
-            if self._best is not None and candidate.bound >= self._best.cost * _WORTH_IT:
+            if not self._may_be_better(candidate.bound):
                 break
             self._try(candidate)
         return self._best
+
+    def _may_be_better(self, bound: float) -> bool:
+        return self._best is None or bound < self._best.cost - _WORTH_IT * abs(self._best.cost)
 
     def _try(self, candidate: _Candidate) -> None:
         """Solve both axes of a candidate; keep what certifies and is cheaper than the best."""
@@ -200,7 +230,9 @@ class _Search:
         nodes_mps2 = np.zeros((spline.TOTAL_PIECES + 1, 3))
         # Sideways first: where anything is impossible, that is.
         for axis, task in zip((Y, X), reversed(self._tasks[candidate.side]), strict=True):
-            self._solves_left -= 1
+            if axis == X and not self._may_be_better(price + candidate.along_bound):
+                return
+            self._solves += 1
             program = build(solver.matrices, task, piece_s)
             optimum = solver.solve(program)
             if optimum is None:
@@ -242,8 +274,34 @@ class _Search:
             crossing_s = problem.start_s + candidate.crossing_s
             price = cost(trajectory, problem)
             self._best = Plan("qp", trajectory, candidate.side, price, certificate, crossing_s)
+            self._best_candidate = candidate
         else:
             self.reasons.append(_reason(f"qp, {candidate.side}", certificate))
+
+
+def _cheapest(
+    bank: _Bank, side: Side, crossings_s: FloatArray, along: FloatArray, across: FloatArray
+) -> list[_Candidate]:
+    """Return the candidates of one side with the lowest bounds."""
+    bounds = along + across + DELAY_COST_M2PS4 * crossings_s * _RELATIVE_DURATIONS
+    order = np.argsort(bounds, axis=None, kind="stable")[:_CANDIDATES_MAX]
+    ratios, crossings = np.unravel_index(order, bounds.shape)
+    return [
+        _Candidate(bound, along_bound, side, crossing_s, bank.solvers[ratio])
+        for bound, along_bound, crossing_s, ratio in zip(
+            bounds[ratios, crossings].tolist(),
+            along[ratios, crossings].tolist(),
+            crossings_s[crossings].tolist(),
+            ratios.tolist(),
+            strict=True,
+        )
+    ]
+
+
+def _beside(solvers: list[AxisSolver], solver: AxisSolver) -> list[AxisSolver]:
+    """Return the solvers of the next smaller and greater ratio."""
+    index = solvers.index(solver)
+    return solvers[max(index - 1, 0) : index] + solvers[index + 1 : index + 2]
 
 
 def _plan_by_formula(problem: AvoidanceProblem, reasons: list[str]) -> Plan | None:
