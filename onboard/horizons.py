@@ -1,9 +1,9 @@
 """Which crossing time and which ratio of the two phases: ranked before any QP is solved.
 
 For every candidate the QP without its inequalities has a closed form.  So has the QP with the
-crossing and any one other row, and the dearest of those is a lower bound on what the whole QP can
-cost.  The bounds of all candidates are a few array operations, and they are tight: the first is
-usually the best.
+crossing and any one other row as equalities, and the dearest of those is nearly what the whole QP
+costs.  The estimates of all candidates are a few array operations, and the lowest usually is the
+best.
 """
 
 from __future__ import annotations
@@ -42,8 +42,8 @@ _LEAST_CHEAPNESS = 1e-3
 _CHECKED_ROWS = np.append(np.arange(0, spline.CROSSING_ROW, 2), spline.END_ROW)
 
 
-class CostBounds:
-    """Lower bounds on the cost of an axis, for all ratios and many crossing times at once.
+class CostEstimates:
+    """Estimates of the cost of an axis, for all ratios and many crossing times at once.
 
     Args:
         splines: one for each ratio.

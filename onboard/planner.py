@@ -1,14 +1,15 @@
 """Plans the avoidance of one obstacle: Eq. 17 as QPs, else the closed form, else braking.
 
-Whatever comes out has passed the certifier.  The QP search is branch and bound over both sides
-and a grid of horizons: candidates are taken in the order of their lower bounds (horizons.py), and
-once the best plan found is cheaper than the next bound, none of the others can be better.
+Whatever comes out has passed the certifier.  The QP search goes over both sides and a grid of
+horizons in the order of what they should cost (horizons.py), until the best plan found is cheaper
+than the next estimate, and then looks around the best.
 
 Deterministic: the same problem gives the same plan, bit for bit, whatever was planned before.
 """
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal, NamedTuple
@@ -20,7 +21,7 @@ from onboard.avoidance import DELAY_COST_M2PS4, cost
 from onboard.axis_program import AxisTask, across_task, along_task, build
 from onboard.axis_solver import AxisSolver
 from onboard.certify import Certificate, certify_avoidance, certify_clear
-from onboard.horizons import CostBounds, crossing_times
+from onboard.horizons import CostEstimates, crossing_times
 from onboard.manoeuvre import brake_to_hover, vertex_manoeuvre
 from onboard.trajectory import Trajectory, X, Y, Z
 
@@ -92,19 +93,19 @@ class NoPlan:
 
 
 class _Bank:
-    """Solvers and cost bounds for all ratios, with one growth of the pieces."""
+    """Solvers and cost estimates for all ratios, with one growth of the pieces."""
 
     def __init__(self, growth: float) -> None:
         splines = [spline.TwoPhaseSpline.with_ratio(ratio, growth) for ratio in _RATIOS]
         self.solvers = [AxisSolver(matrices) for matrices in splines]
-        self.bounds = CostBounds(splines)
+        self.estimates = CostEstimates(splines)
 
 
 class _Candidate(NamedTuple):
-    """One side, crossing time and ratio, with lower bounds on the cost, in all and along x."""
+    """One side, crossing time and ratio, and what it should cost, in all and along x."""
 
-    bound: float
-    along_bound: float
+    estimate: float
+    along_estimate: float
     side: Side
     crossing_s: float
     solver: AxisSolver
@@ -134,11 +135,12 @@ class Planner:
     def _plan_by_qp(
         self, problem: AvoidanceProblem, current: Plan | None, reasons: list[str]
     ) -> Plan | None:
-        """Branch and bound over the candidates; a plan counts once it certifies."""
+        """Search over the candidates; a plan counts once it certifies."""
+        incumbent = _plan_to_continue(problem, current, reasons)
         if any(problem.start.axis(Z)[1:]):
             reasons.append("qp: the planar problem starts at rest in height")
-            return None
-        search = _Search(problem, self._even, self._front_loaded)
+            return incumbent
+        search = _Search(problem, self._even, self._front_loaded, incumbent)
         best = search.run(search.candidates(current), _SOLVES_FIRST)
         for step in _STEPS:
             if best is None:
@@ -151,7 +153,13 @@ class Planner:
 class _Search:
     """The QP search for one problem."""
 
-    def __init__(self, problem: AvoidanceProblem, even: _Bank, front_loaded: _Bank) -> None:
+    def __init__(
+        self,
+        problem: AvoidanceProblem,
+        even: _Bank,
+        front_loaded: _Bank,
+        incumbent: Plan | None = None,
+    ) -> None:
         self.reasons: list[str] = []
         self._problem = problem
         self._banks = even, front_loaded
@@ -162,13 +170,13 @@ class _Search:
             self._tasks[side] = along, across_task(problem, side, clear=clear)
         # Crossing times between which nothing has failed yet.
         self._window_s: dict[Side, tuple[float, float]] = dict.fromkeys(SIDES, (0.0, math.inf))
-        self._best: Plan | None = None
+        self._best = incumbent
         self._best_candidate: _Candidate | None = None
         self._bank_of: dict[Side, _Bank] = {}
         self._solves = 0
 
     def candidates(self, current: Plan | None) -> list[_Candidate]:
-        """Return what to try, both sides, cheapest bound first."""
+        """Return what to try, both sides, cheapest first."""
         crossings_s: dict[Side, FloatArray] = {}
         for side in SIDES:
             times_s, waiting = crossing_times(*self._tasks[side], _CROSSINGS)
@@ -193,17 +201,17 @@ class _Search:
         return [candidate for candidate in found if candidate.solver in near][:_NEIGHBOURS_MAX]
 
     def _rank(self, crossings_s: dict[Side, FloatArray]) -> list[_Candidate]:
-        """Return all ratios at the crossing times of each side, cheapest bound first."""
+        """Return all ratios at the crossing times of each side, cheapest first."""
         found: list[_Candidate] = []
         for bank in self._banks:
             sides = [side for side in crossings_s if self._bank_of[side] is bank]
             if not sides:
                 continue
             questions = [(task, crossings_s[side]) for side in sides for task in self._tasks[side]]
-            costs = bank.bounds.of(questions)
+            costs = bank.estimates.of(questions)
             for side, along, across in zip(sides, costs[::2], costs[1::2], strict=True):
                 found += _cheapest(bank, side, crossings_s[side], along, across)
-        return sorted(found, key=lambda candidate: candidate.bound)
+        return sorted(found, key=lambda candidate: candidate.estimate)
 
     def run(self, candidates: Iterable[_Candidate], solves_max: int) -> Plan | None:
         """Solve candidates in order until none left can be better, or ``solves_max`` are solved."""
@@ -213,13 +221,13 @@ class _Search:
                 continue
             if self._solves >= (_SOLVES_UNTIL_FOUND if self._best is None else solves_max):
                 break
-            if not self._may_be_better(candidate.bound):
+            if not self._may_be_better(candidate.estimate):
                 break
             self._try(candidate)
         return self._best
 
-    def _may_be_better(self, bound: float) -> bool:
-        return self._best is None or bound < self._best.cost - _WORTH_IT * abs(self._best.cost)
+    def _may_be_better(self, estimate: float) -> bool:
+        return self._best is None or estimate < self._best.cost - _WORTH_IT * abs(self._best.cost)
 
     def _try(self, candidate: _Candidate) -> None:
         """Solve both axes of a candidate; keep what certifies and is cheaper than the best."""
@@ -230,7 +238,7 @@ class _Search:
         nodes_mps2 = np.zeros((spline.TOTAL_PIECES + 1, 3))
         # Sideways first: where anything is impossible, that is.
         for axis, task in zip((Y, X), reversed(self._tasks[candidate.side]), strict=True):
-            if axis == X and not self._may_be_better(price + candidate.along_bound):
+            if axis == X and not self._may_be_better(price + candidate.along_estimate):
                 return
             self._solves += 1
             program = build(solver.matrices, task, piece_s)
@@ -282,14 +290,14 @@ class _Search:
 def _cheapest(
     bank: _Bank, side: Side, crossings_s: FloatArray, along: FloatArray, across: FloatArray
 ) -> list[_Candidate]:
-    """Return the candidates of one side with the lowest bounds."""
-    bounds = along + across + DELAY_COST_M2PS4 * crossings_s * _RELATIVE_DURATIONS
-    order = np.argsort(bounds, axis=None, kind="stable")[:_CANDIDATES_MAX]
-    ratios, crossings = np.unravel_index(order, bounds.shape)
+    """Return the candidates of one side with the lowest estimates."""
+    estimates = along + across + DELAY_COST_M2PS4 * crossings_s * _RELATIVE_DURATIONS
+    order = np.argsort(estimates, axis=None, kind="stable")[:_CANDIDATES_MAX]
+    ratios, crossings = np.unravel_index(order, estimates.shape)
     return [
-        _Candidate(bound, along_bound, side, crossing_s, bank.solvers[ratio])
-        for bound, along_bound, crossing_s, ratio in zip(
-            bounds[ratios, crossings].tolist(),
+        _Candidate(estimate, along_estimate, side, crossing_s, bank.solvers[ratio])
+        for estimate, along_estimate, crossing_s, ratio in zip(
+            estimates[ratios, crossings].tolist(),
             along[ratios, crossings].tolist(),
             crossings_s[crossings].tolist(),
             ratios.tolist(),
@@ -302,6 +310,23 @@ def _beside(solvers: list[AxisSolver], solver: AxisSolver) -> list[AxisSolver]:
     """Return the solvers of the next smaller and greater ratio."""
     index = solvers.index(solver)
     return solvers[max(index - 1, 0) : index] + solvers[index + 1 : index + 2]
+
+
+def _plan_to_continue(
+    problem: AvoidanceProblem, current: Plan | None, reasons: list[str]
+) -> Plan | None:
+    """What remains of the plan being flown, if it does for the new problem too."""
+    if current is None or current.kind == "brake" or problem.start_s >= current.trajectory.end_s:
+        return None
+    trajectory = current.trajectory.from_time(problem.start_s)
+    certificate = certify_avoidance(trajectory, problem)
+    if certificate.valid:
+        price = cost(trajectory, problem)
+        return dataclasses.replace(
+            current, trajectory=trajectory, cost=price, certificate=certificate
+        )
+    reasons.append(_reason("the current plan", certificate))
+    return None
 
 
 def _plan_by_formula(problem: AvoidanceProblem, reasons: list[str]) -> Plan | None:
