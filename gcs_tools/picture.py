@@ -119,7 +119,10 @@ def _draw_vehicle(axes: Axes, radius_m: float, flown: list[dict[str, Any]]) -> N
     for label, record in marks.items():
         position_m = record["position_ned_m"][:2]
         axes.add_patch(Circle(position_m, radius_m, facecolor=_FLOWN, alpha=0.55))
-        axes.annotate(label, position_m, (0, 9), textcoords="offset points", ha="center", size=8)
+        axes.annotate(
+            label, position_m, (0, 9), textcoords="offset points", ha="center", size=8,
+            bbox={"facecolor": "white", "edgecolor": "none", "alpha": 0.7, "pad": 0.5},
+        )  # fmt: skip
 
 
 def _frame_top_view(axes: Axes, points_m: FloatArray) -> None:
