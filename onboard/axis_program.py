@@ -30,9 +30,6 @@ MARGIN_M = 2e-3
 MARGIN_MPS = 5e-3
 USED_SHARE = 0.995
 
-# What OSQP is told instead of infinity.
-_INACTIVE = 1e8
-
 # Exponents of the piece length, shifted by two to be indices: velocity counts in units of A h,
 # length in A h², jerk in A / h (spline.py), and the reward in A / h.
 _PARAMETER_POWERS = np.array([-1, 0, -1, 1]) + 2
@@ -133,12 +130,12 @@ class AxisTask:
 
 @dataclass(frozen=True, eq=False)
 class AxisProgram:
-    """One QP: minimise ``z^T P z / 2 + gradient^T z`` with scaled rows between bounds.
+    """One QP: minimise ``z^T P z / 2 + gradient^T z`` with the rows between bounds.
 
     Attributes:
         ends: parameters of the spline, start and end (3,).
         gradient: (FREE,).
-        lower, upper: bounds of the scaled rows, (ROWS,), never infinite.
+        lower, upper: bounds of the rows, (ROWS,), infinite where there is none.
         cost_unit: cost [m²/s³] of an objective of one.
         cost_of_ends: what start and end cost with z = 0 [m²/s³].
     """
@@ -173,8 +170,8 @@ def build(matrices: spline.TwoPhaseSpline, task: AxisTask, piece_s: FloatArray) 
     return AxisProgram(
         ends,
         gradient,
-        np.maximum((lower - fixed) * matrices.row_scale, -_INACTIVE),
-        np.minimum((upper - fixed) * matrices.row_scale, _INACTIVE),
+        lower - fixed,
+        upper - fixed,
         # The objective is half of what it stands for.
         2.0 * cost_unit,
         cost_unit * float(ends @ matrices.energy_of_parameters @ ends),

@@ -19,10 +19,10 @@ import numpy as np
 from onboard import spline
 from onboard.avoidance import DELAY_COST_M2PS4, cost
 from onboard.axis_program import AxisTask, across_task, along_task, build
-from onboard.axis_solver import AxisSolver
 from onboard.certify import Certificate, certify_avoidance, certify_clear
 from onboard.horizons import CostEstimates, crossing_times
 from onboard.manoeuvre import brake_to_hover, vertex_manoeuvre
+from onboard.qp_solver import QpSolver
 from onboard.trajectory import Trajectory, X, Y, Z
 
 if TYPE_CHECKING:
@@ -92,12 +92,19 @@ class NoPlan:
     reasons: tuple[str, ...]
 
 
+class _Shape(NamedTuple):
+    """One shape of horizon: its matrices, and the solver for the QPs that they make."""
+
+    matrices: spline.TwoPhaseSpline
+    solver: QpSolver
+
+
 class _Bank:
-    """Solvers and cost estimates for all ratios, with one growth of the pieces."""
+    """Shapes and cost estimates for all ratios, with one growth of the pieces."""
 
     def __init__(self, growth: float) -> None:
         splines = [spline.TwoPhaseSpline.with_ratio(ratio, growth) for ratio in _RATIOS]
-        self.solvers = [AxisSolver(matrices) for matrices in splines]
+        self.shapes = [_Shape(each, QpSolver(each.hessian, each.rows)) for each in splines]
         self.estimates = CostEstimates(splines)
 
 
@@ -108,7 +115,7 @@ class _Candidate(NamedTuple):
     along_estimate: float
     side: Side
     crossing_s: float
-    solver: AxisSolver
+    shape: _Shape
 
 
 class Planner:
@@ -194,11 +201,11 @@ class _Search:
         """Return what lies a factor away from the best crossing time, and half of it."""
         if self._best_candidate is None:
             return []
-        _, _, side, crossing_s, solver = self._best_candidate
-        near = {solver, *_beside(self._bank_of[side].solvers, solver)}
+        _, _, side, crossing_s, shape = self._best_candidate
+        near = _around(self._bank_of[side].shapes, shape)
         factors = np.array([1.0 / step, 1.0, step])
         found = self._rank({side: crossing_s * factors})
-        return [candidate for candidate in found if candidate.solver in near][:_NEIGHBOURS_MAX]
+        return [candidate for candidate in found if candidate.shape in near][:_NEIGHBOURS_MAX]
 
     def _rank(self, crossings_s: dict[Side, FloatArray]) -> list[_Candidate]:
         """Return all ratios at the crossing times of each side, cheapest first."""
@@ -231,9 +238,9 @@ class _Search:
 
     def _try(self, candidate: _Candidate) -> None:
         """Solve both axes of a candidate; keep what certifies and is cheaper than the best."""
-        solver = candidate.solver
+        matrices, solver = candidate.shape
         piece_s = np.array(candidate.crossing_s / spline.PIECES)
-        durations_s = solver.matrices.durations * piece_s
+        durations_s = matrices.durations * piece_s
         price = DELAY_COST_M2PS4 * float(durations_s.sum())
         nodes_mps2 = np.zeros((spline.TOTAL_PIECES + 1, 3))
         # Sideways first: where anything is impossible, that is.
@@ -241,14 +248,14 @@ class _Search:
             if axis == X and not self._may_be_better(price + candidate.along_estimate):
                 return
             self._solves += 1
-            program = build(solver.matrices, task, piece_s)
-            optimum = solver.solve(program)
+            program = build(matrices, task, piece_s)
+            optimum = solver.solve(program.gradient, program.lower, program.upper)
             if optimum is None:
                 self._narrow(candidate, axis)
                 return
             price += program.cost(optimum.objective)
-            nodes_mps2[:, axis] = task.unit_mps2 * solver.matrices.accelerations(
-                optimum.free, program.ends
+            nodes_mps2[:, axis] = task.unit_mps2 * matrices.accelerations(
+                optimum.variables, program.ends
             )
         if self._best is not None and price >= self._best.cost:
             return
@@ -295,7 +302,7 @@ def _cheapest(
     order = np.argsort(estimates, axis=None, kind="stable")[:_CANDIDATES_MAX]
     ratios, crossings = np.unravel_index(order, estimates.shape)
     return [
-        _Candidate(estimate, along_estimate, side, crossing_s, bank.solvers[ratio])
+        _Candidate(estimate, along_estimate, side, crossing_s, bank.shapes[ratio])
         for estimate, along_estimate, crossing_s, ratio in zip(
             estimates[ratios, crossings].tolist(),
             along[ratios, crossings].tolist(),
@@ -306,10 +313,10 @@ def _cheapest(
     ]
 
 
-def _beside(solvers: list[AxisSolver], solver: AxisSolver) -> list[AxisSolver]:
-    """Return the solvers of the next smaller and greater ratio."""
-    index = solvers.index(solver)
-    return solvers[max(index - 1, 0) : index] + solvers[index + 1 : index + 2]
+def _around(shapes: list[_Shape], shape: _Shape) -> list[_Shape]:
+    """Return a shape and those of the next smaller and greater ratio."""
+    index = shapes.index(shape)
+    return shapes[max(index - 1, 0) : index + 2]
 
 
 def _plan_to_continue(

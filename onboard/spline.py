@@ -45,9 +45,6 @@ ROWS = sum(ROW_COUNTS)
 END_ROW = ROWS - 1
 CROSSING_ROW = END_ROW - 1
 
-# Rows whose optimum costs much are scaled down: found to make ADMM converge fastest.
-_ROW_SCALING_EXPONENT = -0.375
-
 
 @dataclass(frozen=True, eq=False)
 class TwoPhaseSpline:
@@ -59,7 +56,6 @@ class TwoPhaseSpline:
         energy_of_parameters: what the parameters cost with z = 0, (3, 3).
         rows: R F, (ROWS, FREE).
         rows_from_parameters: R G, (ROWS, 3).
-        row_scale: factor for each row, (ROWS,).
         node_accelerations: accelerations at all N + 1 nodes from z, (N + 1, FREE).
         node_accelerations_from_parameters: and from p, (N + 1, 3).
         durations: length of each piece, (N,).
@@ -70,7 +66,6 @@ class TwoPhaseSpline:
     energy_of_parameters: FloatArray
     rows: FloatArray
     rows_from_parameters: FloatArray
-    row_scale: FloatArray
     node_accelerations: FloatArray
     node_accelerations_from_parameters: FloatArray
     durations: FloatArray
@@ -108,14 +103,12 @@ class TwoPhaseSpline:
         nodes_from_parameters = acceleration @ points_from_parameters
         hessian = nodes_from_free.T @ gram @ nodes_from_free
         free_rows = rows @ points_from_free
-        cheapness = np.einsum("ij,ij->i", free_rows, np.linalg.solve(hessian, free_rows.T).T)
         return cls(
             hessian=hessian,
             gradient_from_parameters=nodes_from_free.T @ gram @ nodes_from_parameters,
             energy_of_parameters=nodes_from_parameters.T @ gram @ nodes_from_parameters,
             rows=free_rows,
             rows_from_parameters=rows @ points_from_parameters,
-            row_scale=cheapness**_ROW_SCALING_EXPONENT,
             node_accelerations=nodes_from_free,
             node_accelerations_from_parameters=nodes_from_parameters,
             durations=durations,

@@ -14,12 +14,12 @@ import pytest
 from onboard import spline
 from onboard.avoidance import AvoidanceProblem, cost
 from onboard.axis_program import across_task, along_task, build
-from onboard.axis_solver import AxisSolver
 from onboard.certify import certify_avoidance
 from onboard.frames import FloatArray
 from onboard.horizons import CostEstimates, crossing_times
 from onboard.manoeuvre import vertex_manoeuvre
 from onboard.planner import NoPlan, Plan, Planner
+from onboard.qp_solver import QpSolver
 from onboard.region import Box, Encounter, RegionOfInfluence
 from onboard.trajectory import State, Trajectory
 from tests.onboard.avoidance_cases import Variety, draw
@@ -234,7 +234,8 @@ def test_the_spline_is_what_the_trajectory_integrates() -> None:
 def test_estimates_come_near_what_the_qp_costs() -> None:
     ratios = (0.8, 1.6, 3.2)
     splines = [spline.TwoPhaseSpline.with_ratio(ratio) for ratio in ratios]
-    estimates, solvers = CostEstimates(splines), [AxisSolver(matrices) for matrices in splines]
+    estimates = CostEstimates(splines)
+    solvers = [QpSolver(matrices.hessian, matrices.rows) for matrices in splines]
     rng = Random(61)
     errors: list[float] = []
     for _ in range(40):
@@ -245,7 +246,7 @@ def test_estimates_come_near_what_the_qp_costs() -> None:
             (estimated,) = estimates.of([(task, crossings_s)])
             for (i, k), estimate in np.ndenumerate(estimated):
                 program = build(splines[i], task, np.array(crossings_s[k] / spline.PIECES))
-                optimum = solvers[i].solve(program)
+                optimum = solvers[i].solve(program.gradient, program.lower, program.upper)
                 if optimum is not None:
                     price = program.cost(optimum.objective)
                     errors.append(float((estimate - price) / (1.0 + abs(price))))
