@@ -205,9 +205,9 @@ def dimensions(e: Encounter[Q], ops: Arithmetic[Q]) -> Dimensions[Q]:
         flat=stopping_time_s <= clearing_time_s,
         collision_set_depth_m=depth_m,
         front_m=e.run_on_m + depth_m + late_m,
-        # A vehicle that drifts towards the face from outside enters this far beyond it.
-        overhang_left_m=ops.maximum(left_m, drift_left_m),
-        overhang_right_m=ops.maximum(right_m, drift_right_m),
+        # A vehicle may enter that far beyond the face, and drift on outwards until stopped.
+        overhang_left_m=ops.maximum(left_m, drift_left_m + drift_right_m),
+        overhang_right_m=ops.maximum(right_m, drift_left_m + drift_right_m),
         coast_left_m=left_peak_mps * e.coast_time_s,
         coast_right_m=right_peak_mps * e.coast_time_s,
         drift_left_m=drift_left_m,

@@ -138,7 +138,7 @@ class Expected:
         peak_mps = crossing_mps + u * lag_s
         overhang_m = max(
             crossing_mps * lag_s + u * lag_s**2 / 2.0 + peak_mps**2 / (2.0 * u),
-            w * lag_s + w * w / (2.0 * u),
+            2.0 * w * lag_s + w * w / u,
         )
         self.lane_m = overhang_m + peak_mps * coast_s
         swerving_m = swerving_distance_m(v, b, w / u / 2.0, t_m + lag_s)
