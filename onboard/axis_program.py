@@ -9,7 +9,7 @@ to the start, and the lateral axis is mirrored so that the way out is towards +y
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -57,6 +57,7 @@ class AxisTask:
         speed_before_mps: least and greatest velocity before the crossing.
         speed_after_mps: the same after it.
         reward_mps3: what the cost falls by for every metre that the end lies farther on.
+        unit_mps2: unit of acceleration of the dimensionless problem.
     """
 
     start: AxisState
@@ -67,11 +68,11 @@ class AxisTask:
     speed_before_mps: tuple[float, float]
     speed_after_mps: tuple[float, float]
     reward_mps3: float
+    unit_mps2: float
 
-    @property
-    def unit_mps2(self) -> float:
-        """The unit of acceleration of the dimensionless problem: the larger limit."""
-        return max(self.limits.acceleration_max_mps2, -self.limits.acceleration_min_mps2)
+    def lifted(self, factor: float) -> AxisTask:
+        """Return the task with the acceleration that extra lift would allow."""
+        return replace(self, limits=self.limits.scaled(factor))
 
     def parameters(self, piece_s: FloatArray) -> FloatArray:
         """Dimensionless start and end, and reward for the end position: (..., 4).
@@ -193,6 +194,7 @@ def along_task(problem: AvoidanceProblem, *, clear: bool) -> AxisTask:
         speed_after_mps=forward,
         # What lies beyond the end is flown at exit speed.
         reward_mps3=DELAY_COST_M2PS4 / problem.exit_speed_mps,
+        unit_mps2=problem.envelope.along.largest_mps2,
     )
 
 
@@ -211,4 +213,5 @@ def across_task(problem: AvoidanceProblem, side: Side, *, clear: bool) -> AxisTa
         speed_before_mps=outward if clear else either_way,
         speed_after_mps=outward,
         reward_mps3=0.0,
+        unit_mps2=sidestep.limits.largest_mps2,
     )

@@ -20,6 +20,7 @@ from onboard import spline
 from onboard.avoidance import DELAY_COST_M2PS4, cost
 from onboard.axis_program import AxisTask, across_task, along_task, build
 from onboard.certify import Certificate, certify_avoidance, certify_clear
+from onboard.climb_program import ClimbProgram, Coupling, coupling_of
 from onboard.horizons import CostEstimates, crossing_times
 from onboard.manoeuvre import brake_to_hover, vertex_manoeuvre
 from onboard.qp_solver import QpSolver
@@ -55,6 +56,12 @@ _SOLVES_MAX = 12
 # Factors by which the crossing time is then varied, and candidates tried for each.
 _STEPS = (1.12,)
 _NEIGHBOURS_MAX = 3
+
+# Agility that a climb may add, for crossing times that level flight cannot make.
+_LIFT = 1.2
+
+# Horizons for which the coupled QP is solved at most.
+_CLIMBS_MAX = 3
 
 # A candidate is tried if it may save more than this share of the cost.
 _WORTH_IT = 0.02
@@ -123,6 +130,7 @@ class Planner:
 
     def __init__(self) -> None:
         self._even, self._front_loaded = _Bank(1.0), _Bank(_GROWTH)
+        self._climbs: dict[tuple[spline.TwoPhaseSpline, Coupling], ClimbProgram] = {}
 
     def plan(self, problem: AvoidanceProblem, current: Plan | None = None) -> Plan | NoPlan:
         """Return the first certified plan: the cheapest QP, the closed form, or braking.
@@ -144,16 +152,30 @@ class Planner:
     ) -> Plan | None:
         """Search over the candidates; a plan counts once it certifies."""
         incumbent = _plan_to_continue(problem, current, reasons)
-        if any(problem.start.axis(Z)[1:]):
-            reasons.append("qp: the planar problem starts at rest in height")
-            return incumbent
         search = _Search(problem, self._even, self._front_loaded, incumbent)
+        if any(problem.start.axis(Z)[1:]):
+            # Not level: only the coupled QP knows how to go on.
+            candidates = search.candidates(current)
+            return self._plan_to_climb(search, candidates, incumbent)
         best = search.run(search.candidates(current), _SOLVES_FIRST)
         for step in _STEPS:
-            if best is None:
-                reasons.extend(search.reasons)
-                return None
             best = search.run(search.neighbours(step), _SOLVES_MAX)
+        if problem.climb_m > 0.0:
+            best = self._plan_to_climb(search, search.promising(), best)
+        if best is None:
+            reasons.extend(search.reasons)
+        return best
+
+    def _plan_to_climb(
+        self, search: _Search, candidates: list[_Candidate], best: Plan | None
+    ) -> Plan | None:
+        """Solve the coupled QP of the first candidates; keep what is better, or preferred."""
+        for candidate in candidates[:_CLIMBS_MAX]:
+            plan = search.climb(candidate, self._climbs)
+            if plan is None:
+                continue
+            if best is None or plan.cost < best.cost or search.problem.climb_preferred:
+                return plan
         return best
 
 
@@ -168,7 +190,7 @@ class _Search:
         incumbent: Plan | None = None,
     ) -> None:
         self.reasons: list[str] = []
-        self._problem = problem
+        self.problem = problem
         self._banks = even, front_loaded
         self._tasks: dict[Side, tuple[AxisTask, AxisTask]] = {}
         for side in SIDES:
@@ -180,6 +202,7 @@ class _Search:
         self._best = incumbent
         self._best_candidate: _Candidate | None = None
         self._bank_of: dict[Side, _Bank] = {}
+        self._untried: list[_Candidate] = []
         self._solves = 0
 
     def candidates(self, current: Plan | None) -> list[_Candidate]:
@@ -187,15 +210,19 @@ class _Search:
         crossings_s: dict[Side, FloatArray] = {}
         for side in SIDES:
             times_s, waiting = crossing_times(*self._tasks[side], _CROSSINGS)
+            if len(times_s) == 0 and self.problem.climb_m > 0.0:
+                lifted = (task.lifted(_LIFT) for task in self._tasks[side])
+                times_s, waiting = crossing_times(*lifted, _CROSSINGS)
             self._bank_of[side] = self._banks[waiting]
             if current is not None and current.side == side and current.crossing_s is not None:
-                remaining_s = max(current.crossing_s - self._problem.start_s, _REMAINING_MIN_S)
+                remaining_s = max(current.crossing_s - self.problem.start_s, _REMAINING_MIN_S)
                 times_s = np.append(times_s, remaining_s)
             if len(times_s) > 0:
                 crossings_s[side] = times_s
             else:
                 self.reasons.append(f"qp, {side}: no time both clears the side and stays short")
-        return self._rank(crossings_s)
+        self._untried = self._rank(crossings_s)
+        return self._untried
 
     def neighbours(self, step: float) -> list[_Candidate]:
         """Return what lies a factor away from the best crossing time, and half of it."""
@@ -206,6 +233,32 @@ class _Search:
         factors = np.array([1.0 / step, 1.0, step])
         found = self._rank({side: crossing_s * factors})
         return [candidate for candidate in found if candidate.shape in near][:_NEIGHBOURS_MAX]
+
+    def promising(self) -> list[_Candidate]:
+        """Return the best candidate, or where there is none those that seemed cheapest."""
+        return self._untried if self._best_candidate is None else [self._best_candidate]
+
+    def climb(
+        self,
+        candidate: _Candidate,
+        programs: dict[tuple[spline.TwoPhaseSpline, Coupling], ClimbProgram],
+    ) -> Plan | None:
+        """Solve the coupled QP of a candidate.
+
+        Args:
+            candidate: side and horizon.
+            programs: the matrices made so far, added to.
+        """
+        matrices, _ = candidate.shape
+        along, across = self._tasks[candidate.side]
+        key = matrices, coupling_of(self.problem, along, across)
+        if key not in programs:
+            programs[key] = ClimbProgram(*key)
+        piece_s = candidate.crossing_s / spline.PIECES
+        nodes_mps2 = programs[key].solve(self.problem, along, across, piece_s)
+        if nodes_mps2 is None:
+            return None
+        return self._complete(candidate, matrices.durations * piece_s, nodes_mps2)
 
     def _rank(self, crossings_s: dict[Side, FloatArray]) -> list[_Candidate]:
         """Return all ratios at the crossing times of each side, cheapest first."""
@@ -259,9 +312,9 @@ class _Search:
             )
         if self._best is not None and price >= self._best.cost:
             return
-        if candidate.side == "left":
-            nodes_mps2[:, Y] *= -1.0
-        self._offer(candidate, durations_s, nodes_mps2)
+        plan = self._complete(candidate, durations_s, nodes_mps2)
+        if plan is not None:
+            self._best, self._best_candidate = plan, candidate
 
     def _narrow(self, candidate: _Candidate, axis: int) -> None:
         """Rule out what is harder than a candidate that failed: sooner sideways, later along."""
@@ -272,26 +325,26 @@ class _Search:
             latest_s = min(latest_s, candidate.crossing_s)
         self._window_s[candidate.side] = soonest_s, latest_s
 
-    def _offer(
+    def _complete(
         self, candidate: _Candidate, durations_s: FloatArray, nodes_mps2: FloatArray
-    ) -> None:
-        """Complete a trajectory up to the border, and keep it if it certifies."""
-        problem = self._problem
+    ) -> Plan | None:
+        """Make a trajectory up to the border, y still mirrored; None unless it certifies."""
+        problem = self.problem
+        mirror = (1.0, -1.0 if candidate.side == "left" else 1.0, 1.0)
         avoiding = Trajectory.from_accelerations(
-            problem.start_s, problem.start, durations_s, nodes_mps2
+            problem.start_s, problem.start, durations_s, nodes_mps2 * mirror
         )
         left_m = problem.region.x_pob_m - avoiding.final.position_leg_m[X]
         if left_m <= 0.0:
-            return
+            return None
         trajectory = avoiding.coasting_for(left_m / problem.exit_speed_mps)
         certificate = certify_avoidance(trajectory, problem)
-        if certificate.valid:
-            crossing_s = problem.start_s + candidate.crossing_s
-            price = cost(trajectory, problem)
-            self._best = Plan("qp", trajectory, candidate.side, price, certificate, crossing_s)
-            self._best_candidate = candidate
-        else:
+        if not certificate.valid:
             self.reasons.append(_reason(f"qp, {candidate.side}", certificate))
+            return None
+        crossing_s = problem.start_s + candidate.crossing_s
+        price = cost(trajectory, problem)
+        return Plan("qp", trajectory, candidate.side, price, certificate, crossing_s)
 
 
 def _cheapest(

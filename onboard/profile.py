@@ -137,6 +137,11 @@ class AxisLimits(NamedTuple):
     acceleration_max_mps2: float
     jerk_max_mps3: float
 
+    @property
+    def largest_mps2(self) -> float:
+        """The larger of the two magnitudes."""
+        return max(self.acceleration_max_mps2, -self.acceleration_min_mps2)
+
     def scaled(self, factor: float) -> AxisLimits:
         """Return the limits with less (or more) acceleration and the same jerk."""
         return AxisLimits(

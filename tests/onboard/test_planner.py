@@ -172,6 +172,79 @@ def test_a_replan_is_cheaper_than_carrying_on_or_is_carrying_on(planner: Planner
         assert planned(planner, middle, plan).cost <= cost(rest, middle)
 
 
+def climbing(problem: AvoidanceProblem, *, preferred: bool) -> AvoidanceProblem:
+    return dataclasses.replace(problem, climb_m=1.0, climb_preferred=preferred)
+
+
+def test_climbs_only_where_that_is_cheaper(planner: Planner) -> None:
+    rng, cheaper = Random(71), 0
+    for _ in range(CASES):
+        problem = draw(rng, Variety())
+        level = planned(planner, problem)
+        free = planned(planner, climbing(problem, preferred=False))
+        assert free.cost <= level.cost
+        if free.cost < level.cost:
+            cheaper += 1
+            assert free.trajectory.position_range_m(2)[0] < -1e-3
+    assert cheaper > 0
+
+
+def test_a_preferred_climb_uses_the_agility_that_it_buys(planner: Planner) -> None:
+    rng, rises_m, beyond_level = Random(73), [], 0
+    for _ in range(CASES // 2):
+        problem = climbing(draw(rng, Variety()), preferred=True)
+        plan = planned(planner, problem)
+        low_m, _ = plan.trajectory.position_range_m(2)
+        rises_m.append(-low_m)
+        assert low_m >= -1.0
+        assert plan.trajectory.final.position_leg_m[2] >= -0.021
+        certificate = certify_avoidance(plan.trajectory, problem)
+        assert certificate.valid
+        peak_mps2 = np.abs(plan.trajectory.acceleration_leg_mps2[:, 1]).max()
+        beyond_level += peak_mps2 > problem.envelope.limits.right_mps2
+    assert max(rises_m) > 0.1
+    assert np.mean(np.array(rises_m) > 1e-3) > 0.6
+    assert beyond_level > 0
+
+
+def test_climbing_rescues_what_is_too_tight_in_level_flight(planner: Planner) -> None:
+    """A little nearer than the contract allows, some plans exist only with a rise."""
+    rng, rescued = Random(79), 0
+    for _ in range(2 * CASES):
+        problem = draw(rng, Variety(drift=False))
+        x_m, y_m, z_m = problem.start.position_leg_m
+        envelope = problem.envelope
+        lag_s = envelope.limits.brake_mps2 / envelope.jerk_max_mps3[0]
+        needed_m = problem.region.collision_set_depth_m + envelope.speed_max_mps * lag_s / 2.0
+        nearer_m = max(x_m, problem.region.keep_out.x_min_m - 0.96 * needed_m)
+        start = dataclasses.replace(problem.start, position_leg_m=(nearer_m, y_m, z_m))
+        tight = dataclasses.replace(problem, start=start)
+        level = planner.plan(tight)
+        if isinstance(level, Plan) and level.kind != "brake":
+            continue
+        plan = planner.plan(climbing(tight, preferred=False))
+        rescued += isinstance(plan, Plan) and plan.kind == "qp"
+    assert rescued > 0
+
+
+def test_replans_in_the_middle_of_a_climb(planner: Planner) -> None:
+    rng, tried, replanned = Random(83), 0, 0
+    while tried < CASES // 4:
+        problem = climbing(draw(rng, Variety()), preferred=True)
+        plan = planned(planner, problem)
+        now_s = plan.trajectory.start_s + 0.3 * (plan.trajectory.end_s - plan.trajectory.start_s)
+        start = plan.trajectory.sample(now_s)
+        if abs(start.velocity_leg_mps[2]) < 1e-3:
+            continue
+        tried += 1
+        middle = dataclasses.replace(problem, start=start, start_s=now_s)
+        following = planner.plan(middle)
+        if isinstance(following, Plan) and following.kind != "brake":
+            assert certify_avoidance(following.trajectory, middle).valid
+            replanned += 1
+    assert replanned >= 0.9 * tried
+
+
 def test_build_states_the_problem(planner: Planner) -> None:
     """The closed form, fitted with the spline, satisfies the rows the solver is given."""
     problem = draw(Random(53), Variety(drift=False))
