@@ -103,26 +103,33 @@ def _draw_top_view(
     axes.plot(*reference[:, :2].T, color=_REFERENCE, linewidth=3.0, alpha=0.6, label="reference")
     path = _column(flown, "position_ned_m")
     axes.plot(*path[:, :2].T, color=_FLOWN, linewidth=1.4, label="flown")
-    _draw_vehicle(axes, scenario.plant.multirotor.radius_m, flown)
+    _draw_vehicle(axes, scenario, flown)
     _frame_top_view(axes, np.vstack([path[:, :2], np.array(legs), *regions]))
 
 
-def _draw_vehicle(axes: Axes, radius_m: float, flown: list[dict[str, Any]]) -> None:
+def _draw_vehicle(axes: Axes, scenario: Scenario, flown: list[dict[str, Any]]) -> None:
     """Mark the vehicle where it started, ended, and was nearest to an obstacle."""
     if not flown:
         return
+    _mark_vehicle(axes, scenario, flown[0], "start", above=True)
+    _mark_vehicle(axes, scenario, flown[-1], "end", above=True)
     near = [record for record in flown if record["clearance_m"] is not None]
-    marks = {"start": flown[0], "end": flown[-1]}
     if near:
         nearest = min(near, key=lambda record: float(record["clearance_m"]))
-        marks[f"{nearest['clearance_m']:.2f} m clear"] = nearest
-    for label, record in marks.items():
-        position_m = record["position_ned_m"][:2]
-        axes.add_patch(Circle(position_m, radius_m, facecolor=_FLOWN, alpha=0.55))
-        axes.annotate(
-            label, position_m, (0, 9), textcoords="offset points", ha="center", size=8,
-            bbox={"facecolor": "white", "edgecolor": "none", "alpha": 0.7, "pad": 0.5},
-        )  # fmt: skip
+        centers_m = scenario.obstacles.center_ned_m
+        offsets_m = centers_m - np.array(nearest["position_ned_m"][:2])
+        _, east_m = offsets_m[np.argmin(np.hypot(*offsets_m.T))]
+        label = f"{nearest['clearance_m']:.2f} m clear"
+        _mark_vehicle(axes, scenario, nearest, label, above=bool(east_m > 0.0))
+
+
+def _mark_vehicle(
+    axes: Axes, scenario: Scenario, record: dict[str, Any], label: str, *, above: bool
+) -> None:
+    position_m, radius_m = record["position_ned_m"][:2], scenario.plant.multirotor.radius_m
+    axes.add_patch(Circle(position_m, radius_m, facecolor=_FLOWN, alpha=0.55))
+    offset = (0, 9 if above else -16)
+    axes.annotate(label, position_m, offset, textcoords="offset points", ha="center", size=8)
 
 
 def _frame_top_view(axes: Axes, points_m: FloatArray) -> None:
@@ -145,6 +152,7 @@ def _draw_height(
     path = _column(flown, "position_ned_m")
     truth_times_s = np.array([record["time_unix_s"] for record in flown]) - start_s
     axes.plot(truth_times_s, -path[:, 2], color=_FLOWN, linewidth=1.4)
+    axes.set_ylim(top=1.3 * axes.get_ylim()[1])
     axes.set_ylabel("height (m)")
     axes.grid(alpha=0.25)
     axes.tick_params(labelbottom=False)
