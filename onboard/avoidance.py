@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from onboard.trajectory import State, Trajectory, Vector
 
 Side = Literal["left", "right"]
+SIDES: tuple[Side, Side] = ("left", "right")
 
 # A planner's choice, not a limit of the vehicle: descending faster would cost too much agility.
 _DESCENT_SHARE_OF_GRAVITY = 0.1

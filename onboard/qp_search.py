@@ -1,0 +1,330 @@
+"""Eq. 17 by QPs: a search over both sides and a grid of horizons.
+
+Horizons are taken in the order of what they should cost (horizons.py), until the best plan found
+is cheaper than the next estimate; then what lies around the best is tried.  A plan counts once it
+certifies.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from onboard import spline
+from onboard.avoidance import DELAY_COST_M2PS4, SIDES, cost
+from onboard.axis_program import AxisTask, across_task, along_task, build
+from onboard.certify import certify_avoidance
+from onboard.climb_program import ClimbProgram, Coupling, coupling_of
+from onboard.horizons import CostEstimates, crossing_times
+from onboard.plan import Plan, reason
+from onboard.qp_solver import QpSolver
+from onboard.trajectory import Trajectory, X, Y, Z
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+    from onboard.avoidance import AvoidanceProblem, Side
+    from onboard.frames import FloatArray
+
+# Length of the second phase over that of the first.
+_RATIOS = tuple(2.0 ** (k / 3.0) for k in range(-3, 8))
+_RELATIVE_DURATIONS = 1.0 + np.array(_RATIOS)[:, None]
+_CROSSINGS = 8
+
+# Candidates kept of each side; far more than are ever solved.
+_CANDIDATES_MAX = 60
+
+# Replanning after the crossing: the phase that remains is all one.
+_REMAINING_MIN_S = 0.1
+
+# Growth of the pieces where the vehicle stops early and waits.
+_GROWTH = 1.2
+
+# Axis QPs solved at most: until something certifies, before looking around it, and in all.
+_SOLVES_UNTIL_FOUND = 18
+_SOLVES_FIRST = 4
+_SOLVES_MAX = 12
+
+# Factors by which the crossing time is then varied, and candidates tried for each.
+_STEPS = (1.12,)
+_NEIGHBOURS_MAX = 3
+
+# Agility that a climb may add, for crossing times that level flight cannot make.
+_LIFT = 1.2
+
+# Horizons for which the coupled QP is solved at most.
+_CLIMBS_MAX = 3
+
+# A candidate is tried if it may save more than this share of the cost.
+_WORTH_IT = 0.02
+
+
+class _Shape(NamedTuple):
+    """One shape of horizon: its matrices, and the solver for the QPs that they make."""
+
+    matrices: spline.TwoPhaseSpline
+    solver: QpSolver
+
+
+class _Bank:
+    """Shapes and cost estimates for all ratios, with one growth of the pieces."""
+
+    def __init__(self, growth: float) -> None:
+        splines = [spline.TwoPhaseSpline.with_ratio(ratio, growth) for ratio in _RATIOS]
+        self.shapes = [_Shape(each, QpSolver(each.hessian, each.rows)) for each in splines]
+        self.estimates = CostEstimates(splines)
+
+
+class _Candidate(NamedTuple):
+    """One side, crossing time and ratio, and what it should cost, in all and along x."""
+
+    estimate: float
+    along_estimate: float
+    side: Side
+    crossing_s: float
+    shape: _Shape
+
+
+class QpPlanner:
+    """Holds the solvers' factorisations, and nothing else from plan to plan."""
+
+    def __init__(self) -> None:
+        self._even, self._front_loaded = _Bank(1.0), _Bank(_GROWTH)
+        self._climbs: dict[tuple[spline.TwoPhaseSpline, Coupling], ClimbProgram] = {}
+
+    def plan(
+        self,
+        problem: AvoidanceProblem,
+        current: Plan | None,
+        incumbent: Plan | None,
+        reasons: list[str],
+    ) -> Plan | None:
+        """Return the cheapest certified plan that is found.
+
+        Args:
+            problem: what to avoid, and from where.
+            current: the plan being flown, whose horizon is tried too.
+            incumbent: a certified plan for ``problem`` that has to be bettered.
+            reasons: what does not certify is added to it, if nothing is found.
+        """
+        search = _Search(problem, self._even, self._front_loaded, incumbent)
+        candidates = search.candidates(current)
+        if any(problem.start.axis(Z)[1:]):
+            # Not level: only the coupled QP knows how to go on.
+            best = self._plan_to_climb(search, candidates, incumbent)
+        else:
+            best = search.run(candidates, _SOLVES_FIRST)
+            for step in _STEPS:
+                best = search.run(search.neighbours(step), _SOLVES_MAX)
+            if problem.climb_m > 0.0:
+                best = self._plan_to_climb(search, search.promising(), best)
+        if best is None:
+            reasons.extend(search.reasons)
+        return best
+
+    def _plan_to_climb(
+        self, search: _Search, candidates: list[_Candidate], best: Plan | None
+    ) -> Plan | None:
+        """Solve the coupled QP of the first candidates; keep what is better, or preferred."""
+        for candidate in candidates[:_CLIMBS_MAX]:
+            plan = search.climb(candidate, self._climbs)
+            if plan is None:
+                continue
+            if best is None or plan.cost < best.cost or search.problem.climb_preferred:
+                return plan
+        return best
+
+
+class _Search:
+    """The QP search for one problem."""
+
+    def __init__(
+        self,
+        problem: AvoidanceProblem,
+        even: _Bank,
+        front_loaded: _Bank,
+        incumbent: Plan | None = None,
+    ) -> None:
+        self.reasons: list[str] = []
+        self.problem = problem
+        self._banks = even, front_loaded
+        self._tasks: dict[Side, tuple[AxisTask, AxisTask]] = {}
+        for side in SIDES:
+            clear = problem.sidestep(side).is_clear
+            along = along_task(problem, clear=clear)
+            self._tasks[side] = along, across_task(problem, side, clear=clear)
+        # Crossing times between which nothing has failed yet.
+        self._window_s: dict[Side, tuple[float, float]] = dict.fromkeys(SIDES, (0.0, math.inf))
+        self._best = incumbent
+        self._best_candidate: _Candidate | None = None
+        self._bank_of: dict[Side, _Bank] = {}
+        self._untried: list[_Candidate] = []
+        self._solves = 0
+
+    def candidates(self, current: Plan | None) -> list[_Candidate]:
+        """Return what to try, both sides, cheapest first."""
+        crossings_s: dict[Side, FloatArray] = {}
+        for side in SIDES:
+            times_s, waiting = crossing_times(*self._tasks[side], _CROSSINGS)
+            if len(times_s) == 0 and self.problem.climb_m > 0.0:
+                along, across = (task.lifted(_LIFT) for task in self._tasks[side])
+                times_s, waiting = crossing_times(along, across, _CROSSINGS)
+            self._bank_of[side] = self._banks[waiting]
+            if current is not None and current.side == side and current.crossing_s is not None:
+                remaining_s = max(current.crossing_s - self.problem.start_s, _REMAINING_MIN_S)
+                times_s = np.append(times_s, remaining_s)
+            if len(times_s) > 0:
+                crossings_s[side] = times_s
+            else:
+                self.reasons.append(f"qp, {side}: no time both clears the side and stays short")
+        self._untried = self._rank(crossings_s)
+        return self._untried
+
+    def neighbours(self, step: float) -> list[_Candidate]:
+        """Return what lies a factor away from the best crossing time, and half of it."""
+        if self._best_candidate is None:
+            return []
+        _, _, side, crossing_s, shape = self._best_candidate
+        near = _around(self._bank_of[side].shapes, shape)
+        factors = np.array([1.0 / step, 1.0, step])
+        found = self._rank({side: crossing_s * factors})
+        return [candidate for candidate in found if candidate.shape in near][:_NEIGHBOURS_MAX]
+
+    def promising(self) -> list[_Candidate]:
+        """Return the best candidate, or where there is none those that seemed cheapest."""
+        return self._untried if self._best_candidate is None else [self._best_candidate]
+
+    def climb(
+        self,
+        candidate: _Candidate,
+        programs: dict[tuple[spline.TwoPhaseSpline, Coupling], ClimbProgram],
+    ) -> Plan | None:
+        """Solve the coupled QP of a candidate.
+
+        Args:
+            candidate: side and horizon.
+            programs: the matrices made so far, added to.
+        """
+        matrices, _ = candidate.shape
+        along, across = self._tasks[candidate.side]
+        key = matrices, coupling_of(self.problem, along, across)
+        if key not in programs:
+            programs[key] = ClimbProgram(*key)
+        piece_s = candidate.crossing_s / spline.PIECES
+        nodes_mps2 = programs[key].solve(self.problem, along, across, piece_s)
+        if nodes_mps2 is None:
+            return None
+        return self._complete(candidate, matrices.durations * piece_s, nodes_mps2)
+
+    def _rank(self, crossings_s: dict[Side, FloatArray]) -> list[_Candidate]:
+        """Return all ratios at the crossing times of each side, cheapest first."""
+        found: list[_Candidate] = []
+        for bank in self._banks:
+            sides = [side for side in crossings_s if self._bank_of[side] is bank]
+            if not sides:
+                continue
+            questions = [(task, crossings_s[side]) for side in sides for task in self._tasks[side]]
+            costs = bank.estimates.of(questions)
+            for side, along, across in zip(sides, costs[::2], costs[1::2], strict=True):
+                found += _cheapest(bank, side, crossings_s[side], along, across)
+        return sorted(found, key=lambda candidate: candidate.estimate)
+
+    def run(self, candidates: Iterable[_Candidate], solves_max: int) -> Plan | None:
+        """Solve candidates in order until none left can be better, or ``solves_max`` are solved."""
+        for candidate in candidates:
+            soonest_s, latest_s = self._window_s[candidate.side]
+            if not soonest_s < candidate.crossing_s < latest_s:
+                continue
+            if self._solves >= (_SOLVES_UNTIL_FOUND if self._best is None else solves_max):
+                break
+            if not self._may_be_better(candidate.estimate):
+                break
+            self._try(candidate)
+        return self._best
+
+    def _may_be_better(self, estimate: float) -> bool:
+        return self._best is None or estimate < self._best.cost - _WORTH_IT * abs(self._best.cost)
+
+    def _try(self, candidate: _Candidate) -> None:
+        """Solve both axes of a candidate; keep what certifies and is cheaper than the best."""
+        matrices, solver = candidate.shape
+        piece_s = np.array(candidate.crossing_s / spline.PIECES)
+        durations_s = matrices.durations * piece_s
+        price = DELAY_COST_M2PS4 * float(durations_s.sum())
+        nodes_mps2 = np.zeros((spline.TOTAL_PIECES + 1, 3))
+        # Sideways first: where anything is impossible, that is.
+        for axis, task in zip((Y, X), reversed(self._tasks[candidate.side]), strict=True):
+            if axis == X and not self._may_be_better(price + candidate.along_estimate):
+                return
+            self._solves += 1
+            program = build(matrices, task, piece_s)
+            optimum = solver.solve(program.gradient, program.lower, program.upper)
+            if optimum is None:
+                self._narrow(candidate, axis)
+                return
+            price += program.cost(optimum.objective)
+            nodes_mps2[:, axis] = task.unit_mps2 * matrices.accelerations(
+                optimum.variables, program.ends
+            )
+        if self._best is not None and price >= self._best.cost:
+            return
+        plan = self._complete(candidate, durations_s, nodes_mps2)
+        if plan is not None:
+            self._best, self._best_candidate = plan, candidate
+
+    def _narrow(self, candidate: _Candidate, axis: int) -> None:
+        """Rule out what is harder than a candidate that failed: sooner sideways, later along."""
+        soonest_s, latest_s = self._window_s[candidate.side]
+        if axis == Y:
+            soonest_s = max(soonest_s, candidate.crossing_s)
+        else:
+            latest_s = min(latest_s, candidate.crossing_s)
+        self._window_s[candidate.side] = soonest_s, latest_s
+
+    def _complete(
+        self, candidate: _Candidate, durations_s: FloatArray, nodes_mps2: FloatArray
+    ) -> Plan | None:
+        """Make a trajectory up to the border, y still mirrored; None unless it certifies."""
+        problem = self.problem
+        mirror = (1.0, -1.0 if candidate.side == "left" else 1.0, 1.0)
+        avoiding = Trajectory.from_accelerations(
+            problem.start_s, problem.start, durations_s, nodes_mps2 * mirror
+        )
+        left_m = problem.region.x_pob_m - avoiding.final.position_leg_m[X]
+        if left_m <= 0.0:
+            return None
+        trajectory = avoiding.coasting_for(left_m / problem.exit_speed_mps)
+        certificate = certify_avoidance(trajectory, problem)
+        if not certificate.valid:
+            self.reasons.append(reason(f"qp, {candidate.side}", certificate))
+            return None
+        crossing_s = problem.start_s + candidate.crossing_s
+        price = cost(trajectory, problem)
+        return Plan("qp", trajectory, candidate.side, price, certificate, crossing_s)
+
+
+def _cheapest(
+    bank: _Bank, side: Side, crossings_s: FloatArray, along: FloatArray, across: FloatArray
+) -> list[_Candidate]:
+    """Return the candidates of one side with the lowest estimates."""
+    estimates = along + across + DELAY_COST_M2PS4 * crossings_s * _RELATIVE_DURATIONS
+    order = np.argsort(estimates, axis=None, kind="stable")[:_CANDIDATES_MAX]
+    ratios, crossings = np.unravel_index(order, estimates.shape)
+    return [
+        _Candidate(estimate, along_estimate, side, crossing_s, bank.shapes[ratio])
+        for estimate, along_estimate, crossing_s, ratio in zip(
+            estimates[ratios, crossings].tolist(),
+            along[ratios, crossings].tolist(),
+            crossings_s[crossings].tolist(),
+            ratios.tolist(),
+            strict=True,
+        )
+    ]
+
+
+def _around(shapes: list[_Shape], shape: _Shape) -> list[_Shape]:
+    """Return a shape and those of the next smaller and greater ratio."""
+    index = shapes.index(shape)
+    return shapes[max(index - 1, 0) : index + 2]
