@@ -35,6 +35,7 @@ STOP_TIMEOUT_S = 20.0
 # Turning and waiting; and slower than this on average is not flying the mission.
 MISSION_TIMEOUT_S = 60.0
 PROGRESS_MIN_MPS = 1.0
+STILL_MPS = 0.1
 # How long the vehicle hovers after its mission before it lands.
 LINGER_S = 1.0
 
@@ -245,32 +246,40 @@ class Operator:
         await self._until(lambda: self._status.sees, READY_TIMEOUT_S, "given detections")
         report("arming")
         await vehicle.arm()
+        mishap = None
+        try:
+            await self._fly_mission()
+        except Interrupted:
+            raise
+        except CommandError as error:
+            mishap = str(error)
+        if vehicle.state.in_air:
+            await self._come_down()
+        return mishap
+
+    async def _fly_mission(self) -> None:
+        vehicle, report = self._vehicle, self._report
         report("taking off")
         await vehicle.take_off(self._mission.altitude_m)
         report("handing over to the daemon")
         await self._until(lambda: self._status.airborne, READY_TIMEOUT_S, "airborne to the daemon")
         await vehicle.hand_over()
-        aborted = await self._watch()
-        report("landing")
-        await vehicle.land()
-        return aborted
+        await self._until(
+            lambda: self._flying or self._over, DEPARTURE_TIMEOUT_S, "flown by the daemon"
+        )
+        await self._until(lambda: not self._flying, self._time_limit_s, "done with its mission")
+        if not self._over:
+            raise VehicleError(f"the daemon lost control to mode {vehicle.state.mode.name}")
 
-    async def _watch(self) -> str | None:
-        """Watch the mission until it is over; after a mishap, until the vehicle stands still."""
-        try:
-            await self._until(lambda: self._flying, DEPARTURE_TIMEOUT_S, "flown by the daemon")
-            await self._until(lambda: self._over, self._time_limit_s, "at the end of its mission")
-        except Interrupted:
-            raise
-        except CommandError as error:
-            mishap: str | None = str(error)
-        else:
-            mishap = None
-        await self._vehicle.until(
-            lambda: self._vehicle.state.speed_mps < 0.1, STOP_TIMEOUT_S, lambda: "standing still"
+    async def _come_down(self) -> None:
+        """Land, but not while the vehicle still moves: it may be close to an obstacle."""
+        vehicle = self._vehicle
+        await vehicle.until(
+            lambda: vehicle.state.speed_mps < STILL_MPS, STOP_TIMEOUT_S, lambda: "standing still"
         )
         await asyncio.sleep(LINGER_S)
-        return mishap
+        self._report("landing")
+        await vehicle.land()
 
     async def _until(self, condition: Callable[[], bool], timeout_s: float, what: str) -> None:
         def holds() -> bool:
@@ -282,7 +291,7 @@ class Operator:
 
     @property
     def _flying(self) -> bool:
-        return self._status.phase in {"cruise", "avoid"} or self._over
+        return self._status.phase in {"cruise", "avoid"}
 
     @property
     def _over(self) -> bool:
