@@ -54,8 +54,8 @@ def vertex_manoeuvre(problem: AvoidanceProblem, side: Side) -> Trajectory | None
         None if no member of the family stays in the lane, short of the front face until clear,
         and at its exit speed by the post-obstacle border.
     """
-    vertical = settling(problem.start.axis(Z), problem.envelope, None)
-    share = share_of_box(vertical)
+    vertical = _settling(problem.start.axis(Z), problem.envelope, None)
+    share = _share_of_box(vertical)
     sidestep = problem.sidestep(side)
     family = _LateralFamily(sidestep, sidestep.limits.scaled(share))
     slow_down = _SlowDown(problem, problem.envelope.along.scaled(share))
@@ -86,9 +86,9 @@ def cruise(
         speed_mps: speed along the leg to hold after the last piece.
         z_m: height to settle at, z in the leg frame; by default where the climb or descent stops.
     """
-    vertical = settling(start.axis(Z), envelope, z_m)
-    share = share_of_box(vertical)
-    along = speed_change(start.axis(X), speed_mps, envelope.along.scaled(share))
+    vertical = _settling(start.axis(Z), envelope, z_m)
+    share = _share_of_box(vertical)
+    along = speed_change(start.axis(X), speed_mps, _cruise_limits(envelope, share))
     return _from_segments(start, start_s, envelope, along, vertical)
 
 
@@ -108,12 +108,23 @@ def stop_at(
     Returns:
         None if the vehicle cannot stop before it has passed ``x_m``.
     """
-    vertical = settling(start.axis(Z), envelope, z_m)
-    x, limits = start.axis(X), envelope.along.scaled(share_of_box(vertical))
+    vertical = _settling(start.axis(Z), envelope, z_m)
+    x, limits = start.axis(X), _cruise_limits(envelope, _share_of_box(vertical))
     if x.after(speed_change(x, 0.0, limits)).position_m > x_m:
         return None
     along = displacement(x, x_m, speed_mps, limits)
-    return None if along is None else _from_segments(start, start_s, envelope, along, vertical)
+    return _from_segments(start, start_s, envelope, along, vertical)
+
+
+def _cruise_limits(envelope: Envelope, box_share: float) -> AxisLimits:
+    """Full braking, but only half the forward acceleration.
+
+    An obstacle may come up while the vehicle still speeds up.  The attitude lag T in the contract
+    covers two ramps of T/2: taking off half the acceleration, and building up full braking
+    (tests/onboard/test_manoeuvre.py, the varieties that are speeding up).
+    """
+    limits = envelope.along.scaled(box_share)
+    return limits._replace(acceleration_max_mps2=limits.acceleration_max_mps2 / 2.0)
 
 
 def _from_segments(
@@ -125,7 +136,7 @@ def _from_segments(
 ) -> Trajectory:
     """Put a motion along the leg together with coming to rest sideways."""
     y = start.axis(Y)
-    across = envelope.across.scaled(share_of_box(vertical))
+    across = envelope.across.scaled(_share_of_box(vertical))
     return Trajectory.from_profiles(
         start_s,
         Profile(*start.axis(X)[:2], (*along, Segment(_HOVER_S, 0.0))),
@@ -134,18 +145,15 @@ def _from_segments(
     )
 
 
-def settling(z: AxisState, envelope: Envelope, z_m: float | None) -> Profile:
-    """Come to rest in height, at ``z_m`` where it is given and can be reached without overshoot."""
+def _settling(z: AxisState, envelope: Envelope, z_m: float | None) -> Profile:
+    """Come to rest in height, at ``z_m`` where that is given."""
     limits = envelope.vertical
-    segments = None
-    if z_m is not None:
-        segments = displacement(z, z_m, envelope.speed_max_mps, limits)
-    if segments is None:
-        segments = speed_change(z, 0.0, limits)
-    return Profile(*z[:2], segments)
+    if z_m is None:
+        return Profile(*z[:2], speed_change(z, 0.0, limits))
+    return Profile(*z[:2], displacement(z, z_m, envelope.speed_max_mps, limits))
 
 
-def share_of_box(vertical: Profile) -> float:
+def _share_of_box(vertical: Profile) -> float:
     """Part of W that is left at the greatest downward acceleration of a motion in height."""
     starts_mps2 = [segment.acceleration_mps2 for segment in vertical.segments]
     return 1.0 - max(0.0, *starts_mps2) / GRAVITY_MPS2 if starts_mps2 else 1.0

@@ -194,34 +194,32 @@ def largest(excess: Callable[[float], float], low: float, high: float) -> float 
 
 def displacement(
     state: AxisState, target_m: float, speed_mps: float, limits: AxisLimits
-) -> tuple[Segment, ...] | None:
+) -> tuple[Segment, ...]:
     """Move to rest at ``target_m``, at most at ``speed_mps``, and quickly.
 
     Returns:
-        At most seven segments, which turn back if the axis cannot stop before the target; None if
-        it can stop there, but not after its acceleration has been taken off first.
+        At most seven segments, which turn back if the axis cannot stop before the target.
     """
-    stop = Profile(*state[:2], speed_change(state, 0.0, limits)).final.position_m
-    if target_m == stop:
-        return speed_change(state, 0.0, limits)
-    way = 1.0 if target_m > stop else -1.0
+    direct = speed_change(state, 0.0, limits)
+    stop_m = state.after(direct).position_m
+    if target_m == stop_m:
+        return direct
+    way = 1.0 if target_m > stop_m else -1.0
 
-    def through(peak_mps: float) -> Profile:
-        rising = Profile(*state[:2], speed_change(state, way * peak_mps, limits))
-        return rising.then(*speed_change(rising.final, 0.0, limits))
+    def through(peak_mps: float) -> tuple[Segment, ...]:
+        rising = speed_change(state, way * peak_mps, limits)
+        return rising + speed_change(AxisState(0.0, way * peak_mps, 0.0), 0.0, limits)
 
-    peak_mps = largest(
-        lambda peak_mps: way * (through(peak_mps).final.position_m - target_m),
-        max(0.0, way * coasting_speed(state, limits.jerk_max_mps3)),
-        speed_mps,
-    )
-    if peak_mps is None:
-        return None
+    def beyond_m(peak_mps: float) -> float:
+        return way * (state.after(through(peak_mps)).position_m - target_m)
+
+    # A peak of zero stops directly, which is short of the target.
+    peak_mps = largest(beyond_m, 0.0, speed_mps) or 0.0
+    if peak_mps == 0.0:
+        return direct
+    hold = Segment(-beyond_m(peak_mps) / peak_mps, 0.0)
     rising = speed_change(state, way * peak_mps, limits)
-    short_m = way * (target_m - through(peak_mps).final.position_m)
-    hold = (Segment(short_m / peak_mps, 0.0),) if peak_mps > 0.0 and short_m > 0.0 else ()
-    at_peak = AxisState(0.0, way * peak_mps, 0.0)
-    return (*rising, *hold, *speed_change(at_peak, 0.0, limits))
+    return (*rising, hold, *through(peak_mps)[len(rising) :])
 
 
 def speed_change(state: AxisState, target_mps: float, limits: AxisLimits) -> tuple[Segment, ...]:

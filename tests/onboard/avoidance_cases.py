@@ -93,9 +93,9 @@ def _draw_start(
     speed_mps = rng.choice([top_mps, rng.uniform(0.05 * top_mps, top_mps)])
     forward_mps2 = 0.0
     if variety.speeding_up and variety.lag:
-        # On a cruise profile that will level off at the top speed.
+        # On a cruise profile, which uses half the limit and will level off at the top speed.
         room_mps2 = math.sqrt(2.0 * envelope.jerk_max_mps3[0] * (top_mps - speed_mps))
-        forward_mps2 = rng.random() * min(envelope.limits.forward_mps2, room_mps2)
+        forward_mps2 = rng.random() * min(envelope.limits.forward_mps2 / 2.0, room_mps2)
     late_m = encounter.speed_mps * encounter.reaction_time_s
     x_m = region.extent.x_min_m + late_m * rng.choice([0.0, 0.0, 1.0, rng.random()])
     y_m, lateral_mps = _draw_lateral(rng, encounter, region)
