@@ -1,44 +1,46 @@
 """The autopilot as its peers see it: MAVLink bytes in, bytes out; no socket, no clock.
 
 Messages for this autopilot are handled; messages for others (a companion's STATUSTEXT for the
-ground station, say) are forwarded to the other links, as PX4 does.
+ground station, say) are forwarded to the other links, as PX4 and ArduPilot do.
 """
 
 from __future__ import annotations
 
 import logging
-import struct
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
+from sitl.ardupilot import Copter
 from sitl.battery import BatteryReading
-from sitl.commander import Actuation, Commander
+from sitl.commander import Actuation
 from sitl.commands import Command, CommandContext, execute
 from sitl.config import VehicleConfig
+from sitl.flavour import Flavour
 from sitl.mavlink_link import MavlinkLink
-from sitl.parameters import ParameterStore, SetResult
-from sitl.telemetry import BUILDERS, Snapshot, StreamSchedule
+from sitl.mission_transfer import MissionTransfer
+from sitl.parameter_protocol import ParameterProtocol
+from sitl.parameters import ParameterStore
+from sitl.px4 import Px4
+from sitl.telemetry import BUILDERS, Snapshot, StreamSchedule, messages_of_data_stream
 from sitl.truth import VehicleTruth
 
 logger = logging.getLogger(__name__)
 
 COMPONENT_ID = mavlink.MAV_COMP_ID_AUTOPILOT1
+FLAVOURS: dict[str, type[Flavour]] = {"px4": Px4, "ardupilot": Copter}
 _STATUSTEXT_LENGTH = 50
-_PARAM_ERRORS = {
-    SetResult.UNKNOWN: mavlink.MAV_PARAM_ERROR_DOES_NOT_EXIST,
-    SetResult.OUT_OF_RANGE: mavlink.MAV_PARAM_ERROR_VALUE_OUT_OF_RANGE,
-    SetResult.READ_ONLY: mavlink.MAV_PARAM_ERROR_READ_ONLY,
-}
+_FTP_PAYLOAD, _FTP_NAK, _FTP_FILE_NOT_FOUND = 251, 129, 10
 
 
 class _Peer:
     """One link's codec, its streams, and whether a ground station speaks on it."""
 
-    def __init__(self, system_id: int) -> None:
+    def __init__(self, system_id: int, flavour: Flavour) -> None:
         self.link = MavlinkLink(system_id, COMPONENT_ID)
-        self.streams = StreamSchedule()
+        self.streams = StreamSchedule(flavour.default_rates_hz)
         self.has_ground_station = False
 
 
@@ -46,6 +48,7 @@ class Autopilot:
     """One autopilot on any number of links.
 
     Attributes:
+        flavour: which autopilot this is.
         commander: modes, arming and failsafes.
         parameters: the values behind the parameter protocol.
     """
@@ -62,24 +65,38 @@ class Autopilot:
         Raises:
             ParameterError: a configured parameter does not exist or is out of range.
         """
-        self.parameters = ParameterStore(config.system_id, config.parameters)
-        self.commander = Commander(self.parameters, truth)
+        self.flavour = FLAVOURS[config.flavour]()
+        self.parameters = ParameterStore(
+            self.flavour.parameter_specs(config.system_id), config.parameters
+        )
+        self.commander = self.flavour.commander(
+            self.flavour.settings(self.parameters), truth, config.home
+        )
+        self._missions = MissionTransfer(self.commander.mission)
+        self._parameter_protocol = ParameterProtocol(
+            self.parameters, bytewise=self.flavour.integers_bytewise
+        )
         self._system_id = config.system_id
         self._home = config.home
         self._start_unix_s = start_unix_s
         self._peers: dict[int, _Peer] = {}
-        self._snapshot = Snapshot(truth, battery, self.commander, config.home, start_unix_s)
+        self._snapshot = Snapshot(
+            truth, battery, self.commander, config.home, self.flavour, start_unix_s
+        )
         self._handlers: dict[str, Callable[[Any, _Peer, float], None]] = {
             "SET_POSITION_TARGET_LOCAL_NED": self._on_setpoint,
+            "SET_POSITION_TARGET_GLOBAL_INT": self._on_setpoint,
+            "MANUAL_CONTROL": self._on_manual_control,
             "COMMAND_LONG": self._on_command,
             "COMMAND_INT": self._on_command,
             "SET_MODE": self._on_set_mode,
             "HEARTBEAT": self._on_heartbeat,
             "TIMESYNC": self._on_timesync,
             "PING": self._on_ping,
-            "PARAM_REQUEST_LIST": self._on_param_request_list,
-            "PARAM_REQUEST_READ": self._on_param_request_read,
-            "PARAM_SET": self._on_param_set,
+            "REQUEST_DATA_STREAM": self._on_request_data_stream,
+            "FILE_TRANSFER_PROTOCOL": self._on_file_transfer,
+            **dict.fromkeys(self._parameter_protocol.messages, self._on_parameter),
+            **dict.fromkeys(self._missions.messages, self._on_mission),
         }
 
     # --- bytes ----------------------------------------------------------------------------
@@ -87,7 +104,7 @@ class Autopilot:
     def open_link(self, link: int) -> None:
         """Start to stream on a link; receiving on it does so too."""
         if link not in self._peers:
-            self._peers[link] = _Peer(self._system_id)
+            self._peers[link] = _Peer(self._system_id, self.flavour)
 
     def close_link(self, link: int) -> None:
         """Forget a link and what was queued for it."""
@@ -125,13 +142,20 @@ class Autopilot:
         """Decide what the controller does for the next period, and queue the telemetry that is due.
 
         Args:
-            truth: state at this instant; the estimator is ideal.
+            truth: state at this instant; the estimator is ideal but for injected failures.
             battery: what the pack shows.
             thrust_share: rotor thrust over weight.
             period_s: time until the next call.
         """
-        actuation = self.commander.update(truth, battery, thrust_share, period_s)
-        self._snapshot = Snapshot(truth, battery, self.commander, self._home, self._start_unix_s)
+        failures = self.commander.failures
+        estimate = failures.estimate(truth)
+        if failures.battery_failed:
+            battery = replace(battery, remaining=0.0)
+        actuation = self.commander.update(estimate, battery, thrust_share, period_s)
+        self._missions.step(truth.time_s)
+        self._snapshot = Snapshot(
+            estimate, battery, self.commander, self._home, self.flavour, self._start_unix_s
+        )
         self._announce()
         for peer in self._peers.values():
             for message_id in peer.streams.due(truth.time_s):
@@ -141,14 +165,25 @@ class Autopilot:
         return actuation
 
     def _announce(self) -> None:
-        """Tell the operators; as on PX4 only where a ground station's heartbeat was heard."""
+        """Tell the operators what has happened, and how far the mission is."""
         for severity, text in self.commander.announcements:
             logger.info("%s", text)
             encoded = text.encode()[:_STATUSTEXT_LENGTH]
             for peer in self._peers.values():
-                if peer.has_ground_station:
+                if peer.has_ground_station or not self.flavour.texts_need_ground_station:
                     peer.link.send(mavlink.MAVLink_statustext_message(severity, encoded))
         self.commander.announcements.clear()
+        mission = self.commander.mission
+        for number in mission.reached:
+            self._broadcast(mavlink.MAVLink_mission_item_reached_message(number))
+        mission.reached.clear()
+        if mission.announce_current:
+            mission.announce_current = False
+            self._broadcast(BUILDERS[mavlink.MAVLINK_MSG_ID_MISSION_CURRENT](self._snapshot))
+
+    def _broadcast(self, message: Any) -> None:
+        for peer in self._peers.values():
+            peer.link.send(message)
 
     # --- routing --------------------------------------------------------------------------
 
@@ -173,17 +208,16 @@ class Autopilot:
 
     # --- messages -------------------------------------------------------------------------
 
-    def _on_setpoint(self, message: Any, _: _Peer, now_s: float) -> None:
-        self.commander.offboard.receive(
-            message, now_s, self._snapshot.truth.yaw_rad, self.parameters["COM_OF_LOSS_T"]
-        )
+    def _on_setpoint(self, message: Any, _: _Peer, __: float) -> None:
+        self.commander.receive_setpoint(message)
+
+    def _on_manual_control(self, message: Any, _: _Peer, __: float) -> None:
+        if message.target == self._system_id:
+            self.commander.receive_sticks(message)
 
     def _on_command(self, message: Any, peer: _Peer, _: float) -> None:
         command = Command.of(message)
-        context = CommandContext(
-            self.commander, self._home, self._snapshot, peer.link, peer.streams
-        )
-        result = execute(command, context)
+        result = execute(command, self._context(peer))
         peer.link.send(
             mavlink.MAVLink_command_ack_message(
                 command.number,
@@ -195,18 +229,16 @@ class Autopilot:
             )
         )
 
-    def _on_set_mode(self, message: Any, peer: _Peer, _: float) -> None:
+    def _on_set_mode(self, message: Any, _: _Peer, __: float) -> None:
         """SET_MODE, the old message: as MAV_CMD_DO_SET_MODE, but nobody is told the result."""
-        main, sub = message.custom_mode >> 16 & 0xFF, message.custom_mode >> 24 & 0xFF
-        parameters = (float(message.base_mode), float(main), float(sub), 0.0, 0.0, 0.0, 0.0)
-        context = CommandContext(
-            self.commander, self._home, self._snapshot, peer.link, peer.streams
-        )
-        execute(Command(mavlink.MAV_CMD_DO_SET_MODE, parameters, 0), context)
+        mode = self.flavour.mode_of_custom(message.custom_mode)
+        if mode is not None and message.base_mode & mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED:
+            self.commander.set_mode(mode)
 
     def _on_heartbeat(self, message: Any, peer: _Peer, _: float) -> None:
         if message.type == mavlink.MAV_TYPE_GCS:
             peer.has_ground_station = True
+            self.commander.hear_ground_station()
 
     def _on_timesync(self, message: Any, peer: _Peer, now_s: float) -> None:
         if message.tc1 == 0:
@@ -223,54 +255,46 @@ class Autopilot:
                 )
             )
 
-    def _on_param_request_list(self, _: Any, peer: _Peer, __: float) -> None:
-        for name in self.parameters.names():
-            self._send_parameter(name, peer)
+    def _on_parameter(self, message: Any, peer: _Peer, _: float) -> None:
+        """Answer the asking link; every link learns a new value."""
+        answers = self._parameter_protocol.receive(message)
+        changed = message.get_type() == "PARAM_SET" and answers[0].get_type() == "PARAM_VALUE"
+        for answer in answers:
+            if changed:
+                self._broadcast(answer)
+            else:
+                peer.link.send(answer)
+        if changed:
+            self.commander.settings = self.flavour.settings(self.parameters)
 
-    def _on_param_request_read(self, message: Any, peer: _Peer, _: float) -> None:
-        names = self.parameters.names()
-        if message.param_index < 0:
-            name = message.param_id
-        else:
-            name = names[message.param_index] if message.param_index < len(names) else ""
-        if name in self.parameters:
-            self._send_parameter(name, peer)
-        else:
-            self._refuse_parameter(message, message.param_index, SetResult.UNKNOWN, peer)
+    def _on_mission(self, message: Any, peer: _Peer, now_s: float) -> None:
+        self._missions.receive(message, peer.link.send, now_s)
 
-    def _on_param_set(self, message: Any, peer: _Peer, _: float) -> None:
-        """PARAM_SET; every link learns the new value, the asking one also of a refusal."""
-        value = float(message.param_value)
-        if message.param_type == mavlink.MAV_PARAM_TYPE_INT32:
-            value = float(struct.unpack("<i", struct.pack("<f", value))[0])
-        result = self.parameters.set(message.param_id, value)
-        if result is SetResult.DONE:
-            for other in self._peers.values():
-                self._send_parameter(message.param_id, other)
-        else:
-            self._refuse_parameter(message, -1, result, peer)
+    def _on_request_data_stream(self, message: Any, peer: _Peer, now_s: float) -> None:
+        """REQUEST_DATA_STREAM, the old way to ask; only ArduPilot still answers it."""
+        if self.flavour.default_rates_hz.keys() - {mavlink.MAVLINK_MSG_ID_HEARTBEAT}:
+            return
+        rate_hz = message.req_message_rate if message.start_stop else 0
+        for message_id in messages_of_data_stream(message.req_stream_id):
+            interval_s = 1.0 / rate_hz if rate_hz else float("inf")
+            peer.streams.set_interval(message_id, interval_s, now_s)
 
-    def _send_parameter(self, name: str, peer: _Peer) -> None:
-        """PARAM_VALUE; integers travel byte-wise in the float field, as on PX4."""
-        value = self.parameters[name]
-        parameter_type = mavlink.MAV_PARAM_TYPE_REAL32
-        if self.parameters.spec(name).is_integer:
-            parameter_type = mavlink.MAV_PARAM_TYPE_INT32
-            value = struct.unpack("<f", struct.pack("<i", int(value)))[0]
-        names = self.parameters.names()
+    def _on_file_transfer(self, message: Any, peer: _Peer, _: float) -> None:
+        """Refuse at once: there are no files here, and clients wait long for an answer."""
+        payload = bytearray(bytes(message.payload).ljust(_FTP_PAYLOAD, b"\0"))
+        sequence = (int.from_bytes(payload[:2], "little") + 1) & 0xFFFF
+        answer = bytearray(_FTP_PAYLOAD)
+        answer[0:2] = sequence.to_bytes(2, "little")
+        answer[2] = payload[2]  # session
+        answer[3], answer[4], answer[5] = _FTP_NAK, 1, payload[3]
+        answer[12] = _FTP_FILE_NOT_FOUND
         peer.link.send(
-            mavlink.MAVLink_param_value_message(
-                name.encode(), value, parameter_type, len(names), names.index(name)
+            mavlink.MAVLink_file_transfer_protocol_message(
+                0, message.get_srcSystem(), message.get_srcComponent(), answer
             )
         )
 
-    def _refuse_parameter(self, message: Any, index: int, result: SetResult, peer: _Peer) -> None:
-        peer.link.send(
-            mavlink.MAVLink_param_error_message(
-                message.get_srcSystem(),
-                message.get_srcComponent(),
-                message.param_id.encode()[:16],
-                index,
-                _PARAM_ERRORS[result],
-            )
+    def _context(self, peer: _Peer) -> CommandContext:
+        return CommandContext(
+            self.commander, self.flavour, self._home, self._snapshot, peer.link, peer.streams
         )

@@ -1,32 +1,40 @@
 """The autopilot's decisions: arming, modes, failsafes, and the setpoint that follows from them.
 
-PX4's split between what the user intends and what is flown: after the loss of the offboard stream
-the intention stays OFFBOARD while another mode is flown, and offboard resumes by itself when the
-stream does.
+What PX4 and ArduPilot have in common; where they differ is in ``px4`` and ``ardupilot``.
 """
 
 from __future__ import annotations
 
 import enum
 import math
+from abc import ABC, abstractmethod
 from dataclasses import dataclass
+from typing import Any, ClassVar
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
+from sitl.auto_flight import AutoFlight
 from sitl.battery import BatteryReading
+from sitl.config import HomeConfig
 from sitl.controller import Setpoint
-from sitl.land_detector import LandDetector, climbs
+from sitl.failsafe import FailsafeInputs, Failsafes
+from sitl.failures import Failures
+from sitl.land_detector import LandDetector
+from sitl.manual_control import ManualControl
+from sitl.mission import MissionStore
 from sitl.modes import LandedState, Mode
-from sitl.navigator import MotionLimits, MotionReference
-from sitl.offboard import OffboardStream
-from sitl.parameters import ParameterStore
+from sitl.settings import FlightSettings, Reaction
 from sitl.truth import Vector, VehicleTruth
 
 _ESTIMATOR_START_S = 1.0
-_STREAM_RETURN_S = 0.25  # an unbroken stream this long ends the offboard-loss failsafe
 _ARMING_TILT_MAX_RAD = math.radians(30.0)
-_LANDING_NEAR_GROUND_M = 5.0
 _HEIGHT_MAX_M = 10_000.0
+_MODE_OF_REACTION = {
+    Reaction.HOLD: Mode.HOLD,
+    Reaction.RETURN: Mode.RTL,
+    Reaction.LAND: Mode.LAND,
+    Reaction.MANUAL: Mode.POSCTL,
+}
 
 
 class Drive(enum.Enum):
@@ -52,41 +60,48 @@ class Verdict(enum.IntEnum):
     TEMPORARILY_REJECTED = mavlink.MAV_RESULT_TEMPORARILY_REJECTED
     DENIED = mavlink.MAV_RESULT_DENIED
     UNSUPPORTED = mavlink.MAV_RESULT_UNSUPPORTED
+    FAILED = mavlink.MAV_RESULT_FAILED
 
 
-class Commander:
+class Commander(ABC):
     """Modes, arming and failsafes of one vehicle.
 
     Attributes:
+        refusal: how this autopilot says that it cannot do something now.
+        settings: what the parameters ask for; replaced when one of them changes.
         armed: whether the rotors may turn.
         mode: the mode flown, as HEARTBEAT shows it.
         failsafe: whether a failsafe chose the mode.
-        offboard: the setpoint stream.
-        home_ned_m: where return goes; set on arming.
+        mission: the items on board.
+        failures: what is broken.
+        sticks: the pilot's manual control.
         announcements: (MAV_SEVERITY, text) not yet told to the operators.
     """
 
-    def __init__(self, parameters: ParameterStore, truth: VehicleTruth) -> None:
+    refusal: ClassVar[Verdict]
+    first_mode: ClassVar[Mode]
+
+    def __init__(
+        self, settings: FlightSettings, truth: VehicleTruth, origin: HomeConfig, first_item: int
+    ) -> None:
         on_ground = truth.position_ned_m[2] >= 0.0
+        self.settings = settings
         self.armed = not on_ground
-        self.mode = Mode.HOLD
+        self.mode = self.first_mode if on_ground else Mode.HOLD
         self.failsafe = False
-        self.offboard = OffboardStream()
-        self.home_ned_m: Vector = (truth.position_ned_m[0], truth.position_ned_m[1], 0.0)
+        self.mission = MissionStore(origin, first_item)
+        self.failures = Failures()
+        self.sticks = ManualControl()
         self.announcements: list[tuple[int, str]] = []
-        self._parameters = parameters
-        self._intention = Mode.HOLD
+        self._auto = AutoFlight(settings, truth, self.mission)
+        self._failsafes = Failsafes()
         self._truth = truth
         self._battery_remaining = 1.0
+        self._ground_heard_s = -math.inf
         self._land_detector = LandDetector(on_ground=on_ground, down_m=truth.position_ned_m[2])
-        self._reference = MotionReference(truth)
         self._setpoint: Setpoint | None = None
-        self._target_ned_m: Vector | None = None
-        self._cruise_speed_mps: float | None = None
         self._armed_since_s = 0.0
         self._has_flown = not on_ground
-        self._sinks_without_pilot = False
-        self._battery_warned = False
 
     # --- what others may know -------------------------------------------------------------
 
@@ -98,7 +113,8 @@ class Commander:
             return LandedState.TAKEOFF if starting else LandedState.ON_GROUND
         if self.mode is Mode.TAKEOFF:
             return LandedState.TAKEOFF
-        return LandedState.LANDING if self.mode is Mode.LAND else LandedState.IN_AIR
+        landing = self.mode is Mode.LAND or self._auto.landing
+        return LandedState.LANDING if landing else LandedState.IN_AIR
 
     @property
     def on_ground(self) -> bool:
@@ -106,26 +122,42 @@ class Commander:
         return self._land_detector.on_ground
 
     @property
+    def airborne(self) -> bool:
+        """Whether the vehicle flies."""
+        return self.armed and not self.on_ground
+
+    @property
     def setpoint(self) -> Setpoint | None:
         """What the controller flies now; None while it does not."""
         return self._setpoint
 
     @property
+    def home_ned_m(self) -> Vector:
+        """Where return goes; set on arming."""
+        return self._auto.home_ned_m
+
+    @property
     def estimator_ready(self) -> bool:
         """Whether position and attitude are known."""
-        return self._truth.time_s >= _ESTIMATOR_START_S or self.armed
+        started = self._truth.time_s >= _ESTIMATOR_START_S or self.armed
+        return started and self.position_valid
+
+    @property
+    def position_valid(self) -> bool:
+        """Whether the estimator still vouches for its position."""
+        return self.failures.position_valid(self._truth.time_s)
 
     def prearm_failures(self) -> list[str]:
         """Reasons not to arm now; empty if there are none."""
         failures = []
         if not self.estimator_ready:
             failures.append("estimator not ready")
+        if self.failures.failed_sensors:
+            failures.append("sensor failure")
         if self._truth.tilt_rad > _ARMING_TILT_MAX_RAD:
             failures.append("vehicle not level")
-        if self._battery_remaining < self._parameters["BAT_CRIT_THR"]:
+        if self._battery_remaining < self.settings.battery_critical:
             failures.append("battery too low")
-        if self._intention is Mode.OFFBOARD and not self._offboard_alive():
-            failures.append("no offboard signal")
         return failures
 
     # --- requests -------------------------------------------------------------------------
@@ -136,77 +168,72 @@ class Commander:
             return Verdict.ACCEPTED
         failures = [] if force else self.prearm_failures()
         if failures:
-            self._say(mavlink.MAV_SEVERITY_CRITICAL, f"Arming denied: {', '.join(failures)}")
-            return Verdict.TEMPORARILY_REJECTED
+            self.say(mavlink.MAV_SEVERITY_CRITICAL, f"Arming denied: {', '.join(failures)}")
+            return self.refusal
         self.armed = True
         self._armed_since_s = self._truth.time_s
         self._has_flown = False
-        self.home_ned_m = self._truth.position_ned_m
-        self._reference = MotionReference(self._truth)
-        self._say(mavlink.MAV_SEVERITY_INFO, "Armed")
+        self._auto.home_ned_m = self._truth.position_ned_m
+        self._auto.restart(self._truth)
+        self.say(mavlink.MAV_SEVERITY_INFO, "Armed")
         return Verdict.ACCEPTED
 
     def disarm(self, *, force: bool) -> Verdict:
         """Disarm on the ground; in flight only by ``force``."""
-        if self.armed and not force and not self.on_ground:
-            self._say(mavlink.MAV_SEVERITY_CRITICAL, "Disarming denied: not landed")
-            return Verdict.TEMPORARILY_REJECTED
+        if self.airborne and not force:
+            self.say(mavlink.MAV_SEVERITY_CRITICAL, "Disarming denied: not landed")
+            return self.refusal
         if self.armed:
             self._disarm("by command")
         return Verdict.ACCEPTED
 
     def set_mode(self, mode: Mode) -> Verdict:
         """Change the mode on the user's behalf."""
-        if mode.needs_sticks:
-            self._say(mavlink.MAV_SEVERITY_CRITICAL, f"{mode.name} needs manual control")
-            return Verdict.TEMPORARILY_REJECTED
-        if mode is Mode.MISSION:
-            self._say(mavlink.MAV_SEVERITY_CRITICAL, "No valid mission available")
-            return Verdict.TEMPORARILY_REJECTED
-        airborne = self.armed and not self.on_ground
-        if mode is Mode.OFFBOARD and airborne and not self._offboard_alive():
-            self._say(mavlink.MAV_SEVERITY_CRITICAL, "OFFBOARD denied: no offboard signal")
-            return Verdict.TEMPORARILY_REJECTED
-        if mode is Mode.TAKEOFF:
-            return self.take_off(None)
-        self._intention = mode
-        self._enter(mode, failsafe=False)
+        refusal = self._mode_refusal(mode)
+        if refusal is not None:
+            self.say(mavlink.MAV_SEVERITY_CRITICAL, refusal)
+            return self.refusal
+        self._choose(mode)
         return Verdict.ACCEPTED
 
-    def take_off(self, altitude_m: float | None) -> Verdict:
-        """Climb to ``altitude_m`` above here, by default MIS_TAKEOFF_ALT; needs arming too."""
+    def take_off(self, height_m: float | None) -> Verdict:
+        """Climb to ``height_m`` above here, by default the take-off parameter's."""
         if not self.on_ground:
-            return Verdict.TEMPORARILY_REJECTED
-        height_m = self._parameters["MIS_TAKEOFF_ALT"] if altitude_m is None else altitude_m
+            return self.refusal
+        height_m = self.settings.take_off_height_m if height_m is None else height_m
         if not 0.0 < height_m <= _HEIGHT_MAX_M:
             return Verdict.DENIED
         north_m, east_m, down_m = self._truth.position_ned_m
-        self._intention = Mode.TAKEOFF
-        self._enter(Mode.TAKEOFF, failsafe=False)
-        self._target_ned_m = (north_m, east_m, down_m - height_m)
+        self._choose(Mode.TAKEOFF)
+        self._auto.target_ned_m = (north_m, east_m, down_m - height_m)
         return Verdict.ACCEPTED
 
     def go_to(self, target_ned_m: Vector, yaw_rad: float, speed_mps: float | None) -> Verdict:
-        """Fly to a position in hold; a yaw that is no number keeps the heading."""
-        if not self.armed or self.on_ground:
-            return Verdict.TEMPORARILY_REJECTED
+        """Fly to a position; a yaw that is no number keeps the heading."""
+        if not self.airborne:
+            return self.refusal
         if not 0.0 <= -target_ned_m[2] <= _HEIGHT_MAX_M:
             return Verdict.DENIED
-        self._intention = Mode.HOLD
-        self._enter(Mode.HOLD, failsafe=False)
-        self._target_ned_m = target_ned_m
+        self._choose(self._go_to_mode)
+        self._auto.target_ned_m = target_ned_m
         if math.isfinite(yaw_rad):
-            self._reference.yaw_rad = yaw_rad
+            self._auto.reference.yaw_rad = yaw_rad
         if speed_mps is not None:
-            self._cruise_speed_mps = speed_mps
+            self._auto.cruise_speed_mps = speed_mps
         return Verdict.ACCEPTED
 
     def set_speed(self, speed_mps: float) -> Verdict:
         """Change the autonomous speed until the next mode change."""
-        if not 0.0 < speed_mps <= self._parameters["MPC_XY_VEL_MAX"]:
+        if not 0.0 < speed_mps <= self.settings.speed_max_mps:
             return Verdict.DENIED
-        self._cruise_speed_mps = speed_mps
+        self._auto.cruise_speed_mps = speed_mps
         return Verdict.ACCEPTED
+
+    def start_mission(self, first_item: int) -> Verdict:
+        """Fly the mission from an item on."""
+        if not self.mission.select(first_item):
+            return Verdict.DENIED
+        return self.set_mode(Mode.MISSION)
 
     def terminate(self) -> Verdict:
         """Stop the rotors at once, wherever the vehicle is."""
@@ -214,20 +241,52 @@ class Commander:
             self._disarm("flight terminated")
         return Verdict.ACCEPTED
 
+    def inject_failure(self, unit: float, kind: float, instance: float) -> Verdict:
+        """Break something, or mend it."""
+        if not self.settings.failure_injection:
+            return Verdict.DENIED
+        known = self.failures.inject(unit, kind, instance, self._truth.time_s)
+        return Verdict.ACCEPTED if known else Verdict.UNSUPPORTED
+
+    @abstractmethod
+    def receive_setpoint(self, message: Any) -> None:
+        """Take a SET_POSITION_TARGET_LOCAL_NED or _GLOBAL_INT addressed to this vehicle."""
+
+    def receive_sticks(self, message: Any) -> None:
+        """Take a MANUAL_CONTROL."""
+        if self.settings.manual_allowed and not self.failures.sticks_cut:
+            self.sticks.receive(message, self._truth.time_s)
+
+    def hear_ground_station(self) -> None:
+        """Note a ground station's heartbeat."""
+        self._ground_heard_s = self._truth.time_s
+
+    def say(self, severity: int, text: str) -> None:
+        """Tell the operators."""
+        self.announcements.append((severity, text))
+
     # --- the tick -------------------------------------------------------------------------
 
     def update(
         self, truth: VehicleTruth, battery: BatteryReading, thrust_share: float, period_s: float
     ) -> Actuation:
-        """Decide for the next period; called at the autopilot's own rate."""
+        """Decide for the next period; called at the autopilot's own rate.
+
+        Args:
+            truth: what the estimator believes.
+            battery: what the pack shows.
+            thrust_share: rotor thrust over weight.
+            period_s: time until the next call.
+        """
         self._truth = truth
+        self._auto.settings = self.settings
         self._battery_remaining = battery.remaining
         was_on_ground = self.on_ground
         self._land_detector.update(truth, self._setpoint, thrust_share)
         if self.armed:
             self._note_landing(was_on_ground)
-            self._check_offboard()
-            self._check_battery()
+            self._check_setpoints()
+            self._check_failsafes()
             self._disarm_when_due()
         if not self.armed:
             self._setpoint = None
@@ -235,130 +294,99 @@ class Commander:
         wanted = self._wanted(period_s)
         if self.on_ground and not self._leaves_ground(wanted):
             self._setpoint = None
-            self._reference = MotionReference(truth)
+            self._auto.restart(truth)
             return Actuation(Drive.IDLE)
         self._setpoint = wanted
         return Actuation(Drive.FLY, wanted)
 
     def _leaves_ground(self, wanted: Setpoint) -> bool:
         if self.mode is Mode.OFFBOARD:
-            return climbs(wanted, self._truth)
+            return self._setpoints_lift(wanted)
+        if self.mode is Mode.MISSION:
+            return not (self._auto.landing or self.mission.finished)
         return self.mode is Mode.TAKEOFF
 
     def _wanted(self, period_s: float) -> Setpoint:
         if self.mode is Mode.OFFBOARD:
-            return self.offboard.setpoint(self._truth.time_s, self._reference.yaw_rad)
-        self._steer_reference(period_s)
-        return self._reference.setpoint()
-
-    def _steer_reference(self, period_s: float) -> None:
-        reference, limits = self._reference, self._limits()
-        match self.mode:
-            case Mode.TAKEOFF if self._target_ned_m is not None:
-                target_ned_m = self._target_ned_m
-                self._go_to(target_ned_m, "MPC_TKO_SPEED", period_s)
-                if reference.is_at(target_ned_m):
-                    self._intention = Mode.HOLD
-                    self._enter(Mode.HOLD, failsafe=False)
-                    self._target_ned_m = target_ned_m
-            case Mode.LAND:
-                reference.steer((0.0, 0.0, self._landing_speed_mps()), limits, period_s)
-            case Mode.RTL:
-                self._return_home(period_s)
-            case Mode.POSCTL if self._sinks_without_pilot:
-                sink_mps = self._parameters["MPC_LAND_SPEED"]
-                reference.steer((0.0, 0.0, sink_mps), limits, period_s)
-            case _ if self._target_ned_m is not None:
-                self._go_to(self._target_ned_m, "MPC_Z_VEL_MAX_UP", period_s)
-            case _:
-                reference.steer((0.0, 0.0, 0.0), limits, period_s)
-
-    def _return_home(self, period_s: float) -> None:
-        """Climb, fly home, land: the return mode's three legs."""
-        north_m, east_m, down_m = self._reference.position_ned_m
-        if self._target_ned_m is None:
-            height_m = self._parameters["RTL_RETURN_ALT"]
-            self._target_ned_m = (north_m, east_m, min(down_m, self.home_ned_m[2] - height_m))
-        self._go_to(self._target_ned_m, "MPC_Z_VEL_MAX_UP", period_s)
-        if not self._reference.is_at(self._target_ned_m):
-            return
-        above_home = (self.home_ned_m[0], self.home_ned_m[1], self._target_ned_m[2])
-        if self._target_ned_m == above_home:
-            self._enter(Mode.LAND, failsafe=self.failsafe)
+            return self._follow_setpoints(period_s)
+        if not self.mode.needs_sticks:
+            following = self._auto.fly(self.mode, self._truth, period_s)
+            if following is not None:
+                self._continue_with(following)
+        elif self.sticks_alive:
+            self._auto.follow_sticks(self.sticks, period_s)
         else:
-            self._target_ned_m = above_home
+            self._auto.sink()
+        return self._auto.setpoint()
 
-    def _go_to(self, target_ned_m: Vector, climb_key: str, period_s: float) -> None:
-        parameters, reference = self._parameters, self._reference
-        cruise_mps = self._cruise_speed_mps or parameters["MPC_XY_CRUISE"]
-        climbs_there = target_ned_m[2] < reference.position_ned_m[2]
-        reference.go_to(
-            target_ned_m,
-            min(cruise_mps, parameters["MPC_XY_VEL_MAX"]),
-            parameters[climb_key if climbs_there else "MPC_Z_VEL_MAX_DN"],
-            self._limits(),
-            period_s,
-        )
+    @property
+    def sticks_alive(self) -> bool:
+        """Whether a pilot's manual control is present."""
+        return self.sticks.age_s(self._truth.time_s) <= self.settings.manual_timeout_s
 
-    def _limits(self) -> MotionLimits:
-        return MotionLimits(
-            self._parameters["MPC_ACC_HOR"],
-            min(self._parameters["MPC_ACC_UP_MAX"], self._parameters["MPC_ACC_DOWN_MAX"]),
-            self._parameters["MPC_JERK_AUTO"],
-        )
+    # --- what the flavours decide ---------------------------------------------------------
 
-    def _landing_speed_mps(self) -> float:
-        """Sink fast far above home, at landing speed near the ground."""
-        height_m = self.home_ned_m[2] - self._truth.position_ned_m[2]
-        far = height_m > _LANDING_NEAR_GROUND_M
-        return self._parameters["MPC_Z_VEL_MAX_DN" if far else "MPC_LAND_SPEED"]
+    @property
+    @abstractmethod
+    def _go_to_mode(self) -> Mode:
+        """Mode in which a commanded position is flown to."""
+
+    @abstractmethod
+    def _mode_refusal(self, mode: Mode) -> str | None:
+        """Why the user may not have this mode now; None if they may."""
+
+    @abstractmethod
+    def _check_setpoints(self) -> None:
+        """React to a setpoint stream that has ended or returned."""
+
+    @abstractmethod
+    def _follow_setpoints(self, period_s: float, /) -> Setpoint:
+        """What to fly in OFFBOARD for the next period."""
+
+    @abstractmethod
+    def _setpoints_lift(self, wanted: Setpoint, /) -> bool:
+        """Whether a setpoint takes a standing vehicle off the ground."""
 
     # --- failsafes and transitions --------------------------------------------------------
 
-    def _offboard_alive(self) -> bool:
-        return self.offboard.age_s(self._truth.time_s) <= self._parameters["COM_OF_LOSS_T"]
-
-    def _check_offboard(self) -> None:
-        if self.mode is Mode.OFFBOARD and not self._offboard_alive():
-            self._react_to_offboard_loss()
-        elif (
-            self.failsafe
-            and self._intention is Mode.OFFBOARD
-            and self._offboard_alive()
-            and self.offboard.unbroken_s(self._truth.time_s) >= _STREAM_RETURN_S
-        ):
-            self._say(mavlink.MAV_SEVERITY_INFO, "Offboard signal regained")
-            self._enter(Mode.OFFBOARD, failsafe=False)
-
-    def _react_to_offboard_loss(self) -> None:
-        action = int(self._parameters["COM_OBL_RC_ACT"])
-        self._say(mavlink.MAV_SEVERITY_CRITICAL, "No offboard control data")
-        if action in {6, 7}:
-            self._disarm("offboard signal lost")
+    def _check_failsafes(self) -> None:
+        if self.failures.attitude_lost:
+            self._disarm("attitude lost")
             return
-        self._enter(
-            {3: Mode.RTL, 4: Mode.LAND, 5: Mode.HOLD}.get(action, Mode.POSCTL), failsafe=True
+        now_s = self._truth.time_s
+        inputs = FailsafeInputs(
+            battery_remaining=self._battery_remaining,
+            ground_silence_s=now_s - self._ground_heard_s,
+            sticks_silence_s=self.sticks.age_s(now_s),
+            sticks_needed=self.mode.needs_sticks,
+            position_valid=self.position_valid,
         )
-        # Without remote control PX4's manual modes let the vehicle sink.
-        self._sinks_without_pilot = self.mode is Mode.POSCTL
+        for trigger in self._failsafes.check(inputs, self.settings):
+            self.say(trigger.severity, trigger.text)
+            self.react(trigger.reaction)
 
-    def _check_battery(self) -> None:
-        if not self._battery_warned and self._battery_remaining < self._parameters["BAT_LOW_THR"]:
-            self._battery_warned = True
-            self._say(mavlink.MAV_SEVERITY_WARNING, "Low battery level")
+    def react(self, reaction: Reaction) -> None:
+        """Do what a failsafe asks for; a landing is never interrupted by something milder."""
+        if reaction is Reaction.DISARM:
+            self._disarm("failsafe")
+        elif reaction is not Reaction.NONE and self.mode is not Mode.LAND:
+            self._enter(_MODE_OF_REACTION[reaction], failsafe=True)
 
     def _note_landing(self, was_on_ground: bool) -> None:
         on_ground = self.on_ground
         if on_ground and not was_on_ground:
-            self._say(mavlink.MAV_SEVERITY_INFO, "Landing detected")
+            self.say(mavlink.MAV_SEVERITY_INFO, "Landing detected")
+            if self.mode is Mode.MISSION and self._auto.landing:
+                self.mission.item_done()
         elif was_on_ground and not on_ground:
             self._has_flown = True
-            self._say(mavlink.MAV_SEVERITY_INFO, "Takeoff detected")
+            self.say(mavlink.MAV_SEVERITY_INFO, "Takeoff detected")
 
     def _disarm_when_due(self) -> None:
-        if not self.on_ground or self._setpoint is not None:
+        if not self.armed or not self.on_ground or self._setpoint is not None:
             return
-        delay_s = self._parameters["COM_DISARM_LAND" if self._has_flown else "COM_DISARM_PRFLT"]
+        settings = self.settings
+        delay_s = settings.disarm_landed_s if self._has_flown else settings.disarm_grounded_s
         since_s = max(self._armed_since_s, self._land_detector.since_s)
         if 0.0 <= delay_s <= self._truth.time_s - since_s:
             self._disarm("landed" if self._has_flown else "no take-off")
@@ -366,23 +394,28 @@ class Commander:
     def _disarm(self, reason: str) -> None:
         self.armed = False
         self._setpoint = None
-        self._say(mavlink.MAV_SEVERITY_INFO, f"Disarmed: {reason}")
-        if self.mode is not Mode.OFFBOARD:
-            self._intention = Mode.HOLD
-            self._enter(Mode.HOLD, failsafe=False)
+        self.say(mavlink.MAV_SEVERITY_INFO, f"Disarmed: {reason}")
+
+    def _choose(self, mode: Mode) -> None:
+        """Enter a mode on the user's behalf."""
+        self._enter(mode, failsafe=False)
+
+    def _continue_with(self, mode: Mode) -> None:
+        """Enter the mode that follows one that is done, and stay on its target."""
+        target_ned_m = self._auto.target_ned_m
+        climbed = self.mode is Mode.TAKEOFF
+        self._enter(mode, failsafe=self.failsafe)
+        if climbed:
+            self._auto.target_ned_m = target_ned_m
 
     def _enter(self, mode: Mode, *, failsafe: bool) -> None:
         if Mode.OFFBOARD in (
             mode,
             self.mode,
         ):  # the reference did not lead the vehicle, or will not
-            self._reference = MotionReference(self._truth)
+            self._auto.restart(self._truth)
         if mode is not self.mode:
-            self._cruise_speed_mps = None
+            self._auto.cruise_speed_mps = None
         self.mode = mode
         self.failsafe = failsafe
-        self._target_ned_m = None
-        self._sinks_without_pilot = False
-
-    def _say(self, severity: int, text: str) -> None:
-        self.announcements.append((severity, text))
+        self._auto.begin(mode, self._truth)

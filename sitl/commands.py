@@ -11,19 +11,16 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sitl.commander import Commander, Verdict
 from sitl.config import HomeConfig
+from sitl.flavour import Flavour
 from sitl.geodesy import GeographicPosition, ned_from_geographic
 from sitl.mavlink_link import MavlinkLink
-from sitl.modes import Mode, mode_from_code
+from sitl.mission import ABSOLUTE_FRAMES, RELATIVE_FRAMES
+from sitl.modes import Mode
 from sitl.telemetry import BUILDERS, Snapshot, StreamSchedule
 
 _ARM_FORCE = 21196.0  # the magic number of MAV_CMD_COMPONENT_ARM_DISARM
 _INT32_MAX = 2**31 - 1  # COMMAND_INT's way of saying nan
 _REPOSITION_MAX_M = 100_000.0
-_GLOBAL_FRAMES = {mavlink.MAV_FRAME_GLOBAL, mavlink.MAV_FRAME_GLOBAL_INT}
-_RELATIVE_FRAMES = {
-    mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT,
-    mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT_INT,
-}
 
 
 @dataclass(frozen=True)
@@ -56,6 +53,7 @@ class CommandContext:
     """What a command may act on: the vehicle, and the link it came by."""
 
     commander: Commander
+    flavour: Flavour
     home: HomeConfig
     snapshot: Snapshot
     link: MavlinkLink
@@ -83,15 +81,17 @@ def _set_mode(command: Command, context: CommandContext) -> Verdict:
         return Verdict.DENIED
     if not int(base_mode) & mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED:
         return Verdict.DENIED
-    mode = mode_from_code(int(main), int(sub))
+    mode = context.flavour.mode_of_command(int(main), int(sub))
     return Verdict.DENIED if mode is None else context.commander.set_mode(mode)
 
 
 def _take_off(command: Command, context: CommandContext) -> Verdict:
-    """Altitude is above mean sea level; ``nan`` means MIS_TAKEOFF_ALT."""
+    """Altitude is above mean sea level, or above home; ``nan`` means the parameter's."""
     altitude_m = command.parameters[6]
     if math.isnan(altitude_m):
         return context.commander.take_off(None)
+    if not context.flavour.take_off_above_sea:
+        return context.commander.take_off(altitude_m)
     ground_m = context.home.altitude_m - context.snapshot.truth.position_ned_m[2]
     return context.commander.take_off(altitude_m - ground_m)
 
@@ -108,9 +108,9 @@ def _reposition(command: Command, context: CommandContext) -> Verdict:
     """Go to a global position; ``nan`` keeps a coordinate where it is."""
     speed_mps, _, _, yaw_rad, latitude_deg, longitude_deg, altitude_m = command.parameters
     here_ned_m = context.snapshot.truth.position_ned_m
-    if command.frame in _RELATIVE_FRAMES:
+    if command.frame in RELATIVE_FRAMES:
         altitude_m += context.home.altitude_m - context.commander.home_ned_m[2]
-    elif command.frame not in _GLOBAL_FRAMES:
+    elif command.frame not in ABSOLUTE_FRAMES:
         return Verdict.DENIED
     position = GeographicPosition(latitude_deg, longitude_deg, altitude_m)
     target = ned_from_geographic(context.home, position)
@@ -126,6 +126,21 @@ def _reposition(command: Command, context: CommandContext) -> Verdict:
 
 def _change_speed(command: Command, context: CommandContext) -> Verdict:
     return context.commander.set_speed(command.parameters[1])
+
+
+def _start_mission(command: Command, context: CommandContext) -> Verdict:
+    first = _whole(command.parameters[0])
+    return Verdict.DENIED if first < 0 else context.commander.start_mission(first)
+
+
+def _set_mission_current(command: Command, context: CommandContext) -> Verdict:
+    selected = context.commander.mission.select(_whole(command.parameters[0]))
+    return Verdict.ACCEPTED if selected else Verdict.DENIED
+
+
+def _inject_failure(command: Command, context: CommandContext) -> Verdict:
+    unit, kind, instance = command.parameters[:3]
+    return context.commander.inject_failure(unit, kind, instance)
 
 
 def _terminate(command: Command, context: CommandContext) -> Verdict:
@@ -196,6 +211,9 @@ _HANDLERS: dict[int, Callable[[Command, CommandContext], Verdict]] = {
     mavlink.MAV_CMD_DO_REPOSITION: _reposition,
     mavlink.MAV_CMD_DO_CHANGE_SPEED: _change_speed,
     mavlink.MAV_CMD_DO_FLIGHTTERMINATION: _terminate,
+    mavlink.MAV_CMD_MISSION_START: _start_mission,
+    mavlink.MAV_CMD_DO_SET_MISSION_CURRENT: _set_mission_current,
+    mavlink.MAV_CMD_INJECT_FAILURE: _inject_failure,
     mavlink.MAV_CMD_SET_MESSAGE_INTERVAL: _set_message_interval,
     mavlink.MAV_CMD_GET_MESSAGE_INTERVAL: _get_message_interval,
     mavlink.MAV_CMD_REQUEST_MESSAGE: _request_message,

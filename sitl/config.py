@@ -78,12 +78,13 @@ class VehicleConfig(FileModel):
 
     Attributes:
         system_id: MAVLink system id.
-        parameters: autopilot parameters that differ from the defaults, by their PX4 names.
+        flavour: which autopilot it behaves like.
+        parameters: autopilot parameters that differ from the defaults, by the flavour's names.
         physics_rate_hz: integration steps per second, a multiple of the autopilot's 100 Hz.
     """
 
     system_id: Annotated[int, Field(ge=1, le=255)] = 1
-    flavour: Literal["px4"] = "px4"
+    flavour: Literal["px4", "ardupilot"] = "px4"
     multirotor: MultirotorConfig = MultirotorConfig()
     battery: BatteryConfig = BatteryConfig()
     wind: WindConfig = WindConfig()

@@ -104,7 +104,8 @@ class ControllerGains(NamedTuple):
     velocity_per_s: float = 4.5
     trim_time_s: float = 0.3
     trim_max_mps2: float = 5.0
-    attitude_per_s: float = 11.0
+    roll_per_s: float = 11.0
+    pitch_per_s: float = 11.0
     yaw_per_s: float = 3.0
     rate_per_s: float = 25.0
     yaw_rate_per_s: float = 8.0
@@ -268,7 +269,7 @@ def _body_rates(
     qw, qx, qy, qz = state.qw, state.qx, state.qy, state.qz
     zx, zy, zz = rotate_frd_from_ned(qw, qx, qy, qz, zn, ze, zd)
     tilt_error = math.atan2(math.sqrt(zx * zx + zy * zy), zz)
-    gain = gains.attitude_per_s * tilt_error / max(math.sin(tilt_error), 1e-6)
+    stretch = tilt_error / max(math.sin(tilt_error), 1e-6)
     yx, yy, _ = rotate_frd_from_ned(qw, qx, qy, qz, yn, ye, yd)
     yaw_error = math.atan2(-yx, yy)
 
@@ -277,8 +278,8 @@ def _body_rates(
     roll_rate = (jn * yn + je * ye + jd * yd) / force
     pitch_rate = -(jn * xn + je * xe + jd * xd) / force
     return (
-        _clipped(roll_rate - gain * zy, gains.body_rate_max_radps),
-        _clipped(pitch_rate + gain * zx, gains.body_rate_max_radps),
+        _clipped(roll_rate - gains.roll_per_s * stretch * zy, gains.body_rate_max_radps),
+        _clipped(pitch_rate + gains.pitch_per_s * stretch * zx, gains.body_rate_max_radps),
         _clipped(setpoint.yaw_rate_radps * zd + gains.yaw_per_s * yaw_error, 1.5),
     )
 
@@ -413,15 +414,26 @@ def fly(
     setpoint: Setpoint,
     gains: ControllerGains,
     parameters: MultirotorParameters,
+    rotor_shares: RotorSpeeds,
     wind: Wind,
     step_s: float,
     steps: int,
 ) -> Flight:
-    """Advance plant and controller by ``steps`` steps of ``step_s`` under one moving setpoint."""
+    """Advance plant and controller by ``steps`` steps of ``step_s`` under one moving setpoint.
+
+    ``rotor_shares`` is what each rotor makes of its command: 1, or 0 when it has failed, of which
+    the controller knows nothing.
+    """
     command = RotorSpeeds(0.0, 0.0, 0.0, 0.0)
     for index in range(steps):
         target = ahead(setpoint, index * step_s)
-        command = control(state, memory, target, gains, parameters)
+        wanted = control(state, memory, target, gains, parameters)
+        command = RotorSpeeds(
+            wanted.rotor1_rpm * rotor_shares.rotor1_rpm,
+            wanted.rotor2_rpm * rotor_shares.rotor2_rpm,
+            wanted.rotor3_rpm * rotor_shares.rotor3_rpm,
+            wanted.rotor4_rpm * rotor_shares.rotor4_rpm,
+        )
         moved = step(state, command, wind, parameters, step_s)
         memory = _trim(memory, state, moved, gains, parameters, step_s)
         state = moved

@@ -1,4 +1,4 @@
-"""Flight modes, and how PX4 writes them into HEARTBEAT.custom_mode."""
+"""Flight modes; how a flavour writes them on the wire is its own business."""
 
 from __future__ import annotations
 
@@ -6,38 +6,27 @@ import enum
 
 
 class Mode(enum.Enum):
-    """A flight mode; the value is PX4's (main mode, sub mode)."""
+    """What the autopilot is about; the value is its name in PX4's words."""
 
-    MANUAL = (1, 0)
-    ALTCTL = (2, 0)
-    POSCTL = (3, 0)
-    TAKEOFF = (4, 2)
-    HOLD = (4, 3)
-    MISSION = (4, 4)
-    RTL = (4, 5)
-    LAND = (4, 6)
-    ACRO = (5, 0)
-    OFFBOARD = (6, 0)
-    STABILIZED = (7, 0)
-
-    @property
-    def custom_mode(self) -> int:
-        """HEARTBEAT.custom_mode: main mode in the third byte, sub mode in the fourth."""
-        main, sub = self.value
-        return int(main << 16 | sub << 24)
+    MANUAL = "manual"
+    ALTCTL = "altitude control"
+    POSCTL = "position control"
+    ACRO = "acro"
+    STABILIZED = "stabilized"
+    TAKEOFF = "take-off"
+    HOLD = "hold"
+    MISSION = "mission"
+    RTL = "return"
+    LAND = "land"
+    OFFBOARD = "offboard"
 
     @property
     def needs_sticks(self) -> bool:
         """Whether a pilot's manual control flies the vehicle."""
-        return self in {Mode.MANUAL, Mode.ALTCTL, Mode.POSCTL, Mode.ACRO, Mode.STABILIZED}
+        return self in _STICK_MODES
 
 
-_BY_CODE = {mode.value: mode for mode in Mode}
-
-
-def mode_from_code(main: int, sub: int) -> Mode | None:
-    """Return the mode of MAV_CMD_DO_SET_MODE's params 2 and 3; sub modes matter in AUTO only."""
-    return _BY_CODE.get((main, sub if main == 4 else 0))
+_STICK_MODES = {Mode.MANUAL, Mode.ALTCTL, Mode.POSCTL, Mode.ACRO, Mode.STABILIZED}
 
 
 class LandedState(enum.IntEnum):

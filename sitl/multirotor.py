@@ -88,6 +88,10 @@ class RotorSpeeds(NamedTuple):
     rotor4_rpm: float
 
 
+# What `RotorSpeeds` is as the shares of commanded speed that sound rotors obey.
+INTACT = RotorSpeeds(1.0, 1.0, 1.0, 1.0)
+
+
 class Wind(NamedTuple):
     """Velocity of the air, NED."""
 

@@ -1,49 +1,38 @@
-"""The offboard setpoint stream: SET_POSITION_TARGET_LOCAL_NED as PX4 takes it.
-
-Frames LOCAL_NED and BODY_NED only; any other frame, or a mask that controls no axis, does not
-count as a setpoint, and so not as a sign of life either.
-"""
+"""The stream of setpoints that a companion computer sends, from one setpoint to the next."""
 
 from __future__ import annotations
 
 import math
-from typing import Any
-
-from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sitl.controller import Setpoint, ahead
 
-_IGNORE_YAW = mavlink.POSITION_TARGET_TYPEMASK_YAW_IGNORE
-_IGNORE_YAW_RATE = mavlink.POSITION_TARGET_TYPEMASK_YAW_RATE_IGNORE
-_FORCE = mavlink.POSITION_TARGET_TYPEMASK_FORCE_SET
-
-_PLAUSIBLE_MAX = 1e6  # metres, metres per second, ...: anything larger, infinity included, is noise
 _JERK_MAX_MPS3 = 30.0
 _JERK_PERIOD_MAX_S = 0.25  # successive setpoints farther apart say nothing about jerk
-_ACCELERATION_HOLD_S = 0.06  # acceleration acts this long beyond the last setpoint, then velocity
 
 
 class OffboardStream:
-    """The last setpoint, its age, and how long the stream has been unbroken."""
+    """The last setpoint, its age, and how long the stream has been unbroken.
 
-    def __init__(self) -> None:
+    Args:
+        acceleration_hold_s: acceleration acts this long beyond a setpoint, then only its velocity.
+    """
+
+    def __init__(self, acceleration_hold_s: float) -> None:
+        self._acceleration_hold_s = acceleration_hold_s
         self._setpoint: Setpoint | None = None
         self._received_s = -math.inf
         self._unbroken_since_s = math.inf
         self._holds_yaw = True
 
-    def receive(self, message: Any, now_s: float, yaw_rad: float, loss_s: float) -> bool:
-        """Take a SET_POSITION_TARGET_LOCAL_NED; False if it is no setpoint to this autopilot.
+    def receive(self, setpoint: Setpoint, now_s: float, loss_s: float, *, holds_yaw: bool) -> None:
+        """Take a setpoint.
 
         Args:
-            message: the decoded message.
+            setpoint: what is wanted from now on, NED.
             now_s: time of arrival.
-            yaw_rad: the vehicle's heading, which turns BODY_NED.
             loss_s: a longer silence breaks the stream.
+            holds_yaw: the setpoint says nothing about the heading.
         """
-        setpoint = _decoded(message, yaw_rad)
-        if setpoint is None:
-            return False
         age_s = self.age_s(now_s)
         if age_s > loss_s:
             self._unbroken_since_s = now_s
@@ -51,8 +40,7 @@ class OffboardStream:
             setpoint = _with_jerk(setpoint, self._setpoint, age_s)
         self._setpoint = setpoint
         self._received_s = now_s
-        self._holds_yaw = bool(message.type_mask & _IGNORE_YAW)
-        return True
+        self._holds_yaw = holds_yaw
 
     def age_s(self, now_s: float) -> float:
         """Time since the last setpoint; ``inf`` before the first."""
@@ -65,8 +53,8 @@ class OffboardStream:
     def setpoint(self, now_s: float, held_yaw_rad: float) -> Setpoint:
         """Return the motion wanted at ``now_s``: the last setpoint, moved along by its age.
 
-        Acceleration acts for a short time only; after that the vehicle coasts at the velocity
-        reached, until the loss of the stream is noticed.
+        When the acceleration has had its time, the vehicle coasts at the velocity reached, until
+        the loss of the stream is noticed.
 
         Raises:
             RuntimeError: no setpoint has come yet.
@@ -74,53 +62,10 @@ class OffboardStream:
         if self._setpoint is None:
             raise RuntimeError("no offboard setpoint has been received")
         age_s = self.age_s(now_s)
-        moved = ahead(self._setpoint, min(age_s, _ACCELERATION_HOLD_S))
-        if age_s > _ACCELERATION_HOLD_S:
-            moved = ahead(_coasting(moved), age_s - _ACCELERATION_HOLD_S)
+        moved = ahead(self._setpoint, min(age_s, self._acceleration_hold_s))
+        if age_s > self._acceleration_hold_s:
+            moved = ahead(_coasting(moved), age_s - self._acceleration_hold_s)
         return moved._replace(yaw_rad=held_yaw_rad) if self._holds_yaw else moved
-
-
-def _decoded(message: Any, yaw_rad: float) -> Setpoint | None:
-    mask = int(message.type_mask)
-    position = _given(mask, 0, (message.x, message.y, message.z))
-    velocity = _given(mask, 3, (message.vx, message.vy, message.vz))
-    acceleration = _given(mask, 6, (message.afx, message.afy, message.afz))
-    if message.coordinate_frame == mavlink.MAV_FRAME_BODY_NED:
-        position = (math.nan, math.nan, math.nan)  # as PX4: no positions relative to the body
-        velocity, acceleration = _turned(velocity, yaw_rad), _turned(acceleration, yaw_rad)
-    elif message.coordinate_frame != mavlink.MAV_FRAME_LOCAL_NED:
-        return None
-    if mask & _FORCE or all(map(math.isnan, (*position, *velocity, *acceleration))):
-        return None
-    if any(abs(value) > _PLAUSIBLE_MAX for value in (*position, *velocity, *acceleration)):
-        return None
-    yaw_given = not mask & _IGNORE_YAW and abs(message.yaw) <= _PLAUSIBLE_MAX
-    rate_given = not mask & _IGNORE_YAW_RATE and abs(message.yaw_rate) <= _PLAUSIBLE_MAX
-    x, y, z = (0.0 if math.isnan(component) else component for component in acceleration)
-    return Setpoint.of(
-        position,
-        velocity,
-        (x, y, z),
-        (0.0, 0.0, 0.0),
-        message.yaw if yaw_given else 0.0,
-        message.yaw_rate if rate_given else 0.0,
-    )
-
-
-def _given(
-    mask: int, first_bit: int, values: tuple[float, float, float]
-) -> tuple[float, float, float]:
-    """Replace masked values by ``nan``."""
-    x, y, z = (
-        math.nan if mask >> (first_bit + axis) & 1 else value for axis, value in enumerate(values)
-    )
-    return x, y, z
-
-
-def _turned(vector: tuple[float, float, float], yaw_rad: float) -> tuple[float, float, float]:
-    forward, right, down = vector
-    cosine, sine = math.cos(yaw_rad), math.sin(yaw_rad)
-    return cosine * forward - sine * right, sine * forward + cosine * right, down
 
 
 def _with_jerk(setpoint: Setpoint, previous: Setpoint, period_s: float) -> Setpoint:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -12,7 +12,9 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from sitl.battery import BatteryReading
 from sitl.commander import Commander
 from sitl.config import HomeConfig
+from sitl.flavour import Flavour
 from sitl.geodesy import geographic_from_ned
+from sitl.modes import Mode
 from sitl.multirotor import rotate_frd_from_ned
 from sitl.truth import Vector, VehicleTruth
 
@@ -26,22 +28,6 @@ _ESTIMATOR_SENSORS = (
 )
 _OTHER_SENSORS = mavlink.MAV_SYS_STATUS_SENSOR_MOTOR_OUTPUTS | mavlink.MAV_SYS_STATUS_SENSOR_BATTERY
 
-# PX4's onboard link, with rates between its own; others are on request only.
-DEFAULT_RATES_HZ = {
-    mavlink.MAVLINK_MSG_ID_HEARTBEAT: 1.0,
-    mavlink.MAVLINK_MSG_ID_ATTITUDE: 50.0,
-    mavlink.MAVLINK_MSG_ID_LOCAL_POSITION_NED: 50.0,
-    mavlink.MAVLINK_MSG_ID_POSITION_TARGET_LOCAL_NED: 10.0,
-    mavlink.MAVLINK_MSG_ID_GLOBAL_POSITION_INT: 5.0,
-    mavlink.MAVLINK_MSG_ID_VFR_HUD: 4.0,
-    mavlink.MAVLINK_MSG_ID_GPS_RAW_INT: 2.0,
-    mavlink.MAVLINK_MSG_ID_SYS_STATUS: 2.0,
-    mavlink.MAVLINK_MSG_ID_EXTENDED_SYS_STATE: 2.0,
-    mavlink.MAVLINK_MSG_ID_BATTERY_STATUS: 1.0,
-    mavlink.MAVLINK_MSG_ID_SYSTEM_TIME: 1.0,
-    mavlink.MAVLINK_MSG_ID_HOME_POSITION: 0.5,
-}
-
 
 @dataclass(frozen=True)
 class Snapshot:
@@ -51,6 +37,7 @@ class Snapshot:
     battery: BatteryReading
     commander: Commander
     home: HomeConfig
+    flavour: Flavour
     start_unix_s: float
 
     @property
@@ -65,12 +52,17 @@ class Snapshot:
 
 
 class StreamSchedule:
-    """When each message is due on one link."""
+    """When each message is due on one link.
 
-    def __init__(self) -> None:
+    Args:
+        default_rates_hz: what the link gets unasked.
+    """
+
+    def __init__(self, default_rates_hz: Mapping[int, float]) -> None:
+        self._default_rates_hz = default_rates_hz
         self._interval_s: dict[int, float] = {}
         self._next_s: dict[int, float] = {}
-        for message_id, rate_hz in DEFAULT_RATES_HZ.items():
+        for message_id, rate_hz in default_rates_hz.items():
             self.set_interval(message_id, 1.0 / rate_hz, 0.0)
 
     def set_interval(self, message_id: int, interval_s: float, now_s: float) -> None:
@@ -80,7 +72,7 @@ class StreamSchedule:
 
     def reset_interval(self, message_id: int, now_s: float) -> None:
         """Send the message at its default interval."""
-        rate_hz = DEFAULT_RATES_HZ.get(message_id, 0.0)
+        rate_hz = self._default_rates_hz.get(message_id, 0.0)
         self.set_interval(message_id, 1.0 / rate_hz if rate_hz else math.inf, now_s)
 
     def interval_s(self, message_id: int) -> float:
@@ -108,9 +100,9 @@ def heartbeat(s: Snapshot) -> Any:
         status = mavlink.MAV_STATE_CRITICAL if commander.failsafe else mavlink.MAV_STATE_ACTIVE
     return mavlink.MAVLink_heartbeat_message(
         mavlink.MAV_TYPE_QUADROTOR,
-        mavlink.MAV_AUTOPILOT_PX4,
+        s.flavour.autopilot,
         base_mode,
-        commander.mode.custom_mode,
+        s.flavour.custom_mode(commander.mode),
         status,
         3,
     )
@@ -132,7 +124,9 @@ def attitude_quaternion(s: Snapshot) -> Any:
 
 
 def local_position_ned(s: Snapshot) -> Any:
-    """LOCAL_POSITION_NED."""
+    """LOCAL_POSITION_NED; None while the estimator does not know the position."""
+    if not s.commander.estimator_ready:
+        return None
     return mavlink.MAVLink_local_position_ned_message(
         s.boot_ms, *s.truth.position_ned_m, *s.truth.velocity_ned_mps
     )
@@ -172,12 +166,13 @@ def global_position_int(s: Snapshot) -> Any:
 
 
 def gps_raw_int(s: Snapshot) -> Any:
-    """GPS_RAW_INT: a good three-dimensional fix."""
+    """GPS_RAW_INT: a good three-dimensional fix, or none."""
+    fix = s.commander.failures.gps_has_fix
     place = geographic_from_ned(s.home, s.truth.position_ned_m)
     north, east, _ = s.truth.velocity_ned_mps
     return mavlink.MAVLink_gps_raw_int_message(
         s.unix_us,
-        mavlink.GPS_FIX_TYPE_3D_FIX,
+        mavlink.GPS_FIX_TYPE_3D_FIX if fix else mavlink.GPS_FIX_TYPE_NO_FIX,
         round(place.latitude_deg * 1e7),
         round(place.longitude_deg * 1e7),
         round(place.altitude_m * 1e3),
@@ -185,7 +180,7 @@ def gps_raw_int(s: Snapshot) -> Any:
         90,
         min(round(s.truth.ground_speed_mps * 100.0), 65534),
         round(math.degrees(math.atan2(east, north)) * 100.0) % 36000,
-        14,
+        14 if fix else 0,
         h_acc=300,
         v_acc=500,
         vel_acc=100,
@@ -220,7 +215,7 @@ def sys_status(s: Snapshot) -> Any:
     present = _ESTIMATOR_SENSORS | _OTHER_SENSORS | mavlink.MAV_SYS_STATUS_PREARM_CHECK
     health = _OTHER_SENSORS
     if s.commander.estimator_ready:
-        health |= _ESTIMATOR_SENSORS
+        health |= _ESTIMATOR_SENSORS & ~s.commander.failures.failed_sensors
     if not s.commander.prearm_failures():
         health |= mavlink.MAV_SYS_STATUS_PREARM_CHECK
     battery = s.battery
@@ -304,26 +299,61 @@ def odometry(s: Snapshot) -> Any:
         *truth.body_rates_radps,
         unknown,
         unknown,
+        reset_counter=s.commander.failures.estimator_resets % 256,
         estimator_type=mavlink.MAV_ESTIMATOR_TYPE_AUTOPILOT,
     )
 
 
-def autopilot_version(_: Snapshot) -> Any:
+def autopilot_version(s: Snapshot) -> Any:
     """AUTOPILOT_VERSION: what this autopilot can do."""
     capabilities = (
         mavlink.MAV_PROTOCOL_CAPABILITY_MAVLINK2
         | mavlink.MAV_PROTOCOL_CAPABILITY_COMMAND_INT
         | mavlink.MAV_PROTOCOL_CAPABILITY_SET_POSITION_TARGET_LOCAL_NED
-        | mavlink.MAV_PROTOCOL_CAPABILITY_PARAM_ENCODE_BYTEWISE
+        | mavlink.MAV_PROTOCOL_CAPABILITY_SET_POSITION_TARGET_GLOBAL_INT
+        | mavlink.MAV_PROTOCOL_CAPABILITY_MISSION_INT
+        | s.flavour.capabilities
         | mavlink.MAV_PROTOCOL_CAPABILITY_FLIGHT_TERMINATION
     )
     nothing = [0] * 8
     return mavlink.MAVLink_autopilot_version_message(
-        capabilities, _FLIGHT_VERSION, 0, 0, 0, nothing, nothing, nothing, 0, 0, 0
+        capabilities, s.flavour.version, 0, 0, 0, nothing, nothing, nothing, 0, 0, 0
     )
 
 
-_FLIGHT_VERSION = 1 << 24 | 15 << 16 | 255  # major 1, minor 15, official release: PX4's encoding
+def mission_current(s: Snapshot) -> Any:
+    """MISSION_CURRENT: which item is flown, and how far the mission is."""
+    mission = s.commander.mission
+    if not mission.flyable:
+        state = mavlink.MISSION_STATE_NO_MISSION
+    elif mission.finished:
+        state = mavlink.MISSION_STATE_COMPLETE
+    elif s.commander.mode is Mode.MISSION:
+        state = mavlink.MISSION_STATE_ACTIVE
+    else:
+        state = mavlink.MISSION_STATE_NOT_STARTED
+    in_mission_mode = 1 if s.commander.mode is Mode.MISSION else 2
+    return mavlink.MAVLink_mission_current_message(
+        mission.current, len(mission.items), state, in_mission_mode
+    )
+
+
+def ekf_status_report(s: Snapshot) -> Any:
+    """EKF_STATUS_REPORT: ArduPilot's way to say that the estimate is good."""
+    flags = _EKF_GOOD if s.commander.estimator_ready else mavlink.EKF_UNINITIALIZED
+    return mavlink.MAVLink_ekf_status_report_message(flags, 0.01, 0.01, 0.01, 0.01, 0.0)
+
+
+_EKF_GOOD = (
+    mavlink.EKF_ATTITUDE
+    | mavlink.EKF_VELOCITY_HORIZ
+    | mavlink.EKF_VELOCITY_VERT
+    | mavlink.EKF_POS_HORIZ_REL
+    | mavlink.EKF_POS_HORIZ_ABS
+    | mavlink.EKF_POS_VERT_ABS
+    | mavlink.EKF_PRED_POS_HORIZ_REL
+    | mavlink.EKF_PRED_POS_HORIZ_ABS
+)
 
 BUILDERS: dict[int, Callable[[Snapshot], Any]] = {
     mavlink.MAVLINK_MSG_ID_HEARTBEAT: heartbeat,
@@ -343,7 +373,36 @@ BUILDERS: dict[int, Callable[[Snapshot], Any]] = {
     mavlink.MAVLINK_MSG_ID_SYSTEM_TIME: system_time,
     mavlink.MAVLINK_MSG_ID_ODOMETRY: odometry,
     mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION: autopilot_version,
+    mavlink.MAVLINK_MSG_ID_MISSION_CURRENT: mission_current,
+    mavlink.MAVLINK_MSG_ID_EKF_STATUS_REPORT: ekf_status_report,
 }
+
+_DATA_STREAMS = {
+    mavlink.MAV_DATA_STREAM_EXTENDED_STATUS: (
+        mavlink.MAVLINK_MSG_ID_SYS_STATUS,
+        mavlink.MAVLINK_MSG_ID_MISSION_CURRENT,
+        mavlink.MAVLINK_MSG_ID_GPS_RAW_INT,
+        mavlink.MAVLINK_MSG_ID_POSITION_TARGET_LOCAL_NED,
+    ),
+    mavlink.MAV_DATA_STREAM_POSITION: (
+        mavlink.MAVLINK_MSG_ID_GLOBAL_POSITION_INT,
+        mavlink.MAVLINK_MSG_ID_LOCAL_POSITION_NED,
+    ),
+    mavlink.MAV_DATA_STREAM_EXTRA1: (mavlink.MAVLINK_MSG_ID_ATTITUDE,),
+    mavlink.MAV_DATA_STREAM_EXTRA2: (mavlink.MAVLINK_MSG_ID_VFR_HUD,),
+    mavlink.MAV_DATA_STREAM_EXTRA3: (
+        mavlink.MAVLINK_MSG_ID_SYSTEM_TIME,
+        mavlink.MAVLINK_MSG_ID_BATTERY_STATUS,
+        mavlink.MAVLINK_MSG_ID_EKF_STATUS_REPORT,
+    ),
+}
+
+
+def messages_of_data_stream(stream: int) -> tuple[int, ...]:
+    """Return the messages of one of ArduPilot's data streams, or of all of them."""
+    if stream == mavlink.MAV_DATA_STREAM_ALL:
+        return tuple(message for group in _DATA_STREAMS.values() for message in group)
+    return _DATA_STREAMS.get(stream, ())
 
 
 def _frd_from_ned(truth: VehicleTruth, vector_ned: Vector) -> Vector:

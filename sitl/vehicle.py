@@ -27,6 +27,7 @@ from sitl.multirotor import (
     rotate_frd_from_ned,
     standing_state,
 )
+from sitl.settings import FlightSettings
 from sitl.truth import VehicleTruth
 from sitl.wind import WindModel
 
@@ -78,6 +79,8 @@ class SimulatedVehicle:
         )
         self.truth = self._observe()
         self.autopilot = Autopilot(config, self.truth, self._battery.reading, start_unix_s)
+        self._settings: FlightSettings | None = None
+        self._controller_gains = ControllerGains()
 
     def receive(self, data: bytes, link: int = 0) -> None:
         """Take MAVLink bytes that arrive on a link now."""
@@ -116,26 +119,42 @@ class SimulatedVehicle:
             return fly(
                 state,
                 memory,
-                actuation.setpoint,
+                self._in_truth(actuation.setpoint),
                 self._gains(),
                 self._parameters,
+                self.autopilot.commander.failures.rotor_shares,
                 wind,
                 self._step_s,
                 self._steps_per_tick,
             )
+        # Idle rotors that have failed stand still, which makes no difference on the ground.
         idle_rpm = self._parameters.rotor_speed_min_rpm if actuation.drive is Drive.IDLE else 0.0
         command = RotorSpeeds(idle_rpm, idle_rpm, idle_rpm, idle_rpm)
         return spin(state, command, self._parameters, wind, self._step_s, self._steps_per_tick)
 
+    def _in_truth(self, setpoint: Setpoint) -> Setpoint:
+        """Return a setpoint given where the estimator believes to be, as it acts in the world.
+
+        The controller is fed with the truth, so that an error of the estimate moves the target.
+        """
+        error_m = self.autopilot.commander.failures.position_error_north_m
+        return setpoint._replace(north_m=setpoint.north_m - error_m) if error_m else setpoint
+
     def _gains(self) -> ControllerGains:
-        """Controller limits as the autopilot's parameters have them now."""
-        parameters = self.autopilot.parameters
-        return ControllerGains(
-            tilt_max_rad=math.radians(parameters["MPC_TILTMAX_AIR"]),
-            speed_max_mps=parameters["MPC_XY_VEL_MAX"],
-            climb_max_mps=parameters["MPC_Z_VEL_MAX_UP"],
-            sink_max_mps=parameters["MPC_Z_VEL_MAX_DN"],
-        )
+        """Controller gains and limits as the autopilot's settings have them now."""
+        settings = self.autopilot.commander.settings
+        if settings is not self._settings:
+            self._settings = settings
+            self._controller_gains = ControllerGains(
+                roll_per_s=settings.roll_gain_per_s,
+                pitch_per_s=settings.pitch_gain_per_s,
+                tilt_max_rad=settings.tilt_max_rad,
+                body_rate_max_radps=settings.body_rate_max_radps,
+                speed_max_mps=settings.speed_max_mps,
+                climb_max_mps=settings.climb_max_mps,
+                sink_max_mps=settings.sink_max_mps,
+            )
+        return self._controller_gains
 
     def _thrust_share(self, state: MultirotorState) -> float:
         squares = (

@@ -9,6 +9,7 @@ import pytest
 from sitl.controller import ControllerGains, ControllerMemory, Setpoint, fly
 from sitl.multirotor import (
     GRAVITY_MPS2,
+    INTACT,
     MultirotorState,
     Wind,
     hover_speed_rpm,
@@ -94,7 +95,7 @@ def track_side_step(angle_deg: float, wind: Wind = STILL) -> Tracking:
             worst.velocity_mps = max(worst.velocity_mps, abs(state.velocity_east_mps - vy))
             worst.height_m = max(worst.height_m, abs(state.down_m + 4.0))
             worst.tilt_rad = max(worst.tilt_rad, tilt_rad(state))
-        flight = fly(state, memory, setpoint, ControllerGains(), BODY, wind, STEP_S, 8)
+        flight = fly(state, memory, setpoint, ControllerGains(), BODY, INTACT, wind, STEP_S, 8)
         state, memory = flight.state, flight.memory
     return worst
 
@@ -120,7 +121,7 @@ def test_tilt_limit_is_kept_whatever_is_asked() -> None:
     far = Setpoint(100.0, -100.0, -4.0, 10.0, -10.0, 0.0, 30.0, -30.0, 0.0)
     steepest_rad = 0.0
     for _ in range(200):
-        flight = fly(state, memory, far, gains, BODY, STILL, STEP_S, 4)
+        flight = fly(state, memory, far, gains, BODY, INTACT, STILL, STEP_S, 4)
         state, memory = flight.state, flight.memory
         steepest_rad = max(steepest_rad, tilt_rad(state))
     assert math.radians(18.0) < steepest_rad < math.radians(22.0)
@@ -130,7 +131,7 @@ def test_tilt_limit_is_kept_whatever_is_asked() -> None:
 def settle(setpoint: Setpoint, time_s: float, gains: ControllerGains) -> MultirotorState:
     state, memory = hovering(), ControllerMemory()
     for _ in range(round(time_s * 100)):
-        flight = fly(state, memory, setpoint, gains, BODY, STILL, STEP_S, 4)
+        flight = fly(state, memory, setpoint, gains, BODY, INTACT, STILL, STEP_S, 4)
         state, memory = flight.state, flight.memory
     return state
 
@@ -176,6 +177,6 @@ def test_setpoint_moves_along_its_derivatives_between_updates() -> None:
     memory = ControllerMemory()
     for second in range(3):
         setpoint = Setpoint(2.0 * second, 0.0, -4.0, 2.0, 0.0, 0.0)
-        flight = fly(state, memory, setpoint, gains, BODY, STILL, STEP_S, 400)
+        flight = fly(state, memory, setpoint, gains, BODY, INTACT, STILL, STEP_S, 400)
         state, memory = flight.state, flight.memory
     assert state.north_m == pytest.approx(6.0, abs=0.02)
