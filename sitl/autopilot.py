@@ -24,6 +24,7 @@ from sitl.mission_transfer import MissionTransfer
 from sitl.parameter_protocol import ParameterProtocol
 from sitl.parameters import ParameterStore
 from sitl.px4 import Px4
+from sitl.signing import TIMESTAMP_MAX, Signing, key_of_passphrase
 from sitl.telemetry import BUILDERS, Snapshot, StreamSchedule, messages_of_data_stream
 from sitl.truth import VehicleTruth
 
@@ -38,8 +39,9 @@ _FTP_PAYLOAD, _FTP_NAK, _FTP_FILE_NOT_FOUND = 251, 129, 10
 class _Peer:
     """One link's codec, its streams, and whether a ground station speaks on it."""
 
-    def __init__(self, system_id: int, flavour: Flavour) -> None:
+    def __init__(self, system_id: int, flavour: Flavour, signing: Signing | None) -> None:
         self.link = MavlinkLink(system_id, COMPONENT_ID)
+        self.link.sign_with(signing)
         self.streams = StreamSchedule(flavour.default_rates_hz)
         self.has_ground_station = False
 
@@ -51,6 +53,7 @@ class Autopilot:
         flavour: which autopilot this is.
         commander: modes, arming and failsafes.
         parameters: the values behind the parameter protocol.
+        signing: what every link signs with and judges by; None while signing is off.
     """
 
     def __init__(
@@ -76,6 +79,11 @@ class Autopilot:
         self._parameter_protocol = ParameterProtocol(
             self.parameters, bytewise=self.flavour.integers_bytewise
         )
+        self.signing = (
+            None
+            if config.signing_passphrase is None
+            else Signing(key_of_passphrase(config.signing_passphrase), start_unix_s)
+        )
         self._system_id = config.system_id
         self._home = config.home
         self._start_unix_s = start_unix_s
@@ -93,6 +101,7 @@ class Autopilot:
             "HEARTBEAT": self._on_heartbeat,
             "TIMESYNC": self._on_timesync,
             "PING": self._on_ping,
+            "SETUP_SIGNING": self._on_setup_signing,
             "REQUEST_DATA_STREAM": self._on_request_data_stream,
             "FILE_TRANSFER_PROTOCOL": self._on_file_transfer,
             **dict.fromkeys(self._parameter_protocol.messages, self._on_parameter),
@@ -104,7 +113,7 @@ class Autopilot:
     def open_link(self, link: int) -> None:
         """Start to stream on a link; receiving on it does so too."""
         if link not in self._peers:
-            self._peers[link] = _Peer(self._system_id, self.flavour)
+            self._peers[link] = _Peer(self._system_id, self.flavour, self.signing)
 
     def close_link(self, link: int) -> None:
         """Forget a link and what was queued for it."""
@@ -293,6 +302,17 @@ class Autopilot:
                 0, message.get_srcSystem(), message.get_srcComponent(), answer
             )
         )
+
+    def _on_setup_signing(self, message: Any, _: _Peer, now_s: float) -> None:
+        """Take a new key, all zeros for none; where signing is on, only a signed one gets here."""
+        key = bytes(message.secret_key)
+        signing = Signing(key, self._start_unix_s + now_s) if any(key) else None
+        if signing is not None:
+            newest = max(signing.outgoing.timestamp, message.initial_timestamp)
+            signing.outgoing.timestamp = min(newest, TIMESTAMP_MAX)
+        self.signing = signing
+        for peer in self._peers.values():
+            peer.link.sign_with(signing)
 
     def _context(self, peer: _Peer) -> CommandContext:
         return CommandContext(

@@ -80,6 +80,7 @@ class VehicleConfig(FileModel):
         system_id: MAVLink system id.
         flavour: which autopilot it behaves like.
         parameters: autopilot parameters that differ from the defaults, by the flavour's names.
+        signing_passphrase: sign every message with the key made of it, and obey no others.
         physics_rate_hz: integration steps per second, a multiple of the autopilot's 100 Hz.
     """
 
@@ -91,6 +92,7 @@ class VehicleConfig(FileModel):
     start: StartConfig = StartConfig()
     home: HomeConfig = HomeConfig()
     parameters: dict[str, float] = Field(default_factory=dict)
+    signing_passphrase: Annotated[str, Field(min_length=1)] | None = None
     physics_rate_hz: Annotated[int, Field(ge=400, le=4000, multiple_of=100)] = 400
 
 

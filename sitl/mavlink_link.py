@@ -7,11 +7,12 @@ from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
+from sitl.signing import SIGNATURE_LENGTH, Signing
+
 logger = logging.getLogger(__name__)
 
 # Header after the start byte, payload length excluded, plus the checksum.
 _OVERHEAD = {mavlink.PROTOCOL_MARKER_V1: 8, mavlink.PROTOCOL_MARKER_V2: 12}
-_SIGNATURE_LENGTH = 13
 
 
 class _Outbox(bytearray):
@@ -25,7 +26,7 @@ class MavlinkLink:
     """Codec of one link; keeps its own sequence number.
 
     Attributes:
-        frames_received: valid frames so far.
+        frames_received: valid and, where signing is on, genuine frames so far.
         bytes_dropped: bytes that were no part of a valid, known frame.
     """
 
@@ -33,7 +34,9 @@ class MavlinkLink:
         self.frames_received = 0
         self.bytes_dropped = 0
         self._outbox = _Outbox()
-        self._codec = mavlink.MAVLink(self._outbox, system_id, component_id)
+        self._encoder = mavlink.MAVLink(self._outbox, system_id, component_id)
+        self._decoder = mavlink.MAVLink(None, system_id, component_id)
+        self._signing: Signing | None = None
         self._pending = bytearray()
 
     def parse(self, data: bytes) -> list[Any]:
@@ -55,15 +58,21 @@ class MavlinkLink:
                 self.bytes_dropped += 1
                 start += 1
             else:
-                self.frames_received += 1
-                messages.append(message)
                 start += length
+                if self._signing is None or self._signing.accepts(message.get_msgbuf()):
+                    self.frames_received += 1
+                    messages.append(message)
         del pending[:start]
         return messages
 
+    def sign_with(self, signing: Signing | None) -> None:
+        """Sign what goes out and refuse what is not signed alike; None for neither."""
+        self._signing = signing
+        self._encoder.signing = mavlink.MAVLinkSigning() if signing is None else signing.outgoing
+
     def send(self, message: Any) -> None:
         """Queue a message in this link's sequence."""
-        self._codec.send(message)
+        self._encoder.send(message)
 
     def forward(self, message: Any) -> None:
         """Queue a received frame unchanged, sequence and sender included."""
@@ -77,7 +86,7 @@ class MavlinkLink:
 
     def _decoded(self, frame: bytes) -> Any:
         try:
-            message = self._codec.decode(bytearray(frame))
+            message = self._decoder.decode(bytearray(frame))
         except mavlink.MAVError as error:
             logger.debug("dropped a frame: %s", error)
             return None
@@ -98,7 +107,7 @@ def _frame_length(data: bytearray, start: int) -> int | None:
         if flags & ~mavlink.MAVLINK_IFLAG_SIGNED:
             return 0
         if flags:
-            length += _SIGNATURE_LENGTH
+            length += SIGNATURE_LENGTH
     return None if len(data) < start + length else length
 
 
