@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import Field, model_validator
 
@@ -15,6 +15,7 @@ from sitl.wind import WindConfig
 
 FilePath = Annotated[Path, Field(strict=False)]
 Positive = Annotated[float, Field(gt=0.0)]
+VehicleName = Annotated[str, Field(pattern=r"^[A-Za-z0-9_-]+$")]
 
 
 class MultirotorConfig(FileModel):
@@ -103,6 +104,15 @@ class ZenohEndpoints(FileModel):
     connect: Annotated[tuple[str, ...], Field(strict=False)] = ()
 
 
+class FleetMember(FileModel):
+    """One more vehicle: what it does not share with the file's own."""
+
+    vehicle: VehicleName
+    system_id: Annotated[int, Field(ge=1, le=255)]
+    mavlink: Annotated[tuple[str, ...], Field(strict=False)]
+    start: StartConfig = StartConfig()
+
+
 class SitlConfig(VehicleConfig):
     """The whole file.
 
@@ -110,10 +120,12 @@ class SitlConfig(VehicleConfig):
         vehicle: name in Zenoh keys, ``clearway/<vehicle>/...``.
         mavlink: connection URLs, one link each.
         field: obstacle file; null for open space.
-        truth_log: MCAP file to write ground truth to.
+        truth_log: MCAP file to write ground truth to; further vehicles add their name to it.
+        fleet: further vehicles in the same process, alike but for the keys given there; they do
+            not see one another.
     """
 
-    vehicle: Annotated[str, Field(pattern=r"^[A-Za-z0-9_-]+$")] = "vehicle"
+    vehicle: VehicleName = "vehicle"
     mavlink: Annotated[tuple[str, ...], Field(strict=False)] = (
         "udpout://127.0.0.1:14540",
         "udpout://127.0.0.1:14550",
@@ -123,6 +135,7 @@ class SitlConfig(VehicleConfig):
     field: FilePath | None = None
     seed: int = 0
     truth_log: FilePath | None = None
+    fleet: Annotated[tuple[FleetMember, ...], Field(strict=False)] = ()
 
     @model_validator(mode="after")
     def _require_distinct_sources(self) -> SitlConfig:
@@ -130,6 +143,25 @@ class SitlConfig(VehicleConfig):
         if len(set(sources)) < len(sources):
             raise ValueError("two sensors have the same source name")
         return self
+
+    @model_validator(mode="after")
+    def _require_distinct_vehicles(self) -> SitlConfig:
+        for key in ("vehicle", "system_id"):
+            values = [getattr(one, key) for one in (self, *self.fleet)]
+            if len(set(values)) < len(values):
+                raise ValueError(f"two vehicles have the same {key}")
+        return self
+
+    def each(self) -> tuple[SitlConfig, ...]:
+        """Return one configuration for every vehicle, the file's own first."""
+        return (self.model_copy(update={"fleet": ()}), *map(self._member, self.fleet))
+
+    def _member(self, member: FleetMember) -> SitlConfig:
+        update: dict[str, Any] = {key: getattr(member, key) for key in type(member).model_fields}
+        if self.truth_log is not None:
+            name = f"{self.truth_log.stem}-{member.vehicle}"
+            update["truth_log"] = self.truth_log.with_stem(name)
+        return self.model_copy(update={**update, "fleet": ()})
 
 
 def load_sitl_config(path: Path) -> SitlConfig:

@@ -53,12 +53,11 @@ class LiveSimulator:
         self._senders.pop(link, None)
         self._scene.vehicle.autopilot.close_link(link)
 
-    async def run(self, stop: asyncio.Event) -> None:
+    async def run(self, stop: asyncio.Event, session: zenoh.Session) -> None:
         """Serve until ``stop`` is set.
 
         Raises:
             TransportError: a MAVLink URL cannot be used.
-            ZenohError: the Zenoh session cannot be opened.
             OSError: the truth log cannot be written.
         """
         config = self._config
@@ -72,7 +71,7 @@ class LiveSimulator:
                 truth_log = stack.enter_context(
                     TruthLog(config.truth_log, self._scene.start_unix_s)
                 )
-            bus = Bus(stack.enter_context(open_session(config.zenoh)), config)
+            bus = Bus(session, config)
             self._origin_s = time.monotonic()
             log.info("ready: %s on %s", config.vehicle, ", ".join(config.mavlink))
             await self._serve(stop, bus, truth_log)
@@ -157,12 +156,13 @@ def open_session(endpoints: ZenohEndpoints) -> Iterator[zenoh.Session]:
 
 
 async def serve(config: SitlConfig) -> None:
-    """Run the simulator until SIGINT or SIGTERM.
+    """Run every vehicle of the file until SIGINT or SIGTERM.
 
     Raises:
         FileError: the obstacle field is not usable.
         ParameterError: a configured autopilot parameter does not exist or is out of range.
-        TransportError, ZenohError, OSError: as :meth:`LiveSimulator.run`.
+        ZenohError: the Zenoh session cannot be opened.
+        TransportError, OSError: as :meth:`LiveSimulator.run`.
     """
     field = ObstacleField.of([]) if config.field is None else load_field(config.field)
     warm_up()
@@ -170,5 +170,19 @@ async def serve(config: SitlConfig) -> None:
     loop = asyncio.get_running_loop()
     for number in (signal.SIGINT, signal.SIGTERM):
         loop.add_signal_handler(number, stop.set)
-    await LiveSimulator(config, field).run(stop)
+    simulators = [LiveSimulator(one, field) for one in config.each()]
+    with open_session(config.zenoh) as session:
+        await _run_all(simulators, stop, session)
     log.info("stopped")
+
+
+async def _run_all(
+    simulators: list[LiveSimulator], stop: asyncio.Event, session: zenoh.Session
+) -> None:
+    """Run the vehicles side by side; when one cannot run, none does."""
+    tasks = [asyncio.create_task(one.run(stop, session)) for one in simulators]
+    done, _ = await asyncio.wait(tasks, return_when=asyncio.FIRST_EXCEPTION)
+    stop.set()
+    await asyncio.gather(*tasks, return_exceptions=True)
+    for task in done:
+        task.result()

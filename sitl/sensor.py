@@ -1,7 +1,8 @@
 """Obstacle detector: what a sensor with limited range and field of view reports, and when.
 
-The model is *ideal* in one respect, a shortcut of the simulation: an obstacle of which any point is
-within range and field of view is reported whole, even where another obstacle hides it.
+Two models.  The *ideal* one is a shortcut of the simulation: an obstacle of which any point is
+within range and field of view is reported whole, even where another obstacle hides it.  The
+*scanner* casts rays and reports boxes around what they hit (``scanner``).
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ from pydantic import Field
 
 from onboard.yaml_file import FileModel
 from sitl.field import ObstacleField
+from sitl.scanner import RangeScanner, ScannerConfig, SeenBox, View
 from sitl.truth import VehicleTruth
 from sitl.world import Neighbourhood
 
@@ -47,8 +49,9 @@ class SensorConfig(FileModel):
 
     Attributes:
         source: name of the sensor in its frames.
+        scanner: what makes it a scanning range finder; null for the ideal detector.
         yaw_deg: direction of its axis in the body, clockwise from forward.
-        noise_m: centres are wrong by at most this much along each axis (uniform).
+        noise_m: centres are wrong by at most this much along each axis (uniform); ideal model only.
         uncertainty_m: what frames declare for each face.
         latency_s: measurement to publication.
         frame: frame of the reported boxes; ``body_frd`` is levelled, turned by yaw only.
@@ -63,6 +66,7 @@ class SensorConfig(FileModel):
     noise_m: Annotated[float, Field(ge=0.0)] = 0.0
     uncertainty_m: Annotated[float, Field(ge=0.0)] = 0.05
     frame: Literal["local_ned", "body_frd"] = "local_ned"
+    scanner: ScannerConfig | None = None
     faults: Annotated[tuple[SensorFault, ...], Field(strict=False)] = ()
 
 
@@ -80,6 +84,9 @@ class ObstacleSensor:
         self._field = field
         self._neighbourhood = Neighbourhood(field)
         self._noise = random.Random(f"{seed} {config.source}")
+        self._scanner = None
+        if config.scanner is not None:
+            self._scanner = RangeScanner(config.scanner, field, self._noise)
         self._start_unix_s = start_unix_s
         self._frames_due = 0
         self._sequence = 0
@@ -115,14 +122,25 @@ class ObstacleSensor:
                 "frame": self.config.frame,
                 "range_m": range_m,
                 "field_of_view_deg": self.config.field_of_view_deg,
-                "obstacles": [
-                    self._detection(index, truth) for index in self._visible(truth, range_m)
-                ],
+                "obstacles": [self._reported(box, truth) for box in self._boxes(truth, range_m)],
             },
             separators=(",", ":"),
         ).encode()
         self._sequence += 1
         return self._last_payload
+
+    def _boxes(self, truth: VehicleTruth, range_m: float) -> list[SeenBox]:
+        """What is seen now, in local NED."""
+        if self._scanner is None:
+            return [self._ideal(index) for index in self._visible(truth, range_m)]
+        here = (truth.position_ned_m[0], truth.position_ned_m[1])
+        view = View(
+            here,
+            truth.yaw_rad + math.radians(self.config.yaw_deg),
+            math.radians(self.config.field_of_view_deg),
+            range_m,
+        )
+        return self._scanner.look(view, self._neighbourhood.within(here, range_m))
 
     def _visible(self, truth: VehicleTruth, range_m: float) -> list[int]:
         """Indices of the obstacles with a point within range and field of view."""
@@ -153,24 +171,29 @@ class ObstacleSensor:
             corners.append((north_m + turned[0], east_m + turned[1]))
         return corners
 
-    def _detection(self, index: int, truth: VehicleTruth) -> dict[str, Any]:
+    def _ideal(self, index: int) -> SeenBox:
         field, noise_m = self._field, self.config.noise_m
-        center_m = [
+        north_m, east_m = (
             coordinate_m + self._noise.uniform(-noise_m, noise_m)
             for coordinate_m in field.center_ned_m[index].tolist()
-        ]
+        )
+        along_m, across_m = (2.0 * field.half_size_m[index]).tolist()
         yaw_rad = float(field.yaw_rad[index])
+        return SeenBox(field.ids[index], (north_m, east_m), (along_m, across_m), yaw_rad)
+
+    def _reported(self, box: SeenBox, truth: VehicleTruth) -> dict[str, Any]:
+        center_m, yaw_rad = box.center_ned_m, box.yaw_rad
         if self.config.frame == "body_frd":
             offset_m = (
                 center_m[0] - truth.position_ned_m[0],
                 center_m[1] - truth.position_ned_m[1],
             )
-            center_m = list(_turned(offset_m, -truth.yaw_rad))
+            center_m = _turned(offset_m, -truth.yaw_rad)
             yaw_rad -= truth.yaw_rad
         return {
-            "id": field.ids[index],
-            "center_m": center_m,
-            "size_m": (2.0 * field.half_size_m[index]).tolist(),
+            "id": box.id,
+            "center_m": list(center_m),
+            "size_m": list(box.size_m),
             "yaw_deg": math.degrees(yaw_rad),
             "uncertainty_m": self.config.uncertainty_m,
         }

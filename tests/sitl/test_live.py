@@ -139,10 +139,43 @@ def test_detections_and_truth_on_zenoh_and_a_tcp_client(tmp_path: Path) -> None:
             assert client.recv(1) == b"\xfd"
 
 
+def test_several_vehicles_in_one_process(tmp_path: Path) -> None:
+    ports = [free_port(socket.SOCK_STREAM) for _ in range(3)]
+    names = ["kite", "lark", "wren"]
+    fleet = [
+        {
+            "vehicle": name,
+            "system_id": number,
+            "mavlink": [f"tcpin://127.0.0.1:{port}"],
+            "start": {"position_ned_m": [0.0, 5.0 * number, -3.0]},
+        }
+        for number, (name, port) in enumerate(zip(names, ports, strict=True), 1)
+    ]
+    path, config = configured(tmp_path, **fleet[0], fleet=fleet[1:])
+    with running(path):
+        settings = zenoh.Config()
+        settings.insert_json5("scouting/multicast/enabled", "false")
+        settings.insert_json5("connect/endpoints", json.dumps(config["zenoh"]["listen"]))
+        with zenoh.open(settings) as session:
+            for number, name in enumerate(names, 1):
+                truths: queue.Queue[dict[str, Any]] = queue.Queue()
+                session.declare_subscriber(f"clearway/{name}/truth", putting_into(truths))
+                position = truths.get(timeout=10.0)["position_ned_m"]
+                assert position == pytest.approx([0.0, 5.0 * number, -3.0], abs=0.05)
+        for number, port in enumerate(ports, 1):
+            with socket.create_connection(("127.0.0.1", port), timeout=10.0) as client:
+                assert client.recv(10)[5] == number  # the sender's system id
+
+
 @pytest.mark.parametrize(
     ("changes", "expected"),
     [
         ({"sistem_id": 1}, "sistem_id"),
+        ({"fleet": [{"vehicle": "b", "system_id": 1, "mavlink": []}]}, "the same system_id"),
+        (
+            {"fleet": [{"vehicle": "b", "system_id": 2, "mavlink": ["udp://x:1"]}]},
+            "udp://x:1",
+        ),
         ({"multirotor": {"mass_kg": -1.0}}, "multirotor.mass_kg [kg] = -1.0"),
         ({"parameters": {"NO_SUCH": 1.0}}, "NO_SUCH"),
         ({"parameters": {"MPC_TILTMAX_AIR": 95.0}}, "MPC_TILTMAX_AIR = 95"),
