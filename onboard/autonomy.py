@@ -19,6 +19,7 @@ from typing import Any, Final
 import numpy as np
 
 from onboard.agility import InputSet
+from onboard.clearance import ClearanceGate
 from onboard.config import Contract, Mission
 from onboard.contract import Assessment, assess
 from onboard.events import Event, Severity
@@ -76,6 +77,8 @@ class Autonomy:
         input_set: which set of accelerations to plan on.
         fly_outside_contract: leave STANDBY although the contract does not comply; what then
             fails is answered by braking, since there is no contract to solve again.
+        preflight_age_max_s: leave STANDBY only with a passed pre-flight check of this contract
+            that is no older; None to need none.
         stopwatch: reads a clock in seconds, only to report how long plans took.
     """
 
@@ -89,6 +92,7 @@ class Autonomy:
         stale_after_s: float = 0.5,
         input_set: InputSet = "inner",
         fly_outside_contract: bool = False,
+        preflight_age_max_s: float | None = None,
         stopwatch: Callable[[], float] = lambda: 0.0,
     ) -> None:
         self.epoch_unix_s = epoch_unix_s
@@ -98,6 +102,7 @@ class Autonomy:
             assessment, mission, Planner(), stopwatch, adaptive=not fly_outside_contract
         )
         self.detections = DetectionCounters()
+        self.clearance = ClearanceGate(contract.sha256, preflight_age_max_s)
         self._complies = assessment.compliant or fly_outside_contract
         self._fly_outside_contract = fly_outside_contract
         self._detection_watch = DetectionWatch()
@@ -133,6 +138,10 @@ class Autonomy:
             self._pending.popleft()
             self.detections.dropped_frames += 1
         self._pending.append(payload)
+
+    def receive_clearance(self, payload: bytes, now_s: float) -> None:  # noqa: ARG002  latched
+        """Take the outcome of a pre-flight check; it is asked for when control is granted."""
+        self.clearance.receive(payload)
 
     # ------------------------------------------------------------------ outputs
 
@@ -242,6 +251,9 @@ class Autonomy:
         if not self._complies:
             broken = [clause.name for clause in self.assessment.clauses if not clause.holds]
             failures.append(f"the contract does not comply ({', '.join(broken)})")
+        uncleared = self.clearance.refusal(self.epoch_unix_s + now_s)
+        if uncleared is not None:
+            failures.append(uncleared)
         if self._detection_watch.check(now_s, self.assessment.terms) is not None:
             failures.append("no fresh detection frames")
         if self._position_watch.check_age(pose, now_s) is not None:
@@ -383,6 +395,8 @@ class Autonomy:
             "velocity_error_mps": watch.velocity_error_mps,
             "cruising": self.navigator.cruising_freely,
             "detection_age_s": age_s if math.isfinite(age_s) else None,
+            "telemetry_age_s": None if pose is None else now_s - pose.time_s,
+            "cleared": self.clearance.refusal(self.epoch_unix_s + now_s) is None,
             "obstacles_known": len(self.navigator.obstacles),
             "dropped": {
                 "mavlink_garbage_bytes": self.link.counters.garbage_bytes,
@@ -391,6 +405,7 @@ class Autonomy:
                 "frames_malformed": self.detections.malformed_frames,
                 "frames_unplaced": self.detections.unplaced_frames,
                 "frames_dropped": self.detections.dropped_frames,
+                "clearances_malformed": self.clearance.malformed,
             },
         }
 

@@ -143,6 +143,10 @@ class DaemonConfig(FileModel):
     fly_outside_contract: bool = Field(
         False, description="leave STANDBY although the contract does not comply; for tests"
     )
+    require_preflight: bool = Field(
+        False, description="leave STANDBY only with a recent, passed live check of this contract"
+    )
+    preflight_age_max_s: Positive = Field(900.0, description="an older check is no check")
 
 
 def load_contract(path: Path, overrides: tuple[str, ...] = ()) -> Contract:

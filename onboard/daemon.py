@@ -11,7 +11,7 @@ import json
 import logging
 import signal
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any, Final
 
@@ -60,6 +60,7 @@ async def run(config: DaemonConfig, contract: Contract, mission: Mission, log_pa
         stale_after_s=config.mavlink.stale_after_s,
         input_set=config.input_set,
         fly_outside_contract=config.fly_outside_contract,
+        preflight_age_max_s=config.preflight_age_max_s if config.require_preflight else None,
         stopwatch=time.perf_counter,
     )
     link = await open_link(
@@ -133,15 +134,23 @@ class Bus:
         session.declare_queryable(key, lambda query: query.reply(key, payload))
 
     def subscribe(self, autonomy: Autonomy, clock: Clock) -> None:
-        """Pass detections on; Zenoh calls from its own thread, so they cross into the loop."""
+        """Pass detections and clearances on to the service."""
+        self._pass_on("obstacles", autonomy.receive_detection, clock)
+        self._pass_on("clearance", autonomy.receive_clearance, clock)
+
+    def _pass_on(self, key: str, take: Callable[[bytes, float], None], clock: Clock) -> None:
+        """Zenoh calls from its own thread, so what it brings has to cross into the loop."""
         loop = asyncio.get_running_loop()
+
+        def deliver(payload: bytes) -> None:
+            take(payload, clock.now_s())
 
         def receive(sample: zenoh.Sample) -> None:
             payload = sample.payload.to_bytes()
             with contextlib.suppress(RuntimeError):  # the loop has closed: we are stopping
-                loop.call_soon_threadsafe(_deliver, autonomy, payload, clock)
+                loop.call_soon_threadsafe(deliver, payload)
 
-        self._session.declare_subscriber(f"{self._prefix}/obstacles", receive)
+        self._session.declare_subscriber(f"{self._prefix}/{key}", receive)
 
     def publish(self, records: list[Record]) -> None:
         """Publish what others may want to know; the state at a rate for people."""
@@ -156,10 +165,6 @@ class Bus:
             return False
         self._status_due_s = record.time_unix_s + STATUS_PERIOD_S
         return True
-
-
-def _deliver(autonomy: Autonomy, payload: bytes, clock: Clock) -> None:
-    autonomy.receive_detection(payload, clock.now_s())
 
 
 @contextlib.contextmanager
