@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cache
 from typing import Any
 
 import hj_reachability as hj
@@ -40,6 +41,12 @@ class DoubleIntegrators(hj.ControlAndDisturbanceAffineDynamics):  # type: ignore
     def disturbance_jacobian(self, _state: Any, _time: Any) -> Any:
         """Nothing disturbs."""
         return jnp.zeros((4, 1))
+
+
+@cache
+def dynamics_of(limits: AccelerationLimits) -> DoubleIntegrators:
+    """The same object for the same limits: the solver is compiled once for each object."""
+    return DoubleIntegrators(limits)
 
 
 @dataclass(frozen=True)
@@ -100,7 +107,7 @@ class GridProblem:
         )
         values = hj.step(
             settings,
-            DoubleIntegrators(self.limits),
+            dynamics_of(self.limits),
             grid,
             0.0,
             face,

@@ -1,0 +1,214 @@
+"""Mutation run over the contract's formulas: ``python -m tests.mutation [--jobs N] [FILE ...]``.
+
+Every arithmetic operator, comparison, constant, sign, factor, and choice between minimum and
+maximum in the files is changed, one at a time, and the unit tests must notice.  Prints the mutants
+that survive and the score.  Not part of the continuous integration: it takes minutes.
+
+The mutants are written to a copy of the repository in a temporary directory, never to this one.
+"""
+
+from __future__ import annotations
+
+import argparse
+import ast
+import copy
+import os
+import shutil
+import subprocess
+import sys
+import tempfile
+from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from pathlib import Path
+from queue import Queue
+
+ROOT = Path(__file__).parents[1]
+FILES = ("onboard/region.py", "onboard/contract.py", "onboard/agility.py")
+TESTS = (
+    "tests/onboard/test_region.py",
+    "tests/onboard/test_contract.py",
+    "tests/onboard/test_agility.py",
+)
+
+# A mutant that loops is a mutant that is noticed.
+TIME_LIMIT_S = 300.0
+
+_OPERATORS: dict[type[ast.operator], tuple[type[ast.operator], ...]] = {
+    ast.Add: (ast.Sub,),
+    ast.Sub: (ast.Add,),
+    ast.Mult: (ast.Div,),
+    ast.Div: (ast.Mult,),
+}
+_COMPARISONS: dict[type[ast.cmpop], tuple[type[ast.cmpop], ...]] = {
+    ast.Lt: (ast.LtE, ast.Gt),
+    ast.LtE: (ast.Lt, ast.Gt),
+    ast.Gt: (ast.GtE, ast.Lt),
+    ast.GtE: (ast.Gt, ast.Lt),
+    ast.Eq: (ast.NotEq,),
+    ast.NotEq: (ast.Eq,),
+    ast.Is: (ast.IsNot,),
+    ast.IsNot: (ast.Is,),
+}
+_OPPOSITES = {"minimum": "maximum", "maximum": "minimum", "min": "max", "max": "min"}
+
+
+@dataclass(frozen=True)
+class Mutant:
+    """One change to one file.
+
+    Attributes:
+        path: of the file, in the repository.
+        line: where.
+        change: what, for people.
+        source: the whole changed file.
+    """
+
+    path: str
+    line: int
+    change: str
+    source: str
+
+
+def mutants_of(path: str, source: str) -> Iterator[Mutant]:
+    """Yield every mutant of a file."""
+    tree = ast.parse(source)
+    for number, node in enumerate(ast.walk(tree)):
+        for replacement, change in _replacements(node):
+            changed = copy.deepcopy(tree)
+            target = list(ast.walk(changed))[number]
+            _Replace(target, replacement).visit(changed)
+            line = getattr(node, "lineno", 0)
+            yield Mutant(path, line, change, ast.unparse(ast.fix_missing_locations(changed)))
+
+
+class _Replace(ast.NodeTransformer):
+    """Exchange one node, by identity."""
+
+    def __init__(self, target: ast.AST, replacement: ast.AST) -> None:
+        self._target, self._replacement = target, replacement
+
+    def visit(self, node: ast.AST) -> ast.AST:
+        """Exchange the node, or look for it below."""
+        return self._replacement if node is self._target else super().visit(node)
+
+
+def _replacements(node: ast.AST) -> Iterator[tuple[ast.AST, str]]:
+    """Yield what to put in place of a node, and how to call that."""
+    match node:
+        case ast.BinOp(left=left, op=operator, right=right):
+            for other in _OPERATORS.get(type(operator), ()):
+                yield ast.BinOp(left, other(), right), f"{_text(node)}: {other.__name__}"
+                yield left, f"{_text(node)}: only the left"
+                yield right, f"{_text(node)}: only the right"
+        case ast.UnaryOp(op=ast.USub(), operand=operand):
+            yield operand, f"{_text(node)}: without its sign"
+        case ast.Compare() | ast.BoolOp():
+            yield from _other_conditions(node)
+        case ast.Constant(value=bool() as value):
+            yield ast.Constant(not value), f"{value}: negated"
+        case ast.Constant(value=float() as value):
+            yield ast.Constant(value + 1.0), f"{value}: one more"
+        case ast.Call():
+            yield from _other_calls(node)
+
+
+def _other_conditions(node: ast.Compare | ast.BoolOp) -> Iterator[tuple[ast.AST, str]]:
+    match node:
+        case ast.Compare(left=left, ops=[operator], comparators=[right]):
+            for other in _COMPARISONS.get(type(operator), ()):
+                yield ast.Compare(left, [other()], [right]), f"{_text(node)}: {other.__name__}"
+        case ast.BoolOp(op=ast.And(), values=values):
+            yield ast.BoolOp(ast.Or(), values), f"{_text(node)}: or"
+        case ast.BoolOp(op=ast.Or(), values=values):
+            yield ast.BoolOp(ast.And(), values), f"{_text(node)}: and"
+
+
+def _other_calls(node: ast.Call) -> Iterator[tuple[ast.AST, str]]:
+    name = _text(node.func).removeprefix("ops.")
+    choices = {"where": node.args[1:], "sqrt": node.args, "tan": node.args}
+    if name in _OPPOSITES:
+        choices[name] = [argument for argument in node.args if _text(node.func) != name]
+    for argument in choices.get(name, ()):
+        yield argument, f"{_text(node)}: only {_text(argument)}"
+    if name in _OPPOSITES and not node.keywords and _text(node.func) == name:
+        yield ast.Call(ast.Name(_OPPOSITES[name]), node.args, []), f"{_text(node)}: opposite"
+
+
+def _text(node: ast.AST) -> str:
+    return " ".join(ast.unparse(node).split())
+
+
+def is_noticed(mutant: Mutant, copy_of_repository: Path) -> bool:
+    """Run the tests against a mutant, in a copy of the repository."""
+    path = copy_of_repository / mutant.path
+    original = path.read_text(encoding="utf-8")
+    path.write_text(mutant.source, encoding="utf-8")
+    options = ["-x", "-q", "-p", "no:cacheprovider", "--hypothesis-profile", "mutation"]
+    command = [sys.executable, "-m", "pytest", *options, *TESTS]
+    environment = os.environ | {
+        "PYTHONPATH": str(copy_of_repository),
+        "PYTHONDONTWRITEBYTECODE": "1",
+    }
+    try:
+        finished = subprocess.run(
+            command,
+            cwd=copy_of_repository,
+            env=environment,
+            capture_output=True,
+            check=False,
+            timeout=TIME_LIMIT_S,
+        )
+    except subprocess.TimeoutExpired:
+        return True
+    finally:
+        path.write_text(original, encoding="utf-8")
+    return finished.returncode != 0
+
+
+def run(files: list[str], jobs: int) -> int:
+    """Try every mutant of the files; return how many survive."""
+    mutants = [m for path in files for m in mutants_of(path, (ROOT / path).read_text("utf-8"))]
+    with tempfile.TemporaryDirectory() as directory:
+        copies: Queue[Path] = Queue()
+        for number in range(jobs):
+            place = Path(directory) / str(number)
+            for name in ("onboard", "tests", "config"):
+                shutil.copytree(
+                    ROOT / name, place / name, ignore=shutil.ignore_patterns("__pycache__")
+                )
+            shutil.copy(ROOT / "pyproject.toml", place)
+            copies.put(place)
+
+        def tried(mutant: Mutant) -> bool:
+            place = copies.get()
+            try:
+                return is_noticed(mutant, place)
+            finally:
+                copies.put(place)
+
+        unchanged = Mutant(files[0], 0, "unchanged", (ROOT / files[0]).read_text("utf-8"))
+        if tried(unchanged):
+            sys.exit("the tests fail without any mutation")
+        survivors = 0
+        with ThreadPoolExecutor(jobs) as pool:
+            for mutant, noticed in zip(mutants, pool.map(tried, mutants), strict=True):
+                if not noticed:
+                    survivors += 1
+                    print(f"survived: {mutant.path}:{mutant.line}: {mutant.change}", flush=True)
+    killed = len(mutants) - survivors
+    print(f"{killed} of {len(mutants)} mutants noticed: {100.0 * killed / len(mutants):.1f} %")
+    return survivors
+
+
+def main() -> int:
+    """Parse arguments and run."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("files", nargs="*", default=list(FILES), metavar="FILE")
+    parser.add_argument("--jobs", type=int, default=2)
+    options = parser.parse_args()
+    return 1 if run(options.files, options.jobs) else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
