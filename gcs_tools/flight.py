@@ -43,10 +43,13 @@ def fly(path: Path | None, *, virtual: bool, seed: int, out: Path | None, force:
     """
     scenario = load_scenario(path or DEFAULT_SCENARIO)
     console = Console(highlight=False)
-    checked = preflight.check(scenario.contract, scenario.obstacles, scenario.mission)
+    known = scenario.obstacles if scenario.field_known else None
+    checked = preflight.check(scenario.contract, known, scenario.mission)
     forced = force or scenario.force
     if not _may_fly(checked, forced, console):
         return False
+    if scenario.faults and not virtual:
+        raise CommandError(f"{scenario.name}: faults are injected in virtual time only: --virtual")
     directory = _prepared(out or Path("flights") / f"{scenario.name}-{seed}")
     if virtual:
         result, logs = _fly_virtual(scenario, seed, directory, forced, console)
@@ -102,6 +105,7 @@ def _fly_virtual(
         sitl=scenario.sitl_config(seed=seed),
         obstacles=scenario.obstacles,
         seed=seed,
+        faults=scenario.faults,
         fly_outside_contract=forced,
     )
     try:

@@ -4,16 +4,17 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any, Literal, Self, TypeVar
+from typing import Annotated, Any, Literal, TypeVar
 
 import numpy as np
-from pydantic import BaseModel, Discriminator, Field, Tag, model_validator
+from pydantic import BaseModel, Discriminator, Field, Tag
 
 from onboard.config import Contract, FilePath, Mission
 from onboard.yaml_file import FileError, FileModel, load_yaml
 from sitl.config import SitlConfig, VehicleConfig
+from sitl.faults import Fault
 from sitl.field import Obstacle, ObstacleField, ObstacleList, load_field
-from sitl.sensor import SensorConfig, SensorFault
+from sitl.sensor import SensorConfig
 
 Outcome = Literal["arrived", "held", "collided", "aborted"]
 
@@ -47,12 +48,6 @@ class Plant(VehicleConfig):
     )
 
 
-class Fault(SensorFault):
-    """A sensor fault, injected into one of the sensors."""
-
-    source: str = Field("front", description="which sensor")
-
-
 class Expectation(FileModel):
     """How the flight should come out; what is null is not held against it."""
 
@@ -69,17 +64,12 @@ class ScenarioFile(FileModel):
     field: AnyField = Field(description="obstacle field file (YAML or CSV), or its content")
     mission: AnyMission = Field(description="mission file, or its content")
     sitl: Plant = Field(default_factory=Plant, description="what is simulated")
-    faults: Annotated[tuple[Fault, ...], Field(strict=False)] = ()
+    faults: Annotated[tuple[Fault, ...], Field(strict=False)] = Field(
+        (), description="what goes wrong, in virtual time"
+    )
+    field_known: bool = Field(True, description="the pre-flight check knows the field")
     force: bool = Field(False, description="fly although the pre-flight check refuses; for tests")
     expect: Expectation = Field(default_factory=lambda: Expectation.model_validate({}))
-
-    @model_validator(mode="after")
-    def _faults_have_sensors(self) -> Self:
-        sources = {sensor.source for sensor in self.sitl.sensors}
-        for fault in self.faults:
-            if fault.source not in sources:
-                raise ValueError(f"faults: there is no sensor {fault.source!r} in sitl.sensors")
-        return self
 
 
 @dataclass(frozen=True)
@@ -90,7 +80,9 @@ class Scenario:
         name: of the file, without its suffix.
         contract, mission: what the daemon is given.
         obstacles: what stands in the way.
-        plant: what is simulated, faults included.
+        plant: what is simulated.
+        faults: what goes wrong.
+        field_known: whether the pre-flight check knows the field.
         force: fly although the pre-flight check refuses.
         expect: how the flight should come out.
     """
@@ -100,6 +92,8 @@ class Scenario:
     mission: Mission
     obstacles: ObstacleField
     plant: Plant
+    faults: tuple[Fault, ...]
+    field_known: bool
     force: bool
     expect: Expectation
 
@@ -131,7 +125,9 @@ def load_scenario(path: Path) -> Scenario:
         contract=_loaded(written.contract, base, Contract),
         mission=_loaded(written.mission, base, Mission),
         obstacles=_loaded_field(written.field, base),
-        plant=_with_faults(written.sitl, written.faults),
+        plant=written.sitl,
+        faults=written.faults,
+        field_known=written.field_known,
         force=written.force,
         expect=written.expect,
     )
@@ -156,22 +152,6 @@ def _loaded_field(written: Path | ObstacleList, base: Path) -> ObstacleField:
     if isinstance(written, Path):
         return load_field(base / written)
     return ObstacleField.of(written.root)
-
-
-def _with_faults(plant: Plant, faults: tuple[Fault, ...]) -> Plant:
-    sensors = tuple(
-        sensor.model_copy(update={"faults": (*sensor.faults, *_faults_of(sensor, faults))})
-        for sensor in plant.sensors
-    )
-    return plant.model_copy(update={"sensors": sensors})
-
-
-def _faults_of(sensor: SensorConfig, faults: tuple[Fault, ...]) -> list[SensorFault]:
-    return [
-        SensorFault.model_validate(fault.model_dump(exclude={"source"}))
-        for fault in faults
-        if fault.source == sensor.source
-    ]
 
 
 def obstacle_list(field: ObstacleField) -> list[Obstacle]:

@@ -18,6 +18,8 @@ from onboard.monitor import Assumption, Violation
 
 # An error that was exceeded once is assumed to be exceeded again, by up to this share.
 HEADROOM: Final = 1.25
+# And errors beyond this multiple of what was declared are no errors of tracking any more.
+ERROR_FACTOR_MAX: Final = 2.0
 # Slower than this is not worth flying: hover, and let the operator decide.
 SPEED_MIN_MPS: Final = 0.3
 SPEED_STEP_MPS: Final = 0.05
@@ -83,7 +85,18 @@ def adapt(assessment: Assessment, violation: Violation) -> Adaptation | None:
         return None
     before = assessment.terms
     terms = worsening(before, violation.measured)
+    if _beyond_belief(terms, Terms.of(assessment.contract)):
+        return None
     return at_compliant_speed(replace(assessment, terms=terms), before.cruise_speed_mps)
+
+
+def _beyond_belief(terms: Terms[float], declared: Terms[float]) -> bool:
+    errors = (
+        (terms.tracking_error_m, declared.tracking_error_m),
+        (terms.velocity_error_x_mps, declared.velocity_error_x_mps),
+        (terms.velocity_error_y_mps, declared.velocity_error_y_mps),
+    )
+    return any(seen > ERROR_FACTOR_MAX * stated for seen, stated in errors)
 
 
 def at_compliant_speed(assessment: Assessment, speed_max_mps: float) -> Adaptation | None:

@@ -24,7 +24,7 @@ from onboard.config import Contract, Mission
 from onboard.contract import Assessment, assess
 from onboard.events import Event, Severity
 from onboard.guidance import Phase
-from onboard.mavlink import MavlinkEndpoint, Pose, Setpoint
+from onboard.mavlink import MavlinkEndpoint, Pose, Setpoint, Target
 from onboard.monitor import Assumption, Violation, check_frame, check_obstacle
 from onboard.navigator import Navigator
 from onboard.obstacles import (
@@ -40,6 +40,7 @@ from onboard.planner import Planner
 from onboard.watches import (
     DetectionWatch,
     PositionWatch,
+    RivalWatch,
     TickWatch,
     TiltWatch,
     TrackingWatch,
@@ -52,6 +53,9 @@ MAX_PENDING_FRAMES: Final = 32
 AUTOPILOT_SILENCE_S: Final = 3.0
 # Somebody else's setpoint this recent means that two are flying.
 RIVAL_MEMORY_S: Final = 0.5
+# The autopilot's echo of our setpoint lags by up to half a second.
+TARGET_ECHO_STEP_S: Final = 0.04
+TARGET_ECHO_STEPS: Final = 13
 # Holding without knowing where for longer than this is left to the autopilot.
 HANDOVER_AFTER_S: Final = 2.0
 
@@ -108,7 +112,7 @@ class Autonomy:
         self._detection_watch = DetectionWatch()
         self._position_watch = PositionWatch(stale_after_s)
         self._tracking_watch, self._tilt_watch = TrackingWatch(), TiltWatch()
-        self._tick_watch = TickWatch()
+        self._tick_watch, self._rival_watch = TickWatch(), RivalWatch()
         self._poses = PoseHistory()
         self._pending: deque[bytes] = deque()
         self._events: list[Event] = []
@@ -240,6 +244,7 @@ class Autonomy:
         if not failures:
             self._reported.clear()
             self._tracking_watch, self._tilt_watch = TrackingWatch(), TiltWatch()
+            self._rival_watch = RivalWatch()
             self.navigator.take_control(pose, now_s)
         elif failures != self._refusal:
             text = "not leaving standby: " + "; ".join(failures)
@@ -280,14 +285,24 @@ class Autonomy:
                 self._broken(violation, now_s)
         if pose is not self._watched_pose:
             self._watched_pose = pose
-            for violation in self._tracking_violations(pose):
-                self._broken(violation, now_s)
+            # While the autopilot follows somebody else, the next heartbeat tells whom: the pilot,
+            # and we are out, or a second commander.
+            if not self._rival_watch.suspects(now_s):
+                for violation in self._tracking_violations(pose):
+                    self._broken(violation, now_s)
 
     def _rival(self, now_s: float) -> Violation | None:
-        age_s = now_s - self.link.rival_heard_s
-        if age_s > RIVAL_MEMORY_S:
-            return None
-        return Violation(Assumption.SECOND_COMMANDER, 2.0, 1.0, "commanders", self.link.rival)
+        link = self.link
+        if now_s - link.rival_heard_s <= RIVAL_MEMORY_S:
+            return Violation(Assumption.SECOND_COMMANDER, 2.0, 1.0, "commanders", link.rival)
+        return self._rival_watch.check(
+            link.target_heard_s, link.target, lambda: self._asked_of_late(now_s)
+        )
+
+    def _asked_of_late(self, now_s: float) -> list[Target]:
+        lags_s = (step * TARGET_ECHO_STEP_S for step in range(TARGET_ECHO_STEPS))
+        asked = (self.navigator.setpoint(now_s - lag_s) for lag_s in lags_s)
+        return [(s.position_ned_m, s.velocity_ned_mps) for s in asked if s is not None]
 
     def _environment_violations(self, now_s: float) -> list[Violation]:
         """Check the obstacles that the flight is about to meet; others may be as they like."""

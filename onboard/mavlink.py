@@ -30,9 +30,14 @@ _REQUESTED_MESSAGES: Final = (
     (mavlink.MAVLINK_MSG_ID_LOCAL_POSITION_NED, TELEMETRY_RATE_HZ),
     (mavlink.MAVLINK_MSG_ID_ATTITUDE, TELEMETRY_RATE_HZ),
     (mavlink.MAVLINK_MSG_ID_EXTENDED_SYS_STATE, 5.0),
+    (mavlink.MAVLINK_MSG_ID_POSITION_TARGET_LOCAL_NED, 10.0),
 )
 # ArduPilot sends nothing until asked, and forgets what it was asked when it reboots.
 _REQUEST_PERIOD_S: Final = 2.0
+
+
+# Position (NED, m) and velocity (NED, m/s).
+Target = tuple[tuple[float, float, float], tuple[float, float, float]]
 
 
 @dataclass(frozen=True)
@@ -110,6 +115,9 @@ class MavlinkEndpoint:
         # When somebody else last told the vehicle where to go, and who.
         self.rival_heard_s = -math.inf
         self.rival = ""
+        # Where the autopilot says it is going and how fast, and when it said so.
+        self.target_heard_s = -math.inf
+        self.target: Target = ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
         self._system_id = system_id
         self._attitude_rad: tuple[float, float, float] | None = None
         self._outgoing: deque[bytes] = deque(maxlen=1000)
@@ -206,6 +214,8 @@ class MavlinkEndpoint:
             self._on_attitude(message)
         elif kind == "EXTENDED_SYS_STATE":
             self._on_extended_state(message)
+        elif kind == "POSITION_TARGET_LOCAL_NED":
+            self._on_target(message, now_s)
 
     def _note_rival(self, message: Any, now_s: float) -> None:
         if message.get_type() not in _SETPOINT_MESSAGES:
@@ -238,6 +248,11 @@ class MavlinkEndpoint:
             self._attitude_rad = attitude_rad
         else:
             self.counters.malformed_messages += 1
+
+    def _on_target(self, message: Any, now_s: float) -> None:
+        position_ned_m = (message.x, message.y, message.z)
+        velocity_ned_mps = (message.vx, message.vy, message.vz)
+        self.target_heard_s, self.target = now_s, (position_ned_m, velocity_ned_mps)
 
     def _on_extended_state(self, message: Any) -> None:
         known = message.landed_state != mavlink.MAV_LANDED_STATE_UNDEFINED

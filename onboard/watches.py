@@ -7,11 +7,13 @@ Every watch takes the terms that hold now, since they may be re-solved in flight
 from __future__ import annotations
 
 import math
+from collections import deque
+from collections.abc import Callable
 from typing import Final
 
 from onboard.agility import GRAVITY_MPS2
 from onboard.contract import TICK_S, Terms
-from onboard.mavlink import Pose
+from onboard.mavlink import Pose, Target
 from onboard.monitor import Assumption, Violation
 
 # A frame from farther in the future than this has been stamped by a wrong clock.
@@ -28,6 +30,14 @@ TILT_SHARE: Final = 0.4
 TILT_PATIENCE_S: Final = 0.3
 # Time constant with which the tilt that holds against the wind is learnt in cruise.
 TRIM_TIME_S: Final = 1.0
+
+
+# The autopilot's target may differ this much from ours, for rounding and for its own filters.
+TARGET_TOLERANCE_M: Final = 0.15
+# A mismatch must outlast a heartbeat, within this window.
+HEARTBEAT_WAIT_S: Final = 1.2
+ECHO_PATIENCE_S: Final = 0.15
+MISMATCH_MEMORY_S: Final = 2.0
 
 
 class DetectionWatch:
@@ -204,6 +214,58 @@ class TiltWatch:
             return None
         limit_mps2 = TILT_SHARE * asked_mps2
         return Violation(Assumption.TILT_RESPONSE, delivered_mps2, limit_mps2, "m/s²")
+
+
+class RivalWatch:
+    """Whether the autopilot goes where we say; if not, somebody else commands it too.
+
+    A mode that the pilot has just taken looks the same until the next heartbeat, so a mismatch
+    must outlast that; commanders take turns, so it need not be without interruption.
+    """
+
+    def __init__(self) -> None:
+        self._mismatches_s: deque[float] = deque()
+        self._heard_s = -math.inf
+
+    def suspects(self, now_s: float) -> bool:
+        """Tell whether the autopilot's target is no longer ours, so that its error is not ours.
+
+        Either its last target was another's, or it had targets and now has none.
+        """
+        if math.isinf(self._heard_s):
+            return False
+        another = bool(self._mismatches_s) and self._mismatches_s[-1] == self._heard_s
+        return another or ECHO_PATIENCE_S < now_s - self._heard_s < HEARTBEAT_WAIT_S
+
+    def check(
+        self, target_heard_s: float, target: Target, ours: Callable[[], list[Target]]
+    ) -> Violation | None:
+        """Hold the autopilot's target against what we have asked for of late.
+
+        Args:
+            target_heard_s: when the autopilot said where it is going.
+            target: where that is, and how fast.
+            ours: gives our setpoints until now, as far back as the echo may lag.
+        """
+        if target_heard_s <= self._heard_s:
+            return None
+        self._heard_s = target_heard_s
+        away_m = min(_away(target, asked) for asked in ours())
+        if not away_m <= TARGET_TOLERANCE_M:  # a target without numbers is not ours either
+            self._mismatches_s.append(target_heard_s)
+        while self._mismatches_s and target_heard_s - self._mismatches_s[0] > MISMATCH_MEMORY_S:
+            self._mismatches_s.popleft()
+        lasting = len(self._mismatches_s) >= CONFIRMATIONS and (
+            self._mismatches_s[-1] - self._mismatches_s[0] >= HEARTBEAT_WAIT_S
+        )
+        if not lasting:
+            return None
+        return Violation(Assumption.SECOND_COMMANDER, away_m, TARGET_TOLERANCE_M, "m")
+
+
+def _away(target: Target, asked: Target) -> float:
+    """Return how far apart two targets are: horizontal metres, or m/s where that is more."""
+    return max(math.dist(a[:2], b[:2]) for a, b in zip(target, asked, strict=True))
 
 
 class TickWatch:

@@ -26,6 +26,7 @@ class Step(Enum):
     CLIMB = auto()
     HAND_OVER = auto()
     WATCH = auto()
+    INTERVENE = auto()
     LAND = auto()
     DONE = auto()
 
@@ -63,8 +64,18 @@ class Operator:
 
     def land(self) -> None:
         """End the mission from wherever it is."""
-        if self.step is Step.WATCH:
+        if self.step in (Step.WATCH, Step.INTERVENE):
             self.step, self._repeat_s = Step.LAND, 0.0
+
+    def take_over(self) -> None:
+        """Take the vehicle from the service: hold where it is."""
+        if self.step is Step.WATCH:
+            self.step, self._repeat_s = Step.INTERVENE, 0.0
+
+    def hand_back(self) -> None:
+        """Give the vehicle back to the service."""
+        if self.step is Step.INTERVENE:
+            self.step, self._repeat_s = Step.HAND_OVER, 0.0
 
     def advance(self, now_s: float) -> None:
         """Go on with the script."""
@@ -84,6 +95,8 @@ class Operator:
                 self._command(mavlink.MAV_CMD_NAV_TAKEOFF, nan, 0.0, 0.0, nan, nan, nan, nan)
             case Step.HAND_OVER:
                 self._set_mode(OFFBOARD)
+            case Step.INTERVENE:
+                self._set_mode(HOLD)
             case Step.LAND:
                 self._command(mavlink.MAV_CMD_NAV_LAND)
 

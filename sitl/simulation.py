@@ -21,6 +21,7 @@ from onboard.guidance import Phase
 from onboard.journal import Journal
 from onboard.recorder import FlightLog
 from sitl.config import SitlConfig
+from sitl.faults import Fault, FaultInjector
 from sitl.field import ObstacleField
 from sitl.operator import Operator, Step
 from sitl.scene import Scene
@@ -32,8 +33,9 @@ STEPS_PER_OPERATOR: Final = 10
 # Where virtual time begins; any instant will do, as long as it is always the same.
 EPOCH_UNIX_S: Final = 1_790_000_000.0
 ONBOARD_LINK, OPERATOR_LINK = 0, 1
-# How long the vehicle hovers after its mission before it lands.
+# How long the operator waits after the mission, and after the service has died, before landing.
 LINGER_S: Final = 1.0
+PATIENCE_S: Final = 8.0
 
 
 @dataclass(frozen=True)
@@ -45,6 +47,7 @@ class SimulatedFlight:
         sitl: vehicle, autopilot, sensors, wind.
         obstacles: the field.
         seed: of everything random.
+        faults: what goes wrong.
         input_set: which accelerations plans may use.
         fly_outside_contract: fly although the contract does not comply.
         time_limit_s: the flight is given up after this.
@@ -55,6 +58,7 @@ class SimulatedFlight:
     sitl: SitlConfig
     obstacles: ObstacleField
     seed: int = 1
+    faults: tuple[Fault, ...] = ()
     input_set: InputSet = "inner"
     fly_outside_contract: bool = False
     time_limit_s: float = 600.0
@@ -87,18 +91,13 @@ class Simulation:
         config = flight.sitl.model_copy(update={"seed": flight.seed})
         self.now_s = 0.0
         self.scene = Scene(config, flight.obstacles, EPOCH_UNIX_S)
-        self.autonomy = Autonomy(
-            flight.contract,
-            flight.mission,
-            epoch_unix_s=EPOCH_UNIX_S,
-            system_id=config.system_id,
-            input_set=flight.input_set,
-            fly_outside_contract=flight.fly_outside_contract,
-            stopwatch=time.perf_counter,
-        )
+        self.autonomy = _start_service(flight)
         self.operator = Operator(config.system_id, flight.mission.altitude_m)
+        self._flight = flight
+        self._faults = FaultInjector(flight.faults, flight.seed)
         self._steps = 0
-        self._mission_over_s: float | None = None
+        self._dead = False
+        self._over_since_s: float | None = None
 
     @property
     def over(self) -> bool:
@@ -112,30 +111,67 @@ class Simulation:
 
     def advance(self) -> None:
         """Let 10 ms pass."""
-        vehicle, autonomy = self.scene.vehicle, self.autonomy
         self._steps += 1
         self.now_s = self._steps * STEP_S
+        self._faults.advance(self.now_s, self.autonomy.navigator.phase)
         self.scene.advance(self.now_s)
-        for detection in self.scene.take_detections():
-            autonomy.receive_detection(detection.payload, self.now_s)
-        autonomy.receive_mavlink(vehicle.bytes_to_send(ONBOARD_LINK), self.now_s)
-        if self.at_tick:
-            autonomy.tick(self.now_s)
-            vehicle.receive(autonomy.mavlink_to_send(), ONBOARD_LINK)
+        self._bury_or_revive()
+        self._serve()
+        vehicle = self.scene.vehicle
         self.operator.receive(vehicle.bytes_to_send(OPERATOR_LINK))
+        vehicle.receive(self._faults.rival(), OPERATOR_LINK)
         if self._steps % STEPS_PER_OPERATOR == 0:
             self._operate()
 
+    def _serve(self) -> None:
+        """Let the onboard service hear, decide and speak, as far as it lives."""
+        vehicle, faults, autonomy = self.scene.vehicle, self._faults, self.autonomy
+        payloads = [detection.payload for detection in self.scene.take_detections()]
+        frames = faults.detections(payloads, self.now_s, vehicle.truth.position_ned_m)
+        telemetry = faults.telemetry(vehicle.bytes_to_send(ONBOARD_LINK))
+        if self._dead:
+            return
+        for frame in frames:
+            autonomy.receive_detection(frame, self.now_s)
+        autonomy.receive_mavlink(telemetry, self.now_s)
+        if self.at_tick and not faults.present("tick_stall"):
+            autonomy.tick(self.now_s)
+            vehicle.receive(faults.setpoints(autonomy.mavlink_to_send()), ONBOARD_LINK)
+
+    def _bury_or_revive(self) -> None:
+        dead = self._faults.present("daemon_dead")
+        if self._dead and not dead:
+            self.autonomy = _start_service(self._flight)
+        self._dead = dead
+
     def _operate(self) -> None:
-        if self._mission_over_s is None and self.autonomy.navigator.phase in (
-            Phase.ARRIVED,
-            Phase.HOLD,
-        ):
-            self._mission_over_s = self.now_s
-        if self._mission_over_s is not None and self.now_s > self._mission_over_s + LINGER_S:
+        over = self._dead or self.autonomy.navigator.phase in (Phase.ARRIVED, Phase.HOLD)
+        if not over:
+            self._over_since_s = None
+        elif self._over_since_s is None:
+            self._over_since_s = self.now_s
+        if self._faults.present("operator_takes_over"):
+            self.operator.take_over()
+        else:
+            self.operator.hand_back()
+        # A vehicle whose service is dead is left alone until it has come to rest by itself.
+        linger_s = PATIENCE_S if self._dead else LINGER_S
+        if self._over_since_s is not None and self.now_s > self._over_since_s + linger_s:
             self.operator.land()
         self.operator.advance(self.now_s)
         self.scene.vehicle.receive(self.operator.bytes_to_send(), OPERATOR_LINK)
+
+
+def _start_service(flight: SimulatedFlight) -> Autonomy:
+    return Autonomy(
+        flight.contract,
+        flight.mission,
+        epoch_unix_s=EPOCH_UNIX_S,
+        system_id=flight.sitl.system_id,
+        input_set=flight.input_set,
+        fly_outside_contract=flight.fly_outside_contract,
+        stopwatch=time.perf_counter,
+    )
 
 
 def fly(flight: SimulatedFlight, directory: Path) -> SimulationReport:
@@ -154,9 +190,13 @@ def fly(flight: SimulatedFlight, directory: Path) -> SimulationReport:
     with ExitStack() as stack:
         flight_log = stack.enter_context(FlightLog(directory / "flight.mcap", metadata))
         truth_log = stack.enter_context(TruthLog(directory / "truth.mcap", EPOCH_UNIX_S))
-        journal = Journal(simulation.autonomy, timed=False)
+        service = simulation.autonomy
+        journal = Journal(service, timed=False)
         while not simulation.over and simulation.now_s < flight.time_limit_s:
             simulation.advance()
+            if service is not simulation.autonomy:  # it died, and was started again
+                service = simulation.autonomy
+                journal = Journal(service, timed=False)
             if simulation.at_tick:
                 flight_log.write(journal.collect(simulation.now_s))
                 truth_log.write(simulation.scene.vehicle.truth, simulation.scene.world)

@@ -81,7 +81,7 @@ def test_what_a_contract_does_not_state_in_numbers_is_not_adapted_to(
         (Assumption.ROI_INTERSECTION, "a and b", 18.0, "obstacle_separation_min_m", 18.0),
         (Assumption.TRACKING_ERROR, "", 0.3, "tracking_error_m", 0.3 * HEADROOM),
         (Assumption.VELOCITY_ERROR, "x", 0.3, "velocity_error_x_mps", 0.3 * HEADROOM),
-        (Assumption.VELOCITY_ERROR, "y", 0.2, "velocity_error_y_mps", 0.2 * HEADROOM),
+        (Assumption.VELOCITY_ERROR, "y", 0.15, "velocity_error_y_mps", 0.15 * HEADROOM),
     ],
 )
 def test_each_observation_worsens_the_term_it_is_about(
@@ -96,6 +96,20 @@ def test_each_observation_worsens_the_term_it_is_about(
     assert adaptation is not None
     assert getattr(adaptation.assessment.terms, field) == pytest.approx(expected)
     assert adaptation.assessment.compliant
+
+
+@pytest.mark.parametrize(
+    ("assumption", "axis"),
+    [
+        (Assumption.TRACKING_ERROR, ""),
+        (Assumption.VELOCITY_ERROR, "x"),
+        (Assumption.VELOCITY_ERROR, "y"),
+    ],
+)
+def test_errors_far_beyond_the_declared_are_not_adapted_to(
+    assessment: Assessment, assumption: Assumption, axis: str
+) -> None:
+    assert adapt(assessment, broken(assumption, 0.5, axis)) is None
 
 
 def test_better_than_assumed_changes_nothing(assessment: Assessment) -> None:

@@ -157,7 +157,7 @@ def test_missing_telemetry_is_asked_for_until_it_comes(
     endpoint.keep_alive(0.0, active=False)
     asked = [m for m in autopilot.heard(endpoint.bytes_to_send()) if m.get_type() != "HEARTBEAT"]
     assert {message.command for message in asked} == {mavlink.MAV_CMD_SET_MESSAGE_INTERVAL}
-    assert {int(message.param1) for message in asked} == {30, 32, 245}
+    assert {int(message.param1) for message in asked} == {30, 32, 85, 245}
     everything = autopilot.attitude() + autopilot.position(0.0) + autopilot.landed_state(1)
     endpoint.receive(everything, 2.5)
     endpoint.keep_alive(2.6, active=False)

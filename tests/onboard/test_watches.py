@@ -13,6 +13,7 @@ from onboard.watches import (
     TILT_PATIENCE_S,
     DetectionWatch,
     PositionWatch,
+    RivalWatch,
     TickWatch,
     TiltWatch,
     TrackingWatch,
@@ -192,6 +193,33 @@ def test_tilt_against_the_wind_is_taken_off() -> None:
     wind_rad = math.radians(8.0)
     assert watch_tilt(wind_rad + math.radians(12.0), 2.5, trim_roll_rad=wind_rad) is None
     assert watch_tilt(wind_rad, 2.5, trim_roll_rad=wind_rad) is not None
+
+
+def watch_targets(targets_m: list[float]) -> Violation | None:
+    """Hear ten targets a second while we ask for the origin; return the first violation."""
+    watch, still = RivalWatch(), (0.0, 0.0, 0.0)
+    found = (
+        watch.check(
+            number * 0.1, ((north_m, 0.0, -4.0), still), lambda: [((0.0, 0.0, -4.0), still)]
+        )
+        for number, north_m in enumerate(targets_m)
+    )
+    return next((violation for violation in found if violation is not None), None)
+
+
+def test_autopilot_that_goes_where_we_say_has_no_second_commander() -> None:
+    assert watch_targets([0.1] * 100) is None
+
+
+def test_pilot_who_has_just_taken_over_is_no_second_commander() -> None:
+    assert watch_targets([0.0] * 10 + [5.0] * 11) is None
+
+
+@pytest.mark.parametrize("targets_m", [[5.0] * 20, [0.0, 5.0] * 10, [0.0, 0.0, 0.0, 5.0] * 5])
+def test_target_that_keeps_being_anothers_is_a_second_commander(targets_m: list[float]) -> None:
+    found = watch_targets(targets_m)
+    assert found is not None
+    assert found.assumption is Assumption.SECOND_COMMANDER
 
 
 def test_ticks_in_time_are_accepted() -> None:
