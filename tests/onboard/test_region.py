@@ -390,12 +390,13 @@ def worst_recovery_m(e: Encounter[float]) -> float:
 def test_border_is_that_of_the_worst_crossing(e: Encounter[float]) -> None:
     e = replace(e, attitude_lag_s=0.0)
     t_m = min(e.speed_mps / e.brake_mps2, time_to_clear(e, SCALAR))
-    # With unequal sides and a drift, the closed form takes the worse of each from both sides.
+    # With a drift, the closed form takes the worse of each from both sides, and never assumes
+    # the lateral speed to be gone before the entry speed is back: it may be more than needed.
     stopping_m = e.speed_mps**2 / (2.0 * e.forward_mps2)
     needed_m = max(worst_recovery_m(e), stopping_m)
     border_m = recovery_distance(e, t_m, SCALAR)
     assert needed_m <= border_m * (1.0 + 1e-9)
-    if e.lateral_speed_mps == 0.0 or e.left_mps2 == e.right_mps2:
+    if e.lateral_speed_mps == 0.0:
         assert needed_m == pytest.approx(border_m, rel=1e-4)
 
 
@@ -438,6 +439,22 @@ def test_border_with_lag_covers_inputs_that_act_late(e: Encounter[float]) -> Non
         late_m = advance_m(longer_s) - advance_m(braked_s)
         needed_m = late_m + shortest_recovery_m(e, longer_s, lateral_s)
         assert needed_m.max() <= border_m * (1.0 + 1e-9)
+
+
+@given(encounters())
+def test_border_with_drift_is_exact_for_equal_sides(e: Encounter[float]) -> None:
+    brake_mps2 = min(e.brake_mps2, e.forward_mps2)
+    e = replace(e, attitude_lag_s=0.0, left_mps2=e.right_mps2, brake_mps2=brake_mps2)
+    t_m = min(e.speed_mps / e.brake_mps2, time_to_clear(e, SCALAR))
+    needed_m = max(worst_recovery_m(e), e.speed_mps**2 / (2.0 * e.forward_mps2))
+    assert needed_m == pytest.approx(recovery_distance(e, t_m, SCALAR), rel=1e-4)
+
+
+def test_border_with_drift_by_hand() -> None:
+    """b = 4a: k = 4, m_1 = 0, m_0 = 0.1 s, C = 16 m/s², worst t = 0.875 s, q = 0.975 s."""
+    limits = AccelerationLimits(4.0, 1.0, 2.0, 2.0)
+    e = replace(Encounter.ideal(limits, 4.0, (1.0, 8.0)), lateral_speed_mps=1.0)
+    assert recovery_distance(e, 1.0, SCALAR) == pytest.approx(5.0 * 1.99875 - 1.96875)
 
 
 def test_border_with_lag_by_hand() -> None:
