@@ -13,22 +13,38 @@ import signal
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any, Final
+from typing import Final, Self
 
 import zenoh
 
 from onboard.autonomy import Autonomy
 from onboard.config import Contract, DaemonConfig, Mission, ZenohEndpoints
 from onboard.contract import TICK_S
-from onboard.journal import Journal, Record
+from onboard.journal import Journal
 from onboard.links import Link, open_link
-from onboard.recorder import FlightLog
+from onboard.log_parts import LogParts
+from onboard.log_thread import LogThread
+from onboard.record import Record
+from onboard.recorder import Direction, FlightLog
+from onboard.telemetry_log import TelemetryLog
 
 log = logging.getLogger(__name__)
 
 STATUS_PERIOD_S: Final = 0.2
+# What lasts is said again this often, for those who have joined since.
+REPEAT_PERIOD_S: Final = 1.0
 # A tick this late means that the computer cannot keep up, or was suspended.
 LATE_TICK_S: Final = 2.0 * TICK_S
+# Key on Zenoh by topic of the journal.
+_KEYS: Final = {
+    "state": "status",
+    "events": "events",
+    "plan": "plan",
+    "obstacles": "map",
+    "margins": "margins",
+    "monitors": "monitors",
+}
+_LASTING: Final = frozenset({"plan", "obstacles", "margins"})
 
 
 class Clock:
@@ -63,18 +79,22 @@ async def run(config: DaemonConfig, contract: Contract, mission: Mission, log_pa
         preflight_age_max_s=config.preflight_age_max_s if config.require_preflight else None,
         stopwatch=time.perf_counter,
     )
-    link = await open_link(
-        config.mavlink.url, lambda data: autonomy.receive_mavlink(data, clock.now_s())
-    )
     with contextlib.ExitStack() as stack:
+        logs = stack.enter_context(Logs(log_path, _metadata(contract, mission)))
+
+        def receive(data: bytes) -> None:
+            now_s = clock.now_s()
+            autonomy.receive_mavlink(data, now_s)
+            logs.write_mavlink("received", clock.epoch_unix_s + now_s, data)
+
+        link = await open_link(config.mavlink.url, receive)
         stack.callback(link.close)
-        flight_log = stack.enter_context(FlightLog(log_path, _metadata(contract)))
         session = stack.enter_context(open_session(config.zenoh))
         bus = Bus(session, config.vehicle, contract)
         bus.subscribe(autonomy, clock)
         stop = _stop_on_signals()
         log.info("ready: %s, contract %s", config.mavlink.url, contract.sha256[:12])
-        await _serve(autonomy, link, flight_log, bus, clock, stop)
+        await _serve(autonomy, link, logs, bus, clock, stop)
     log.info("stopped")
 
 
@@ -88,7 +108,7 @@ def _stop_on_signals() -> asyncio.Event:
 async def _serve(
     autonomy: Autonomy,
     link: Link,
-    flight_log: FlightLog,
+    logs: Logs,
     bus: Bus,
     clock: Clock,
     stop: asyncio.Event,
@@ -103,16 +123,56 @@ async def _serve(
         autonomy.tick(now_s)
         if data := autonomy.mavlink_to_send():
             link.send(data)
+            logs.write_mavlink("sent", clock.epoch_unix_s + now_s, data)
         records = journal.collect(now_s)
-        flight_log.write(records)
+        logs.write(records)
         bus.publish(records)
         due_s += TICK_S
         with contextlib.suppress(TimeoutError):
             await asyncio.wait_for(stop.wait(), max(0.0, due_s - clock.now_s()))
 
 
+class Logs:
+    """The flight log and, beside it, the MAVLink traffic as ``.tlog``; neither delays a tick.
+
+    Args:
+        path: of the flight log.
+        metadata: what flew.
+
+    Raises:
+        OSError: a file cannot be written.
+    """
+
+    def __init__(self, path: Path, metadata: dict[str, str]) -> None:
+        with contextlib.ExitStack() as stack:
+            self._flight = stack.enter_context(FlightLog(path, metadata))
+            parts = LogParts(path.with_suffix(".tlog"))
+            self._telemetry = stack.enter_context(TelemetryLog(parts))
+            # Entered last, so that it has written everything before the files are closed.
+            self._thread = stack.enter_context(LogThread())
+            self._open = stack.pop_all()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        self._open.close()
+
+    def write(self, records: list[Record]) -> None:
+        """Log what a tick left behind."""
+        self._thread.submit(lambda: self._flight.write(records))
+
+    def write_mavlink(self, direction: Direction, time_unix_s: float, data: bytes) -> None:
+        """Log bytes of the MAVLink link."""
+        self._thread.submit(lambda: self._flight.write_mavlink(direction, time_unix_s, data))
+        self._thread.submit(lambda: self._telemetry.write(direction, time_unix_s, data))
+
+
 class Bus:
-    """Our keys on Zenoh: detections in; status, events and plans out; the contract on request.
+    """Our keys on Zenoh: detections in; the flight out; the contract on request.
+
+    ``events`` come once; ``status`` and ``monitors`` often; ``plan``, ``map`` and ``margins``,
+    which last, when they change and again every second.
 
     Args:
         session: an open session.
@@ -125,9 +185,10 @@ class Bus:
         self._prefix = f"clearway/{vehicle}"
         self._publishers = {
             topic: session.declare_publisher(f"{self._prefix}/{key}")
-            for topic, key in {"state": "status", "events": "events", "plan": "plan"}.items()
+            for topic, key in _KEYS.items()
         }
-        self._status_due_s = 0.0
+        self._status_due_s = self._repeat_due_s = 0.0
+        self._lasting: dict[str, Record] = {}
         answer = {"contract": contract.model_dump(mode="json"), "sha256": contract.sha256}
         payload = json.dumps(answer).encode()
         key = f"{self._prefix}/contract"
@@ -155,9 +216,19 @@ class Bus:
     def publish(self, records: list[Record]) -> None:
         """Publish what others may want to know; the state at a rate for people."""
         for record in records:
-            publisher = self._publishers.get(record.topic)
-            if publisher is None or (record.topic == "state" and not self._status_is_due(record)):
-                continue
+            if record.topic in _LASTING:
+                self._lasting[record.topic] = record
+            if record.topic != "state" or self._status_is_due(record):
+                self._put(record)
+        now_unix_s = records[0].time_unix_s
+        if now_unix_s >= self._repeat_due_s:
+            self._repeat_due_s = now_unix_s + REPEAT_PERIOD_S
+            for record in self._lasting.values():
+                self._put(record)
+
+    def _put(self, record: Record) -> None:
+        publisher = self._publishers.get(record.topic)
+        if publisher is not None:
             publisher.put(json.dumps(record.payload, allow_nan=False).encode())
 
     def _status_is_due(self, record: Record) -> bool:
@@ -182,5 +253,9 @@ def open_session(endpoints: ZenohEndpoints) -> Iterator[zenoh.Session]:
         session.close()  # type: ignore[no-untyped-call]
 
 
-def _metadata(contract: Contract) -> dict[str, Any]:
-    return {"contract": contract.model_dump_json(), "contract_sha256": contract.sha256}
+def _metadata(contract: Contract, mission: Mission) -> dict[str, str]:
+    return {
+        "contract": contract.model_dump_json(),
+        "contract_sha256": contract.sha256,
+        "mission": mission.model_dump_json(),
+    }

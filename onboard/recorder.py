@@ -1,42 +1,57 @@
 """The flight log: MCAP with JSON channels, one for each topic of `onboard.journal`.
 
-The same records give the same bytes: nothing here reads a clock.
+The same records give the same bytes: nothing here reads a clock.  What has been written is on its
+way to the disk within one chunk, about a second of flight: a killed daemon leaves a file that can
+be read up to there.
 """
 
 from __future__ import annotations
 
 import json
+import platform
 from collections.abc import Iterable, Mapping
+from importlib import metadata as packages
 from pathlib import Path
 from types import TracebackType
-from typing import Any, Final, Self
+from typing import BinaryIO, Final, Literal, Self
 
 from mcap.writer import CompressionType, Writer
 
-from onboard.journal import Record
+from onboard.foxglove import SCHEMAS
+from onboard.log_parts import LogParts
+from onboard.record import Record
 
-# A killed daemon loses at most one unfinished chunk.
+# Readers refuse logs of a format that they do not know; raised when a topic changes its meaning.
+FORMAT_VERSION: Final = 1
+
 _CHUNK_BYTES: Final = 64 * 1024
-_SCHEMA: Final = json.dumps({"type": "object"}).encode()
+# What holds until it is said anew, and so is said again at the start of each part.
+_LASTING: Final = frozenset({"margins", "obstacles", "plan", "scene/obstacles", "scene/plan"})
+_DEPENDENCIES: Final = ("clearway", "numpy", "osqp", "pymavlink", "mcap")
+
+Direction = Literal["received", "sent"]
 
 
 class FlightLog:
-    """Writes records to an MCAP file.
+    """Writes records to an MCAP file, and to the next one when that is full.
 
     Args:
-        path: the file, overwritten.
-        metadata: strings that say what flew: contract and its hash, versions, seed.
+        path: the file, overwritten; or the names and sizes of its parts.
+        metadata: strings that say what flew: contract and its hash, mission, seed.
 
     Raises:
         OSError: the file cannot be written.
     """
 
-    def __init__(self, path: Path, metadata: Mapping[str, str]) -> None:
-        self._file = path.open("wb")
-        self._writer = Writer(self._file, chunk_size=_CHUNK_BYTES, compression=CompressionType.ZSTD)
-        self._writer.start(profile="clearway", library="clearway")
-        self._writer.add_metadata("clearway", dict(metadata))
-        self._channels: dict[str, tuple[int, int]] = {}
+    def __init__(self, path: Path | LogParts, metadata: Mapping[str, str]) -> None:
+        self._parts = path if isinstance(path, LogParts) else LogParts(path)
+        self._metadata = {"format_version": str(FORMAT_VERSION), **versions(), **metadata}
+        self._lasting: dict[str, Record] = {}
+        self._file: BinaryIO
+        self._writer: Writer
+        self._channels: dict[str, int]
+        self._sequences: dict[str, int] = {}
+        self._open_part()
 
     def __enter__(self) -> Self:
         return self
@@ -50,21 +65,75 @@ class FlightLog:
         self.close()
 
     def write(self, records: Iterable[Record]) -> None:
-        """Append records, in the order of their ticks."""
+        """Append records, in the order of their ticks.
+
+        Raises:
+            OSError: the disk is full, or gone.
+        """
+        if self._file.tell() >= self._parts.part_bytes:
+            self._open_next_part()
         for record in records:
-            self._write(record.topic, record.time_unix_s, record.payload)
+            self._write(record)
+            if record.topic in _LASTING:
+                self._lasting[record.topic] = record
+        self._file.flush()
+
+    def write_mavlink(self, direction: Direction, time_unix_s: float, data: bytes) -> None:
+        """Append bytes as they crossed the MAVLink link.
+
+        Raises:
+            OSError: the disk is full, or gone.
+        """
+        topic = f"mavlink/{direction}"
+        if topic not in self._channels:
+            # Schema 0 is none: the encoding says it all.
+            self._channels[topic] = self._writer.register_channel(f"/{topic}", "mavlink", 0)
+        self._add(topic, time_unix_s, data)
 
     def close(self) -> None:
         """Finish the file; it can be read without this, only not searched."""
         self._writer.finish()  # type: ignore[no-untyped-call]  # mcap left it untyped
         self._file.close()
 
-    def _write(self, topic: str, time_unix_s: float, payload: Mapping[str, Any]) -> None:
-        if topic not in self._channels:
-            schema = self._writer.register_schema(f"clearway.{topic}", "jsonschema", _SCHEMA)
-            self._channels[topic] = (self._writer.register_channel(f"/{topic}", "json", schema), 0)
-        channel, sequence = self._channels[topic]
-        self._channels[topic] = (channel, sequence + 1)
+    def _open_part(self) -> None:
+        self._file = self._parts.next().open("wb")
+        self._writer = Writer(self._file, chunk_size=_CHUNK_BYTES, compression=CompressionType.ZSTD)
+        self._writer.start(profile="clearway", library="clearway")
+        self._writer.add_metadata("clearway", self._metadata)
+        self._channels = {}
+
+    def _open_next_part(self) -> None:
+        self.close()
+        self._open_part()
+        for record in self._lasting.values():
+            self._write(record)
+
+    def _write(self, record: Record) -> None:
+        if record.topic not in self._channels:
+            self._channels[record.topic] = self._register(record)
+        data = json.dumps(record.payload, separators=(",", ":"), allow_nan=False).encode()
+        self._add(record.topic, record.time_unix_s, data)
+
+    def _register(self, record: Record) -> int:
+        name = record.schema or f"clearway.{record.topic}"
+        schema = SCHEMAS.get(name, {"title": name, "type": "object"})
+        schema_id = self._writer.register_schema(name, "jsonschema", json.dumps(schema).encode())
+        return self._writer.register_channel(f"/{record.topic}", "json", schema_id)
+
+    def _add(self, topic: str, time_unix_s: float, data: bytes) -> None:
+        sequence = self._sequences.get(topic, 0)
+        self._sequences[topic] = sequence + 1
         time_ns = round(time_unix_s * 1e6) * 1000
-        data = json.dumps(payload, separators=(",", ":"), allow_nan=False).encode()
-        self._writer.add_message(channel, time_ns, data, time_ns, sequence)
+        self._writer.add_message(self._channels[topic], time_ns, data, time_ns, sequence)
+
+
+def versions() -> dict[str, str]:
+    """Return what runs here, for the metadata: ``version_<package>``, in lower case."""
+    found = {"version_python": platform.python_version()}
+    for package in _DEPENDENCIES:
+        try:
+            found[f"version_{package}"] = packages.version(package)
+        except packages.PackageNotFoundError:
+            # Run from a checkout that was never installed.
+            found[f"version_{package}"] = "unknown"
+    return found

@@ -21,6 +21,7 @@ IO_MODULES = {
     "onboard.__main__",
     "onboard.daemon",
     "onboard.links",
+    "onboard.log_thread",
     "sitl.__main__",
     "sitl.live",
     "sitl.simulation",  # a stopwatch: how long the simulation took

@@ -17,7 +17,7 @@ from gcs_tools.flight_log import Log, read_log
 from gcs_tools.picture import draw_flight
 from gcs_tools.result import Result, plan_time_ms, result_of
 from gcs_tools.scenario import Expectation, load_scenario
-from onboard.journal import Record
+from onboard.record import Record
 from onboard.recorder import FlightLog
 from tests.gcs_tools.running import CONFIG
 

@@ -1,0 +1,74 @@
+"""Writes logs in a thread of its own: a slow disk must not delay a tick, nor a full one end it."""
+
+from __future__ import annotations
+
+import logging
+import queue
+import threading
+from collections.abc import Callable
+from types import TracebackType
+from typing import Final, Self
+
+log = logging.getLogger(__name__)
+
+# Some ten seconds of flight; a disk that is slower than that loses lines, never ticks.
+CAPACITY: Final = 4096
+
+Job = Callable[[], None]
+
+
+class LogThread:
+    """Does jobs one after the other, in the order in which they came.
+
+    A job that fails with OSError ends the log, not the flight: it is reported once, and what comes
+    after is dropped.
+
+    Args:
+        capacity: how many jobs may wait; what comes while they do is dropped and counted.
+    """
+
+    def __init__(self, capacity: int = CAPACITY) -> None:
+        self.dropped = 0
+        self._jobs: queue.Queue[Job | None] = queue.Queue(capacity)
+        self._broken = False
+        self._thread = threading.Thread(target=self._work, name="log", daemon=True)
+        self._thread.start()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        self.close()
+
+    def submit(self, job: Job) -> None:
+        """Have a job done soon; never waits."""
+        try:
+            self._jobs.put_nowait(job)
+        except queue.Full:
+            self.dropped += 1
+            if self.dropped == 1:
+                log.warning("the disk is too slow: dropping log lines")
+
+    def close(self) -> None:
+        """Wait until everything submitted is done."""
+        self._jobs.put(None)
+        self._thread.join()
+        if self.dropped:
+            log.warning("log lines dropped: %d", self.dropped)
+
+    def _work(self) -> None:
+        while (job := self._jobs.get()) is not None:
+            if not self._broken:
+                self._do(job)
+
+    def _do(self, job: Job) -> None:
+        try:
+            job()
+        except OSError as error:
+            self._broken = True
+            log.error("the flight log ends here: %s", error)  # noqa: TRY400  no defect of ours
