@@ -57,6 +57,9 @@ _LIFT = 1.2
 # Horizons for which the coupled QP is solved at most.
 _CLIMBS_MAX = 3
 
+# Vertical speed and acceleration that are round-off, not motion.
+_LEVEL = 1e-9
+
 # A candidate is tried if it may save more than this share of the cost.
 _WORTH_IT = 0.02
 
@@ -111,7 +114,7 @@ class QpPlanner:
         """
         search = _Search(problem, self._even, self._front_loaded, incumbent)
         candidates = search.candidates(current)
-        if any(problem.start.axis(Z)[1:]):
+        if max(map(abs, problem.start.axis(Z)[1:])) > _LEVEL:
             # Not level: only the coupled QP knows how to go on.
             best = self._plan_to_climb(search, candidates, incumbent)
         else:
