@@ -70,10 +70,15 @@ def _add_fly(commands: Any) -> None:
 
 
 def _add_preflight(commands: Any) -> None:
-    parser = commands.add_parser("preflight", help="may this be flown? exit code 0 yes, 1 no")
+    parser = commands.add_parser(
+        "preflight", help="may this be flown? exit code 0 yes, 1 no, 2 unknown"
+    )
     _add_contract_options(parser)
     parser.add_argument("--field", type=Path, metavar="F", help="obstacle field, YAML or CSV")
     parser.add_argument("--mission", type=Path, metavar="F")
+    parser.add_argument(
+        "--picture", type=Path, metavar="FILE", help="draw the field: PNG, SVG, PDF"
+    )
     parser.add_argument("--vehicle", metavar="URL", help="MAVSDK connection URL of a live vehicle")
     _add_output_options(parser, "table", "json")
     parser.set_defaults(command=_preflight)
@@ -175,19 +180,22 @@ def _fly(options: argparse.Namespace) -> int:
 
 
 def _preflight(options: argparse.Namespace) -> int:
-    from gcs_tools.preflight import run_preflight  # noqa: PLC0415
+    from gcs_tools.preflight import PreflightFiles, run_preflight  # noqa: PLC0415
 
-    compliant = run_preflight(
-        options.contract,
-        overrides=tuple(options.overrides),
-        field_path=options.field,
-        mission_path=options.mission,
+    verdict = run_preflight(
+        PreflightFiles(
+            contract=options.contract,
+            field=options.field,
+            mission=options.mission,
+            overrides=tuple(options.overrides),
+            picture=options.picture,
+        ),
         vehicle_url=options.vehicle,
         input_set=options.input_set,
         form=options.form,
         output=options.output,
     )
-    return 0 if compliant else _REFUSED
+    return {"holds": 0, "broken": _REFUSED}.get(verdict.value, _BAD_INPUT)
 
 
 def _contract_show(options: argparse.Namespace) -> int:

@@ -9,15 +9,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
+from typing import Any
 
 import numpy as np
 from scipy.spatial import KDTree
 
 from onboard.config import Mission
-from onboard.contract import Assessment
+from onboard.contract import Assessment, Terms, worst_encounter
 from onboard.frames import FloatArray, LegFrame
-from onboard.region import Box, RegionOfInfluence
+from onboard.region import ARRAY, Box, dimensions
 from sitl.field import ObstacleField
 
 # Named in a report; a field that breaks a rule in a million places breaks it all the same.
@@ -25,6 +26,9 @@ OFFENDERS_MAX = 100
 
 # One part in a billion: sizes and distances are sums of floats that were written down as equal.
 _ROUND_OFF = 1e-9
+
+# The rules about regions, which depend on how fast the vehicle flies.
+RULES_OF_SPEED = frozenset({"roi_disjoint", "start_clear", "end_clear"})
 
 
 @dataclass(frozen=True)
@@ -81,22 +85,34 @@ class LegField:
     Attributes:
         stretch: the leg.
         ids: names of the obstacles.
-        boxes: the obstacles in the leg frame.
-        regions: their Regions of Influence.
+        boxes_m: the obstacles in the leg frame, (N, 4): x from, x to, y from, y to.
+        regions_m: their Regions of Influence, alike.
     """
 
     stretch: Stretch
     ids: tuple[str, ...]
-    boxes: tuple[Box, ...]
-    regions: tuple[RegionOfInfluence, ...]
+    boxes_m: FloatArray
+    regions_m: FloatArray
 
     @classmethod
     def of(cls, stretch: Stretch, assessment: Assessment, obstacles: ObstacleField) -> LegField:
         """Place every obstacle and its region in the frame of the leg."""
-        boxes = tuple(leg_boxes(stretch.frame, obstacles))
-        error_m = assessment.terms.position_error_m
-        regions = tuple(assessment.region_around(box, error_m) for box in boxes)
-        return cls(stretch, obstacles.ids, boxes, regions)
+        boxes_m = leg_boxes(stretch.frame, obstacles)
+        return cls(stretch, obstacles.ids, boxes_m, region_extents(assessment, boxes_m))
+
+    @property
+    def sizes_m(self) -> FloatArray:
+        """Extents along and across the leg, (N, 2)."""
+        sizes_m: FloatArray = self.boxes_m[:, 1::2] - self.boxes_m[:, ::2]
+        return sizes_m
+
+    def regions_at(self, place: Box) -> list[int]:
+        """Return the indices of the regions that share a point with a place."""
+        x_min_m, x_max_m, y_min_m, y_max_m = self.regions_m.T
+        along = (x_min_m <= place.x_max_m) & (x_max_m >= place.x_min_m)
+        across = (y_min_m <= place.y_max_m) & (y_max_m >= place.y_min_m)
+        found: list[int] = np.flatnonzero(along & across).tolist()
+        return found
 
     def called(self, index: int) -> str:
         """Name of an obstacle on this leg."""
@@ -123,7 +139,7 @@ def check_field(
 
     Without a mission the one leg runs north from the origin, and its start and end are not checked.
     """
-    legs = tuple(LegField.of(each, assessment, obstacles) for each in _stretches(mission))
+    legs = legs_of(assessment, obstacles, mission)
     rules = (
         _largest(legs, assessment),
         _thinnest(legs, assessment),
@@ -131,6 +147,20 @@ def check_field(
         _disjoint(legs),
     )
     return rules if mission is None else (*rules, _start_clear(legs), _end_clear(legs))
+
+
+def legs_of(
+    assessment: Assessment, obstacles: ObstacleField, mission: Mission | None
+) -> tuple[LegField, ...]:
+    """Return the field as each leg of a mission meets it."""
+    return tuple(LegField.of(each, assessment, obstacles) for each in _stretches(mission))
+
+
+def regions_clear(legs: tuple[LegField, ...]) -> bool:
+    """Tell whether the rules about regions hold, as soon as that is known."""
+    places = [(leg, place) for leg in legs for place in (leg.stretch.start, leg.stretch.end)]
+    occupied = any(leg.regions_at(place) for leg, place in places)
+    return not occupied and not any(any(intersecting_pairs(leg.regions_m)) for leg in legs)
 
 
 def _stretches(mission: Mission | None) -> Iterator[Stretch]:
@@ -157,28 +187,53 @@ def _enclosing(points_m: FloatArray) -> Box:
     return Box(float(x_min_m), float(x_max_m), float(y_min_m), float(y_max_m))
 
 
-def leg_boxes(frame: LegFrame, obstacles: ObstacleField) -> Iterator[Box]:
-    """Yield the axis-aligned boxes in the leg frame that enclose the obstacles."""
+def leg_boxes(frame: LegFrame, obstacles: ObstacleField) -> FloatArray:
+    """Return the axis-aligned boxes in the leg frame that enclose the obstacles, (N, 4)."""
     turn_rad = obstacles.yaw_rad - frame.heading_rad
     cosine, sine = np.abs(np.cos(turn_rad)), np.abs(np.sin(turn_rad))
     along_m, across_m = obstacles.half_size_m.T
     half_x_m, half_y_m = cosine * along_m + sine * across_m, sine * along_m + cosine * across_m
     down_m = np.zeros((len(obstacles), 1))
     x_m, y_m, _ = frame.position_leg_from_ned(np.hstack((obstacles.center_ned_m, down_m))).T
-    corners = (x_m - half_x_m, x_m + half_x_m, y_m - half_y_m, y_m + half_y_m)
-    for x_min, x_max, y_min, y_max in np.column_stack(corners).tolist():
-        yield Box(x_min, x_max, y_min, y_max)
+    return np.column_stack((x_m - half_x_m, x_m + half_x_m, y_m - half_y_m, y_m + half_y_m))
+
+
+def region_extents(assessment: Assessment, boxes_m: FloatArray) -> FloatArray:
+    """Return the regions of measured boxes, all at once; (N, 4) -> (N, 4).
+
+    As `Assessment.region_around` does for one box.
+    """
+    terms = assessment.terms
+    margin_m = terms.radius_m + terms.tracking_error_m + terms.position_error_m
+    x_min_m, x_max_m, y_min_m, y_max_m = (boxes_m + margin_m * np.array([-1.0, 1.0, -1.0, 1.0])).T
+    numbers: dict[str, Any] = {
+        each.name: np.full(len(boxes_m), value)
+        for each in fields(terms)
+        if isinstance(value := getattr(terms, each.name), float)
+    }
+    arrays: Terms[FloatArray] = Terms(
+        **numbers, passive_safety=terms.passive_safety, input_set=terms.input_set
+    )
+    encounter = worst_encounter(arrays, x_max_m - x_min_m, y_max_m - y_min_m, ARRAY)
+    size = dimensions(encounter, ARRAY)
+    return np.column_stack(
+        (
+            x_min_m - size.front_m,
+            x_min_m + size.pob_depth_m,
+            y_min_m - size.overhang_left_m - size.coast_left_m,
+            y_max_m + size.overhang_right_m + size.coast_right_m,
+        )
+    )
 
 
 def _largest(legs: tuple[LegField, ...], assessment: Assessment) -> FieldRule:
     allowed_m = assessment.terms.obstacle_size_max_m
     largest_m, count = 0.0, _Count()
     for leg in legs:
-        for index, box in enumerate(leg.boxes):
-            size_m = max(box.size_m)
-            largest_m = max(largest_m, size_m)
-            if size_m > allowed_m * (1.0 + _ROUND_OFF):
-                count.add(f"{leg.called(index)}: {size_m:.2f} m")
+        sizes_m = leg.sizes_m.max(axis=1)
+        largest_m = max(largest_m, float(sizes_m.max(initial=0.0)))
+        for index in np.flatnonzero(sizes_m > allowed_m * (1.0 + _ROUND_OFF)).tolist():
+            count.add(f"{leg.called(index)}: {sizes_m[index]:.2f} m")
     return FieldRule(
         "obstacle_size_max",
         largest_m,
@@ -193,11 +248,10 @@ def _thinnest(legs: tuple[LegField, ...], assessment: Assessment) -> FieldRule:
     assumed_m = assessment.terms.obstacle_size_min_m
     thinnest_m, count = math.inf, _Count()
     for leg in legs:
-        for index, box in enumerate(leg.boxes):
-            size_m = box.size_m[0]
-            thinnest_m = min(thinnest_m, size_m)
-            if size_m < assumed_m * (1.0 - _ROUND_OFF):
-                count.add(f"{leg.called(index)}: {size_m:.2f} m")
+        sizes_m = leg.sizes_m[:, 0]
+        thinnest_m = min(thinnest_m, float(sizes_m.min(initial=math.inf)))
+        for index in np.flatnonzero(sizes_m < assumed_m * (1.0 - _ROUND_OFF)).tolist():
+            count.add(f"{leg.called(index)}: {sizes_m[index]:.2f} m")
     return FieldRule(
         "obstacle_size_min",
         assumed_m,
@@ -242,7 +296,7 @@ def _nearest_neighbours(points_m: FloatArray) -> tuple[FloatArray, FloatArray]:
 def _disjoint(legs: tuple[LegField, ...]) -> FieldRule:
     count = _Count()
     for leg in legs:
-        for i, j in intersecting_pairs([region.extent for region in leg.regions]):
+        for i, j in intersecting_pairs(leg.regions_m):
             count.add(f"{leg.ids[i]} and {leg.called(j)}")
     return _none_of(
         count,
@@ -253,11 +307,13 @@ def _disjoint(legs: tuple[LegField, ...]) -> FieldRule:
     )
 
 
-def intersecting_pairs(boxes: list[Box]) -> Iterator[tuple[int, int]]:
-    """Yield the index pairs of boxes that share a point, by a sweep along their longer spread."""
-    edges_m = np.array([(b.x_min_m, b.x_max_m, b.y_min_m, b.y_max_m) for b in boxes])
-    edges_m = edges_m.reshape(-1, 2, 2)
-    spread_m = np.ptp(edges_m[:, :, 0], axis=0) if len(boxes) else np.zeros(2)
+def intersecting_pairs(boxes_m: FloatArray) -> Iterator[tuple[int, int]]:
+    """Yield the index pairs of boxes, (N, 4), that share a point.
+
+    They are found by a sweep along the longer spread.
+    """
+    edges_m = boxes_m.reshape(-1, 2, 2)
+    spread_m = np.ptp(edges_m[:, :, 0], axis=0) if len(boxes_m) else np.zeros(2)
     along = int(np.argmax(spread_m))
     order = np.argsort(edges_m[:, along, 0], kind="stable")
     lower_m, upper_m = edges_m[order, :, 0], edges_m[order, :, 1]
@@ -298,9 +354,8 @@ def _end_clear(legs: tuple[LegField, ...]) -> FieldRule:
 
 
 def _count_regions_at(leg: LegField, place: Box, count: _Count) -> None:
-    for index, region in enumerate(leg.regions):
-        if region.extent.intersects(place):
-            count.add(leg.called(index))
+    for index in leg.regions_at(place):
+        count.add(leg.called(index))
 
 
 def _none_of(count: _Count, name: str, unit: str, reason: str) -> FieldRule:

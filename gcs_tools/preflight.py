@@ -1,28 +1,28 @@
-"""``clearway preflight``: contract, field and vehicle -> may this be flown?"""
+"""``clearway preflight``: contract, field, vehicle and detections -> may this be flown?"""
 
 from __future__ import annotations
 
 import asyncio
-from dataclasses import dataclass
-from functools import partial
+from dataclasses import dataclass, replace
+from functools import cached_property, partial
 from pathlib import Path
 from typing import Any
 
 from rich.console import Console
-from rich.markup import escape
-from rich.table import Table
 
+from gcs_tools import preflight_report
 from gcs_tools.contract_document import contract_document
-from gcs_tools.contract_show import clause_table, print_verdict
-from gcs_tools.field_check import FieldRule, check_field
+from gcs_tools.errors import CommandError
+from gcs_tools.field_check import FieldRule, check_field, legs_of
 from gcs_tools.output import Format, write_document
+from gcs_tools.preflight_finding import Finding, Verdict
+from gcs_tools.preflight_remedy import Remedy, remedies
+from gcs_tools.preflight_speed import fastest_speed_mps
 from onboard.agility import InputSet
 from onboard.config import Contract, Mission, load_contract
 from onboard.contract import Assessment, assess
 from onboard.yaml_file import load_yaml
 from sitl.field import ObstacleField, load_field
-
-_OFFENDERS_SHOWN = 5
 
 
 @dataclass(frozen=True)
@@ -32,40 +32,64 @@ class Preflight:
     Attributes:
         assessment: the contract's clauses.
         field_rules: the obstacle field's, where one was given.
-        vehicle: one line about the vehicle, where one was asked for.
+        fastest_mps: the fastest cruise that contract and field allow; None where no field was
+            given, or no speed would do.
+        findings: what was looked at live.
     """
 
     assessment: Assessment
     field_rules: tuple[FieldRule, ...] = ()
-    vehicle: str | None = None
+    fastest_mps: float | None = None
+    findings: tuple[Finding, ...] = ()
 
     @property
     def compliant(self) -> bool:
-        """Whether the flight is covered by the contract."""
+        """Whether the flight is covered by the contract, as far as paper can tell."""
         return self.assessment.compliant and all(rule.holds for rule in self.field_rules)
 
     @property
+    def verdict(self) -> Verdict:
+        """What came of everything that was looked at."""
+        return Verdict.worst(
+            [Verdict.of(holds=self.compliant), *(each.verdict for each in self.findings)]
+        )
+
+    @cached_property
+    def remedies(self) -> tuple[Remedy, ...]:
+        """Single changes that mend the clauses that are broken."""
+        return remedies(self.assessment)
+
+    @property
     def refusals(self) -> tuple[str, ...]:
-        """Why it is not; empty if it is."""
+        """Why it may not be flown; empty if it may."""
         clauses = tuple(
             f"{c.name}: requires {c.required:.2f} {c.unit}, declared {c.declared:.2f} {c.unit}"
             for c in self.assessment.clauses
             if not c.holds
         )
-        return clauses + tuple(
-            f"{rule.name}: {rule.reason} ({_some(rule.offenders)})"
+        rules = tuple(
+            f"{rule.name}: {rule.reason} ({preflight_report.some(rule.offenders)})"
             for rule in self.field_rules
             if not rule.holds
         )
+        live = tuple(
+            f"{each.subject} {each.name}: {each.verdict.value}: {each.text}"
+            for each in sorted(self.findings, key=lambda each: each.verdict is Verdict.UNKNOWN)
+            if each.verdict is not Verdict.HOLDS
+        )
+        return clauses + rules + live
 
     def document(self) -> dict[str, Any]:
         """Return the result as JSON values."""
         return {
+            "verdict": self.verdict.value,
             "compliant": self.compliant,
             "refusals": list(self.refusals),
             "contract": contract_document(self.assessment),
+            "remedies": [vars(remedy) for remedy in self.remedies],
             "field": [_rule_document(rule) for rule in self.field_rules],
-            "vehicle": self.vehicle,
+            "fastest_compliant_speed_mps": self.fastest_mps,
+            "live": [finding.document() for finding in self.findings],
         }
 
 
@@ -81,65 +105,82 @@ def check(
     return Preflight(assessment, rules)
 
 
+@dataclass(frozen=True)
+class PreflightFiles:
+    """What a check on paper reads.
+
+    Attributes:
+        contract, field, mission: files; the last two may be missing.
+        overrides: of the contract, as given to ``--set``.
+        picture: where to draw the field.
+    """
+
+    contract: Path
+    field: Path | None
+    mission: Path | None
+    overrides: tuple[str, ...]
+    picture: Path | None
+
+
 def run_preflight(
-    contract_path: Path,
+    files: PreflightFiles,
     *,
-    overrides: tuple[str, ...],
-    field_path: Path | None,
-    mission_path: Path | None,
     vehicle_url: str | None,
     input_set: InputSet,
     form: Format,
     output: Path | None,
-) -> bool:
-    """Check, write the result, and return whether the flight is covered.
+) -> Verdict:
+    """Check, write the result, and return the verdict.
 
     Raises:
         FileError: a file is not usable.
-        CommandError: there is no vehicle, or the output cannot be written.
+        CommandError: there is no vehicle, or the output or the picture cannot be written.
     """
-    contract = load_contract(contract_path, overrides)
-    obstacles = None if field_path is None else load_field(field_path)
-    mission = None if mission_path is None else load_yaml(mission_path, Mission)
+    contract = load_contract(files.contract, files.overrides)
+    obstacles = None if files.field is None else load_field(files.field)
+    mission = None if files.mission is None else load_yaml(files.mission, Mission)
     result = check(contract, obstacles, mission, input_set)
+    if obstacles is not None:
+        fastest_mps = fastest_speed_mps(contract, obstacles, mission, input_set)
+        result = replace(result, fastest_mps=fastest_mps)
+        if files.picture is not None:
+            _draw(files.picture, result, obstacles, mission)
+    elif files.picture is not None:
+        raise CommandError("--picture draws the obstacle field: give --field")
     if vehicle_url is not None:
-        result = Preflight(result.assessment, result.field_rules, _look_at_vehicle(vehicle_url))
-    table = partial(print_preflight, result, str(contract_path))
+        result = replace(result, findings=(_look_at_vehicle(vehicle_url),))
+    table = partial(print_preflight, result, str(files.contract))
     write_document(result.document(), table, form=form, path=output)
-    return result.compliant
+    return result.verdict
 
 
-def _look_at_vehicle(url: str) -> str:
+def _look_at_vehicle(url: str) -> Finding:
     # MAVSDK is a large native library: load it for those who have a vehicle.
     from gcs_tools.vehicle import describe_vehicle  # noqa: PLC0415
 
-    return asyncio.run(describe_vehicle(url))
+    return Finding("vehicle", "health", Verdict.HOLDS, asyncio.run(describe_vehicle(url)))
+
+
+def _draw(path: Path, result: Preflight, obstacles: ObstacleField, mission: Mission | None) -> None:
+    # Matplotlib takes long to load: only for those who want a picture.
+    from gcs_tools.preflight_picture import draw_field  # noqa: PLC0415
+
+    broken = [rule.name for rule in result.field_rules if not rule.holds]
+    title = f"{len(obstacles)} obstacles: " + (", ".join(broken) + " broken" if broken else "clear")
+    draw_field(legs_of(result.assessment, obstacles, mission), title, path)
 
 
 def print_preflight(result: Preflight, title: str, console: Console) -> None:
     """Draw the operator's view: verdict, then every rule."""
-    mark = "[bold green]MAY FLY[/]" if result.compliant else "[bold red]DO NOT FLY[/]"
-    console.print(mark)
-    for refusal in result.refusals:
-        console.print(f"  • {refusal}", style="red", markup=False, soft_wrap=True)
     assessment = result.assessment
-    print_verdict(assessment, title, console)
-    console.print(clause_table(assessment.clauses, binding=assessment.binding.name))
+    preflight_report.print_title(result.verdict, title, result.refusals, console)
+    preflight_report.print_contract(assessment, result.remedies, console)
     if result.field_rules:
-        console.print(_rule_table(result.field_rules))
-    if result.vehicle is not None:
-        console.print(result.vehicle)
-
-
-def _rule_table(rules: tuple[FieldRule, ...]) -> Table:
-    table = Table("rule", "", title="Obstacle field", title_justify="left")
-    for column in ("required", "declared", "unit", "offenders"):
-        table.add_column(column, justify="right" if column.endswith("ed") else "left")
-    for rule in rules:
-        mark = "[green]holds[/]" if rule.holds else "[red]BROKEN[/]"
-        numbers = f"{rule.required:.3g}", f"{rule.declared:.3g}"
-        table.add_row(rule.name, mark, *numbers, rule.unit, escape(_some(rule.offenders)))
-    return table
+        preflight_report.print_field(
+            result.field_rules, result.fastest_mps, assessment.terms.cruise_speed_mps, console
+        )
+    if result.findings:
+        preflight_report.print_findings(result.findings, console)
 
 
 def _rule_document(rule: FieldRule) -> dict[str, Any]:
@@ -158,8 +199,3 @@ def _rule_document(rule: FieldRule) -> dict[str, Any]:
 def _finite(value: float) -> float | None:
     """JSON knows no infinity: a single obstacle has no nearest neighbour."""
     return value if abs(value) < float("inf") else None
-
-
-def _some(offenders: tuple[str, ...]) -> str:
-    shown = "; ".join(offenders[:_OFFENDERS_SHOWN])
-    return shown if len(offenders) <= _OFFENDERS_SHOWN else f"{shown}; …"

@@ -160,7 +160,8 @@ def test_the_sweep_finds_what_comparing_all_pairs_finds(
         for i, first in enumerate(boxes[:j])
         if first.intersects(second)
     }
-    found = list(intersecting_pairs(boxes))
+    edges = [(b.x_min_m, b.x_max_m, b.y_min_m, b.y_max_m) for b in boxes]
+    found = list(intersecting_pairs(np.array(edges).reshape(-1, 4)))
     assert len(found) == len(set(found))
     assert set(found) == everyone
 
