@@ -90,7 +90,7 @@ def test_fastest_speed_has_its_closed_form() -> None:
     assert limit.beyond.clause == "edge_visibility"
 
 
-@settings(max_examples=10)
+@settings(max_examples=6)
 @given(st.floats(7.0, 30.0), st.floats(10.0, 40.0))
 def test_solving_back_and_forth(range_m: float, separation_m: float) -> None:
     """The smallest range that complies with the fastest speed is the range it was found for."""

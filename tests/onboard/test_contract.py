@@ -455,12 +455,15 @@ def test_a_harder_contract_never_requires_less(terms: Contract, name: str, by: f
     # A run that was measured at one speed says nothing about another.
     before = replace(Terms.of(terms), setpoint_loss_run_on_m=None)
     after = replace(before, **{name: getattr(before, name) + by})
-    required = {
-        clause.name: clause.required for clause in clauses(before, derive(before, SCALAR), SCALAR)
-    }
-    for clause in clauses(after, derive(after, SCALAR), SCALAR):
-        # What lies farther ahead may be seen under a smaller angle.
-        if clause.name != "field_of_view":
+    derived_before, derived_after = derive(before, SCALAR), derive(after, SCALAR)
+    required = {clause.name: clause.required for clause in clauses(before, derived_before, SCALAR)}
+    # What lies farther ahead may be seen under a smaller angle; and once stopping is quicker than
+    # passing, the edge to pass need not be seen any more.
+    exempt = {"field_of_view"}
+    if derived_before.region.flat != derived_after.region.flat:
+        exempt |= {"edge_visibility", "passive_safety"}
+    for clause in clauses(after, derived_after, SCALAR):
+        if clause.name not in exempt:
             assert clause.required >= required[clause.name] - 1e-9, clause.name
 
 

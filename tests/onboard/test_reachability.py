@@ -21,7 +21,7 @@ LIMITS = st.builds(AccelerationLimits, *[ACCELERATIONS_MPS2] * 4)
 STEPS = 200
 
 # Shrinking a failure would repeat a slow simulation a thousand times.
-SIMULATED = settings(max_examples=12, phases=(Phase.explicit, Phase.reuse, Phase.generate))
+SIMULATED = settings(max_examples=8, phases=(Phase.explicit, Phase.reuse, Phase.generate))
 
 
 def encounter(

@@ -455,6 +455,9 @@ def test_border_with_drift_by_hand() -> None:
     limits = AccelerationLimits(4.0, 1.0, 2.0, 2.0)
     e = replace(Encounter.ideal(limits, 4.0, (1.0, 8.0)), lateral_speed_mps=1.0)
     assert recovery_distance(e, 1.0, SCALAR) == pytest.approx(5.0 * 1.99875 - 1.96875)
+    # A drift that outlasts everything: the worst crossing is at once, m_0 = 0.75 s.
+    fast = replace(symmetric(2.0, 1.0, 2.0, (1.0, 8.0)), lateral_speed_mps=1.5)
+    assert recovery_distance(fast, 1.0, SCALAR) == pytest.approx(2.0 * 0.9375)
 
 
 def test_border_with_lag_by_hand() -> None:
