@@ -166,8 +166,6 @@ class CopterCommander(Commander):
     def _mode_refusal(self, mode: Mode) -> str | None:
         if mode is Mode.MISSION and not self.mission.flyable:
             return "Mode change to AUTO failed: no mission"
-        if mode is Mode.HOLD and not self.airborne:
-            return "Mode change to BRAKE failed: not flying"
         return None
 
     def _check_setpoints(self) -> None:

@@ -208,7 +208,7 @@ class AutoFlight:
             self.reference.yaw_rad = math.atan2(east_m, north_m)
 
     def _reached(self, item: MissionItem, target: Vector) -> bool:
-        stops = item.dwell_s > 0.0 or item.lands or item.takes_off or self.mission.at_last
+        stops = item.dwell_s > 0.0 or item.lands or item.takes_off or self.mission.stops_here
         if stops:
             return self.reference.is_at(target)
         radius_m = item.acceptance_radius_m or self.settings.acceptance_radius_m

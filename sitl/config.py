@@ -121,6 +121,7 @@ class SitlConfig(VehicleConfig):
         mavlink: connection URLs, one link each.
         field: obstacle file; null for open space.
         truth_log: MCAP file to write ground truth to; further vehicles add their name to it.
+        speed_factor: seconds of simulation in one of real time; time stamps follow the simulation.
         fleet: further vehicles in the same process, alike but for the keys given there; they do
             not see one another.
     """
@@ -135,6 +136,7 @@ class SitlConfig(VehicleConfig):
     field: FilePath | None = None
     seed: int = 0
     truth_log: FilePath | None = None
+    speed_factor: Annotated[float, Field(gt=0.0, le=50.0)] = 1.0
     fleet: Annotated[tuple[FleetMember, ...], Field(strict=False)] = ()
 
     @model_validator(mode="after")

@@ -97,11 +97,11 @@ class LiveSimulator:
 
     def _now_s(self) -> float:
         """Simulation time that real time asks for."""
-        now_s = time.monotonic() - self._origin_s
+        now_s = (time.monotonic() - self._origin_s) * self._config.speed_factor
         behind_s = now_s - self._scene.vehicle.truth.time_s
-        if behind_s > _BEHIND_MAX_S:
+        if behind_s > _BEHIND_MAX_S * self._config.speed_factor:
             log.warning("simulation stalled for %.2f s, which will not be caught up", behind_s)
-            self._origin_s += behind_s
+            self._origin_s += behind_s / self._config.speed_factor
             now_s -= behind_s
         return now_s
 

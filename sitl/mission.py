@@ -91,6 +91,11 @@ class MissionItem(NamedTuple):
         return self.command in _POSITIONED and (self.x, self.y) != (0, 0)
 
     @property
+    def moves(self) -> bool:
+        """Whether flying the item takes the vehicle somewhere."""
+        return self.command in _POSITIONED or self.returns_home
+
+    @property
     def has_height(self) -> bool:
         """Whether the altitude is meant."""
         return self.command in _POSITIONED and self.command != mavlink.MAV_CMD_NAV_LAND
@@ -191,6 +196,11 @@ class MissionStore:
     def at_last(self) -> bool:
         """Whether nothing follows the current item."""
         return self.current >= len(self.items) - 1
+
+    @property
+    def stops_here(self) -> bool:
+        """Whether the vehicle goes nowhere after the current item."""
+        return not any(item.moves for item in self.items[self.current + 1 :])
 
     @property
     def starts_without_take_off(self) -> bool:
