@@ -8,7 +8,8 @@ from __future__ import annotations
 
 import bisect
 import functools
-from collections import deque
+import math
+from collections import defaultdict, deque
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from typing import Annotated, Final, Literal
@@ -176,6 +177,8 @@ class ObstacleMap:
         # (front of the region, id), sorted; with the longest region it bounds every search.
         self._order: list[tuple[float, str]] = []
         self._longest_region_m = 0.0
+        # The same for each strip of a metre across the leg: who stands in the way there.
+        self._strips: defaultdict[int, list[tuple[float, str]]] = defaultdict(list)
 
     def __len__(self) -> int:
         return len(self._obstacles)
@@ -197,6 +200,7 @@ class ObstacleMap:
         self._merged_size_max_m = merged_size_max_m
         self._tracks, self._obstacles, self._obstacle_of_track = {}, {}, {}
         self._order, self._longest_region_m = [], 0.0
+        self._strips.clear()
         for track_id, track in tracks.items():
             self.add(track_id, track.corners_ned_m, track.position_error_m)
 
@@ -233,9 +237,14 @@ class ObstacleMap:
 
     def between(self, x_min_m: float, x_max_m: float) -> Iterator[Obstacle]:
         """Obstacles whose regions reach into [x_min_m, x_max_m], in the order of their fronts."""
-        start = bisect.bisect_left(self._order, (x_min_m - self._longest_region_m, ""))
-        for index in range(start, len(self._order)):
-            front_m, obstacle_id = self._order[index]
+        return self._reaching(self._order, x_min_m, x_max_m)
+
+    def _reaching(
+        self, order: list[tuple[float, str]], x_min_m: float, x_max_m: float
+    ) -> Iterator[Obstacle]:
+        start = bisect.bisect_left(order, (x_min_m - self._longest_region_m, ""))
+        for index in range(start, len(order)):
+            front_m, obstacle_id = order[index]
             if front_m > x_max_m:
                 return
             obstacle = self._obstacles[obstacle_id]
@@ -250,9 +259,10 @@ class ObstacleMap:
             y_m: position across the leg.
             horizon_m: way made until the next decision; a region that begins within it counts.
         """
+        in_the_way = self._strips.get(math.floor(y_m), [])
         ahead = (
             obstacle
-            for obstacle in self.between(x_m, x_m + horizon_m)
+            for obstacle in self._reaching(in_the_way, x_m, x_m + horizon_m)
             if obstacle.region.lies_ahead(x_m, y_m)
         )
         return min(ahead, key=lambda obstacle: obstacle.region.keep_out.x_min_m, default=None)
@@ -277,7 +287,8 @@ class ObstacleMap:
         for member in obstacle.members:
             self._obstacle_of_track[member] = obstacle.id
         extent = obstacle.region.extent
-        bisect.insort(self._order, (extent.x_min_m, obstacle.id))
+        for order in self._orders_of(obstacle):
+            bisect.insort(order, (extent.x_min_m, obstacle.id))
         self._longest_region_m = max(self._longest_region_m, extent.x_max_m - extent.x_min_m)
 
     def _may_merge(self, one: Obstacle, other: Obstacle) -> bool:
@@ -297,8 +308,16 @@ class ObstacleMap:
         for member in obstacle.members:
             del self._obstacle_of_track[member]
         key = (obstacle.region.extent.x_min_m, obstacle.id)
-        del self._order[bisect.bisect_left(self._order, key)]
+        for order in self._orders_of(obstacle):
+            del order[bisect.bisect_left(order, key)]
         return obstacle.members
+
+    def _orders_of(self, obstacle: Obstacle) -> Iterator[list[tuple[float, str]]]:
+        """Every sorted list that an obstacle stands in."""
+        yield self._order
+        left_m, right_m = obstacle.region.way_m
+        for strip in range(math.floor(left_m), math.floor(right_m) + 1):
+            yield self._strips[strip]
 
     def _leg_box(self, corners_ned_m: FloatArray) -> Box:
         flat = np.column_stack((corners_ned_m, np.zeros(len(corners_ned_m))))

@@ -345,13 +345,18 @@ class RegionOfInfluence:
         """The post-obstacle border."""
         return self.extent.x_max_m
 
+    @property
+    def way_m(self) -> tuple[float, float]:
+        """Between which y a vehicle that flies along x would meet the obstacle."""
+        return (
+            self.obstacle.y_min_m - self.drift_left_m,
+            self.obstacle.y_max_m + self.drift_right_m,
+        )
+
     def lies_ahead(self, x_m: float, y_m: float) -> bool:
         """Tell whether the vehicle at (x, y), flying along x, would meet the obstacle."""
-        obstacle = self.obstacle
-        across = (
-            obstacle.y_min_m - self.drift_left_m <= y_m <= obstacle.y_max_m + self.drift_right_m
-        )
-        return across and x_m <= obstacle.x_max_m
+        left_m, right_m = self.way_m
+        return left_m <= y_m <= right_m and x_m <= self.obstacle.x_max_m
 
 
 def boundary_depth_at(

@@ -33,6 +33,7 @@ class Rig:
     position_ned_m: tuple[float, float, float] = (0.0, 0.0, -4.0)
     velocity_ned_mps: tuple[float, float, float] = (0.0, 0.0, 0.0)
     acceleration_ned_mps2: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    yaw_rad: float = 0.0
     level: bool = False
     obstacles: list[dict[str, Any]] = field(default_factory=list)
     seeing: bool = True
@@ -68,15 +69,19 @@ class Rig:
                     self.position_ned_m = (message.x, message.y, message.z)
                     self.velocity_ned_mps = (message.vx, message.vy, message.vz)
                     self.acceleration_ned_mps2 = (message.afx, message.afy, message.afz)
+                    self.yaw_rad = message.yaw
         self.events += self.autonomy.events()
 
     def _say(self) -> None:
         base_mode = mavlink.MAV_MODE_FLAG_SAFETY_ARMED if self.armed else 0
         self._mav.heartbeat_send(mavlink.MAV_TYPE_QUADROTOR, 12, base_mode, self.mode, 4)
         self._mav.extended_sys_state_send(0, self.landed_state)
-        x_mps2, y_mps2, _ = (0.0, 0.0, 0.0) if self.level else self.acceleration_ned_mps2
-        roll_rad, pitch_rad = math.atan(y_mps2 / 9.80665), -math.atan(x_mps2 / 9.80665)
-        self._mav.attitude_send(0, roll_rad, pitch_rad, 0.0, 0.0, 0.0, 0.0)
+        north_mps2, east_mps2, _ = (0.0, 0.0, 0.0) if self.level else self.acceleration_ned_mps2
+        cosine, sine = math.cos(self.yaw_rad), math.sin(self.yaw_rad)
+        forward_mps2 = cosine * north_mps2 + sine * east_mps2
+        right_mps2 = cosine * east_mps2 - sine * north_mps2
+        roll_rad, pitch_rad = math.atan(right_mps2 / 9.80665), -math.atan(forward_mps2 / 9.80665)
+        self._mav.attitude_send(0, roll_rad, pitch_rad, self.yaw_rad, 0.0, 0.0, 0.0)
         self._mav.local_position_ned_send(0, *self.position_ned_m, *self.velocity_ned_mps)
         self.autonomy.receive_mavlink(bytes(self._bytes), self.now_s)
         self._bytes.clear()
@@ -401,3 +406,44 @@ def test_defect_of_ours_ends_in_hover_not_in_silence(
     assert cruising.phase is Phase.HOLD
     assert "self_check" in cruising.texts("violation")[0]
     assert cruising.setpoints[-1].vx == pytest.approx(0.0, abs=1e-6)
+
+
+def test_legs_are_flown_one_after_another_each_with_the_nose_along_it(contract: Contract) -> None:
+    mission = Mission.model_validate(
+        {
+            "altitude_m": 4.0,
+            "legs": [
+                {"end_ned_m": [30.0, 0.0], "target_half_width_m": 8.0},
+                {"end_ned_m": [30.0, 45.0], "target_half_width_m": 8.0},
+            ],
+        }
+    )
+    rig = Rig(Autonomy(contract, mission, epoch_unix_s=EPOCH_UNIX_S), mode=OFFBOARD)
+    # On the second leg, seen from the first already: remembered, and avoided there.
+    rig.obstacles = [box((30.3, 22.0))]
+    passed_north_m = []
+
+    def arrived() -> bool:
+        if 21.5 <= rig.position_ned_m[1] <= 22.5:
+            passed_north_m.append(rig.position_ned_m[0])
+        return rig.phase is Phase.ARRIVED
+
+    rig.run(90.0, until=arrived)
+    assert rig.phase is Phase.ARRIVED
+    assert rig.position_ned_m[1] == pytest.approx(45.0, abs=0.05)
+    assert rig.yaw_rad == pytest.approx(math.pi / 2, abs=1e-3)
+    assert passed_north_m
+    assert all(abs(north_m - 30.3) >= 0.5 + 0.30 + 0.05 for north_m in passed_north_m)
+    assert [text for text in rig.texts("phase") if "leg flown" in text] == ["cruise (leg flown)"]
+    assert rig.texts("violation") == []
+
+
+def test_end_of_a_leg_inside_a_region_is_not_approached(contract: Contract) -> None:
+    leg = {"end_ned_m": [30.0, 0.0], "target_half_width_m": 8.0}
+    mission = Mission.model_validate({"altitude_m": 4.0, "legs": [leg]})
+    rig = Rig(Autonomy(contract, mission, epoch_unix_s=EPOCH_UNIX_S), mode=OFFBOARD)
+    rig.obstacles = [box((30.0, 0.2))]
+    rig.run(40.0, until=lambda: rig.phase is Phase.HOLD)
+    assert "leg_end_clear" in rig.texts("violation")[0]
+    rig.run(4.0)
+    assert rig.position_ned_m[0] < 30.0 - 0.5 - 0.30
