@@ -16,8 +16,6 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Final
 
-import numpy as np
-
 from onboard.agility import InputSet
 from onboard.clearance import ClearanceGate
 from onboard.config import Contract, Mission
@@ -332,8 +330,8 @@ class Autonomy:
         if reference is None:
             return []
         leg = self.navigator.leg
-        x_m, y_m, _ = leg.position_leg_from_ned(np.array(pose.position_ned_m)).tolist()
-        vx_mps, vy_mps, _ = leg.vector_leg_from_ned(np.array(pose.velocity_ned_mps)).tolist()
+        x_m, y_m, _ = leg.position_leg(pose.position_ned_m)
+        vx_mps, vy_mps, _ = leg.vector_leg(pose.velocity_ned_mps)
         terms = self.assessment.terms
         found = self._tracking_watch.check(
             (x_m - reference.position_leg_m[0], y_m - reference.position_leg_m[1]),

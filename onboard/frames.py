@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 FloatArray = NDArray[np.float64]
+Vector = tuple[float, float, float]
 
 
 @dataclass(frozen=True)
@@ -51,6 +52,33 @@ class LegFrame:
         """Rotation matrix (3, 3): ``vector_ned = rotation_ned_from_leg @ vector_leg``."""
         return rotation_about_down(self.heading_rad)
 
+    # One vector at a time, as tuples: several times faster than an array of three.
+
+    def position_ned(self, position_leg_m: Vector) -> Vector:
+        """Return one position in metres, leg -> NED."""
+        x, y, z = self.vector_ned(position_leg_m)
+        north_m, east_m, down_m = self.origin_ned_m
+        return x + north_m, y + east_m, z + down_m
+
+    def position_leg(self, position_ned_m: Vector) -> Vector:
+        """Return one position in metres, NED -> leg."""
+        (x, y, z), (north_m, east_m, down_m) = position_ned_m, self.origin_ned_m
+        return self.vector_leg((x - north_m, y - east_m, z - down_m))
+
+    def vector_ned(self, vector_leg: Vector) -> Vector:
+        """Return one velocity, acceleration, ..., leg -> NED."""
+        (cosine, sine), (x, y, z) = self._direction, vector_leg
+        return cosine * x - sine * y, sine * x + cosine * y, z
+
+    def vector_leg(self, vector_ned: Vector) -> Vector:
+        """Return one velocity, acceleration, ..., NED -> leg."""
+        (cosine, sine), (x, y, z) = self._direction, vector_ned
+        return cosine * x + sine * y, cosine * y - sine * x, z
+
+    @cached_property
+    def _direction(self) -> tuple[float, float]:
+        return math.cos(self.heading_rad), math.sin(self.heading_rad)
+
     def position_ned_from_leg(self, position_leg_m: FloatArray) -> FloatArray:
         """Positions (..., 3) in metres, leg -> NED."""
         moved: FloatArray = self.vector_ned_from_leg(position_leg_m) + np.array(self.origin_ned_m)
@@ -69,10 +97,6 @@ class LegFrame:
         """Velocities, accelerations, ... (..., 3), NED -> leg."""
         rotated: FloatArray = vector_ned @ self.rotation_ned_from_leg
         return rotated
-
-    def yaw_leg_from_ned(self, yaw_ned_rad: float) -> float:
-        """Angle about down, NED -> leg, in [-pi, pi)."""
-        return wrap_angle(yaw_ned_rad - self.heading_rad)
 
 
 def rotation_about_down(angle_rad: float) -> FloatArray:

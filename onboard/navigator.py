@@ -12,8 +12,6 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import Final
 
-import numpy as np
-
 from onboard.adaptation import Adaptation, adapt, slowing_distance, slows_in_time
 from onboard.agility import GRAVITY_MPS2
 from onboard.avoidance import AvoidanceProblem, Envelope
@@ -21,7 +19,7 @@ from onboard.certify import certify_clear
 from onboard.config import Mission
 from onboard.contract import TICK_S, Assessment
 from onboard.events import Event, Severity
-from onboard.frames import FloatArray, LegFrame, wrap_angle
+from onboard.frames import LegFrame, wrap_angle
 from onboard.guidance import (
     Phase,
     Trigger,
@@ -119,9 +117,9 @@ class Navigator:
         if state is None:
             return None
         return Setpoint(
-            _vector(self.leg.position_ned_from_leg(np.array(state.position_leg_m))),
-            _vector(self.leg.vector_ned_from_leg(np.array(state.velocity_leg_mps))),
-            _vector(self.leg.vector_ned_from_leg(np.array(state.acceleration_leg_mps2))),
+            self.leg.position_ned(state.position_leg_m),
+            self.leg.vector_ned(state.velocity_leg_mps),
+            self.leg.vector_ned(state.acceleration_leg_mps2),
             self.leg.heading_rad,
         )
 
@@ -163,7 +161,7 @@ class Navigator:
 
     def departure_failures(self, pose: Pose) -> list[str]:
         """Return why the leg may not be started or resumed from here; empty if it may."""
-        x_m, y_m, z_m = _vector(self.leg.position_leg_from_ned(np.array(pose.position_ned_m)))
+        x_m, y_m, z_m = self.leg.position_leg(pose.position_ned_m)
         beside_max_m = self._mission.legs[self._leg_index].target_half_width_m
         checks = [
             (x_m >= -START_TOLERANCE_M, f"{-x_m:.1f} m before the start of the leg"),
@@ -262,8 +260,8 @@ class Navigator:
 
     def _measured_state(self, pose: Pose) -> State:
         return State(
-            _vector(self.leg.position_leg_from_ned(np.array(pose.position_ned_m))),
-            _vector(self.leg.vector_leg_from_ned(np.array(pose.velocity_ned_mps))),
+            self.leg.position_leg(pose.position_ned_m),
+            self.leg.vector_leg(pose.velocity_ned_mps),
         )
 
     # ------------------------------------------------------------------ one tick
@@ -336,10 +334,10 @@ class Navigator:
             self._start_next_leg(final, now_s)
 
     def _start_next_leg(self, final: State, now_s: float) -> None:
-        position_ned_m = self.leg.position_ned_from_leg(np.array(final.position_leg_m))
+        north_m, east_m, _ = self.leg.position_ned(final.position_leg_m)
         self._leg_index += 1
         end_ned_m = self._waypoints_ned_m[self._leg_index + 1]
-        here_ned_m = (float(position_ned_m[0]), float(position_ned_m[1]), end_ned_m[2])
+        here_ned_m = (north_m, east_m, end_ned_m[2])
         # From where the vehicle is: the last leg may have left it beside its end (erratum 16).
         self.leg = LegFrame.between(here_ned_m, end_ned_m)
         self._rebuild_map()
@@ -530,11 +528,6 @@ def _envelope(assessment: Assessment) -> Envelope:
         jerk_max_mps3=(jerk_x_mps3, jerk_y_mps3, jerk_y_mps3),
         speed_max_mps=terms.cruise_speed_mps,
     )
-
-
-def _vector(array: FloatArray) -> tuple[float, float, float]:
-    x, y, z = array.tolist()
-    return x, y, z
 
 
 def _waypoints(mission: Mission) -> list[tuple[float, float, float]]:

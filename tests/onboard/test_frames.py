@@ -54,11 +54,16 @@ def test_many_vectors_turn_like_one() -> None:
     np.testing.assert_allclose(moved[0, 1], leg.position_ned_from_leg(vectors_m[0, 1]))
 
 
-@given(LEGS)
-def test_the_leg_itself_points_to_zero(leg: LegFrame) -> None:
-    assert leg.yaw_leg_from_ned(leg.heading_rad) == 0.0
-    quarter_rad = leg.yaw_leg_from_ned(leg.heading_rad + math.pi / 2)
-    assert quarter_rad == pytest.approx(math.pi / 2)
+@given(LEGS, st.tuples(*(st.floats(-1e3, 1e3),) * 3))
+def test_one_vector_is_moved_like_many(leg: LegFrame, vector: tuple[float, float, float]) -> None:
+    pairs = [
+        (leg.position_ned, leg.position_ned_from_leg),
+        (leg.position_leg, leg.position_leg_from_ned),
+        (leg.vector_ned, leg.vector_ned_from_leg),
+        (leg.vector_leg, leg.vector_leg_from_ned),
+    ]
+    for of_one, of_many in pairs:
+        np.testing.assert_allclose(of_one(vector), of_many(np.array(vector)), atol=1e-9)
 
 
 def test_a_leg_without_length_has_no_frame() -> None:
