@@ -175,7 +175,7 @@ class Tracking:
 
     Attributes:
         time_s: (N,).
-        planned, flown: (N, 11): position and velocity NED, roll, pitch, yaw, ...
+        planned, flown: (N, 9): position and velocity NED, roll, pitch, yaw.
         rotor_speeds_rpm: (N, 4).
     """
 
@@ -192,7 +192,7 @@ class Tracking:
 
 
 def paper_flight() -> Tracking:
-    """Fly the paper's example in virtual time; note what is wanted of the vehicle and what it does."""
+    """Fly the paper's example in virtual time; note what is wanted and what is done."""
     scenario = load_scenario(SCENARIO)
     simulation = Simulation(
         SimulatedFlight(
@@ -205,7 +205,6 @@ def paper_flight() -> Tracking:
     vehicle = simulation.scene.vehicle
     rows = []
     while not simulation.over:
-        wanted = vehicle.autopilot.commander.setpoint
         simulation.advance()
         wanted = vehicle.autopilot.commander.setpoint
         if wanted is None or vehicle.autopilot.commander.mode is not Mode.OFFBOARD:
@@ -325,9 +324,8 @@ def main() -> None:
         ("roll", roll, motion.roll_rad),
         ("pitch", pitch, motion.pitch_rad),
     ):
-        print(
-            f"flatness         {name} within {np.degrees(np.abs(there - here)[20:-20].max()):.3f} deg"
-        )
+        apart_deg = np.degrees(np.abs(there - here)[20:-20].max())
+        print(f"flatness         {name} within {apart_deg:.4f} deg")
     print(f"pictures in {directory}")
 
 

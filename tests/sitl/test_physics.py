@@ -17,13 +17,13 @@ from tests.validation import (
     swerve,
 )
 
-NO_DRAG = {"rotor_drag_n_per_mps": 0.0, "drag_area_m2": 0.0}
+NO_DRAG = quadrotor(rotor_drag_n_per_mps=0.0, drag_area_m2=0.0)
 
 
 @pytest.mark.parametrize(
     ("body", "position_m", "attitude_rad"),
     [
-        (quadrotor(**NO_DRAG), 1e-5, 1e-6),
+        (NO_DRAG, 1e-5, 1e-6),
         (quadrotor(rotor_drag_n_per_mps=0.0, drag_area_m2=0.03), 1e-5, 1e-6),
         # RotorPy's rotor drag acts at each rotor, and damps body rates a little; ours does not.
         (quadrotor(rotor_drag_n_per_mps=0.15, drag_area_m2=0.0), 0.02, 0.02),
@@ -52,7 +52,7 @@ def test_rotorpy_is_told_about_every_axis() -> None:
 
 def test_attitude_and_thrust_in_flight_are_those_of_the_flatness_relations() -> None:
     """Eq. 4, along a smooth swerve: what the vehicle's motion demands is what it does."""
-    flight = swerve(quadrotor(**NO_DRAG))
+    flight = swerve(NO_DRAG)
     acceleration = np.gradient(flight.velocity_ned_mps, flight.time_s, axis=0)
     steady = slice(20, -20)
     roll, pitch, thrust = flatness_attitude(acceleration, flight.yaw_rad, flight.mass_kg)
