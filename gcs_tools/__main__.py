@@ -51,6 +51,7 @@ def build_parser() -> argparse.ArgumentParser:
     _add_fly(commands)
     _add_preflight(commands)
     _add_contract(commands)
+    _add_report(commands)
     _add_schema(commands)
     return parser
 
@@ -124,6 +125,16 @@ def _add_contract_surface(actions: Any) -> None:
     parser.add_argument("--plot", type=Path, metavar="FILE", help="draw it: PNG, SVG or PDF")
     _add_output_options(parser, "table", "json", "csv")
     parser.set_defaults(command=_contract_surface)
+
+
+def _add_report(commands: Any) -> None:
+    parser = commands.add_parser("report", help="a flight log as one HTML file; two are compared")
+    parser.add_argument("log", type=Path, metavar="LOG", help="flight.mcap, or its directory")
+    parser.add_argument("other", type=Path, nargs="?", metavar="LOG", help="laid over the first")
+    parser.add_argument(
+        "-o", "--output", type=Path, metavar="FILE", help="default: report.html beside the log"
+    )
+    parser.set_defaults(command=_report)
 
 
 def _add_schema(commands: Any) -> None:
@@ -244,6 +255,14 @@ def _contract_surface(options: argparse.Namespace) -> int:
         output=options.output,
         plot=options.plot,
     )
+    return 0
+
+
+def _report(options: argparse.Namespace) -> int:
+    from gcs_tools.report import run_report  # noqa: PLC0415
+
+    logs = [options.log] if options.other is None else [options.log, options.other]
+    run_report(logs, options.output)
     return 0
 
 

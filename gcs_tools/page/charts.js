@@ -1,0 +1,160 @@
+"use strict";
+// Quantities over time, in SVG.  Time is in seconds since departure; missing values are null.
+
+const PAD = { left: 46, right: 8, top: 8, bottom: 20 };
+
+function niceTicks(low, high, count) {
+  const rough = (high - low) / Math.max(count, 1);
+  const power = 10 ** Math.floor(Math.log10(rough));
+  const step = power * [1, 2, 5, 10].find((factor) => factor * power >= rough);
+  const ticks = [];
+  for (let tick = Math.ceil(low / step - 1e-9) * step; tick <= high + step * 1e-9; tick += step) ticks.push(tick);
+  return { ticks, digits: Math.max(0, -Math.floor(Math.log10(step) + 1e-9)) };
+}
+
+// Index of the last time at or before `time`; 0 before the first.
+function indexAt(times, time) {
+  let low = 0, high = times.length - 1;
+  while (low < high) {
+    const middle = (low + high + 1) >> 1;
+    if (times[middle] <= time) low = middle; else high = middle - 1;
+  }
+  return low;
+}
+
+class Chart {
+  // series: {label, time, values, colour, dashed}; limits: {label, value}; phases: {start_s, end_s, phase}
+  constructor(parent, { title, unit, series, limits = [], phases = [], span, zero = false, height = 150, seek }) {
+    Object.assign(this, { unit, limits, phases, span, zero, height });
+    this.series = series.filter(({ values }) => values?.some((value) => value !== null));
+    if (!this.series.length) return;
+    const panel = parent.appendChild(document.createElement("section"));
+    panel.className = "panel";
+    const heading = panel.appendChild(document.createElement("h2"));
+    heading.textContent = title;
+    heading.append(Object.assign(document.createElement("span"), { className: "faint", textContent: ` (${unit})` }));
+    this.svg = panel.appendChild(svgElement("svg", { class: "chart", height, role: "img", "aria-label": title }));
+    this.#legend(panel);
+    this.#scale();
+    new ResizeObserver(() => this.draw()).observe(this.svg);
+    const follow = (event) => { if (event.buttons) seek(this.#timeAt(event)); };
+    this.svg.addEventListener("pointerdown", follow);
+    this.svg.addEventListener("pointermove", follow);
+  }
+
+  #legend(panel) {
+    const legend = panel.appendChild(document.createElement("div"));
+    legend.className = "legend";
+    this.readouts = this.series.map(({ label, colour, dashed }) => {
+      const entry = legend.appendChild(document.createElement("span"));
+      const swatch = entry.appendChild(document.createElement("i"));
+      swatch.style.borderColor = `var(--${colour})`;
+      swatch.classList.toggle("dashed", Boolean(dashed));
+      entry.append(`${label} `);
+      return entry.appendChild(document.createElement("output"));
+    });
+  }
+
+  #scale() {
+    let low = this.zero ? 0 : Infinity, high = -Infinity;
+    const take = (value) => { if (value !== null) { low = Math.min(low, value); high = Math.max(high, value); } };
+    for (const { values } of this.series) values.forEach(take);
+    for (const { value } of this.limits) take(value);
+    const margin = (high - low || Math.abs(high) || 1) * 0.08;
+    this.low = this.zero && low >= 0 ? 0 : low - margin;
+    this.high = high + margin;
+  }
+
+  #x(time) { return PAD.left + (time - this.span[0]) / (this.span[1] - this.span[0] || 1) * this.width; }
+  #y(value) { return this.height - PAD.bottom - (value - this.low) / (this.high - this.low) * (this.height - PAD.top - PAD.bottom); }
+
+  #timeAt(event) {
+    const x = event.clientX - this.svg.getBoundingClientRect().left;
+    return this.span[0] + (x - PAD.left) / this.width * (this.span[1] - this.span[0]);
+  }
+
+  draw() {
+    if (!this.svg) return;
+    this.width = Math.max(this.svg.clientWidth - PAD.left - PAD.right, 1);
+    const bottom = this.height - PAD.bottom, right = PAD.left + this.width;
+    const parts = this.phases.map(({ start_s, end_s, phase }) => svgElement("rect", {
+      x: this.#x(start_s), width: Math.max(this.#x(end_s) - this.#x(start_s), 0), y: PAD.top,
+      height: bottom - PAD.top, style: `fill: var(--phase-${phase})` }));
+    const vertical = niceTicks(this.low, this.high, 4);
+    for (const tick of vertical.ticks) {
+      parts.push(svgElement("path", { class: "axis", d: `M${PAD.left} ${this.#y(tick)}H${right}` }));
+      parts.push(svgElement("text", { x: PAD.left - 5, y: this.#y(tick) + 4, "text-anchor": "end" }, tick.toFixed(vertical.digits)));
+    }
+    const horizontal = niceTicks(this.span[0], this.span[1], this.width / 70);
+    for (const tick of horizontal.ticks) {
+      parts.push(svgElement("text", { x: this.#x(tick), y: this.height - 5, "text-anchor": "middle" }, `${tick.toFixed(horizontal.digits)} s`));
+    }
+    for (const { label, value } of this.limits) {
+      parts.push(svgElement("path", { class: "limit", d: `M${PAD.left} ${this.#y(value)}H${right}` }));
+      parts.push(svgElement("text", { class: "limit", x: right - 3, y: this.#y(value) - 3, "text-anchor": "end" }, label));
+    }
+    for (const { time, values, colour, dashed, dots } of this.series) {
+      const style = `stroke: var(--${colour})`;
+      if (dots) {
+        values.forEach((value, i) => { if (value !== null) parts.push(svgElement("circle", { cx: this.#x(time[i]), cy: this.#y(value), r: 4, style: `fill: var(--${colour})` })); });
+      } else {
+        parts.push(svgElement("path", { d: this.#path(time, values), class: dashed ? "dashed" : "", style }));
+      }
+    }
+    this.cursor = svgElement("path", { class: "cursor" });
+    this.svg.replaceChildren(...parts, this.cursor);
+    this.at(this.time ?? this.span[0]);
+  }
+
+  #path(time, values) {
+    let path = "", pen = "M";
+    for (let i = 0; i < values.length; i++) {
+      if (values[i] === null) { pen = "M"; continue; }
+      path += `${pen}${this.#x(time[i]).toFixed(1)} ${this.#y(values[i]).toFixed(1)}`;
+      pen = "L";
+    }
+    return path;
+  }
+
+  at(time) {
+    this.time = time;
+    if (!this.cursor) return;
+    this.cursor.setAttribute("d", `M${this.#x(time)} ${PAD.top}V${this.height - PAD.bottom}`);
+    this.series.forEach(({ time: times, values, dots }, i) => {
+      const value = dots ? null : values[indexAt(times, time)];
+      this.readouts[i].textContent = value === null ? "" : value.toFixed(Math.abs(value) < 100 ? 2 : 0);
+    });
+  }
+}
+
+// One band of named stretches of time, such as phases.
+class Band {
+  constructor(svg, phases, span, seek) {
+    Object.assign(this, { svg, phases, span });
+    new ResizeObserver(() => this.draw()).observe(svg);
+    svg.addEventListener("pointerdown", (event) => {
+      const share = (event.clientX - svg.getBoundingClientRect().left) / svg.clientWidth;
+      seek(span[0] + share * (span[1] - span[0]));
+    });
+  }
+
+  draw() {
+    const x = (time) => (time - this.span[0]) / (this.span[1] - this.span[0] || 1) * this.svg.clientWidth;
+    const parts = this.phases.flatMap(({ start_s, end_s, phase }) => {
+      const width = Math.max(x(end_s) - x(start_s), 1);
+      const rect = svgElement("rect", { x: x(start_s), width, y: 0, height: 28, stroke: "var(--rule)", style: `fill: var(--phase-${phase})` });
+      rect.append(svgElement("title", {}, `${phase}, ${start_s.toFixed(1)} to ${end_s.toFixed(1)} s`));
+      const label = svgElement("text", { x: x(start_s) + 5, y: 18 }, width > 8 * phase.length + 10 ? phase : "");
+      return [rect, label];
+    });
+    this.cursor = svgElement("path", { stroke: "var(--ink)" });
+    this.svg.replaceChildren(...parts, this.cursor);
+    this.at(this.time ?? this.span[0]);
+  }
+
+  at(time) {
+    this.time = time;
+    const share = (time - this.span[0]) / (this.span[1] - this.span[0] || 1);
+    this.cursor?.setAttribute("d", `M${share * this.svg.clientWidth} 0V28`);
+  }
+}

@@ -1,0 +1,128 @@
+"use strict";
+// The flight from above: x is north, to the right; y is east, downwards; both in metres.
+
+const SVG = "http://www.w3.org/2000/svg";
+
+function svgElement(name, attributes = {}, text = "") {
+  const element = document.createElementNS(SVG, name);
+  for (const [key, value] of Object.entries(attributes)) element.setAttribute(key, value);
+  if (text) element.textContent = text;
+  return element;
+}
+
+function polyline(points) {
+  return points.map(([north, east], i) => `${i ? "L" : "M"}${north} ${east}`).join("");
+}
+
+function polygon(points) {
+  return points.length ? `${polyline(points)}Z` : "";
+}
+
+class FlightMap {
+  constructor(svg, radius) {
+    this.svg = svg;
+    this.radius = radius;
+    this.bounds = null;
+    this.layers = Object.fromEntries(
+      ["obstacles", "legs", "ahead", "reference", "plan", "flown", "others", "vehicles"].map((name) =>
+        [name, svg.appendChild(svgElement("g", { class: `layer-${name}` }))]));
+    this.lines = {};
+    this.vehicles = {};
+    this.#watchPointer();
+    svg.addEventListener("dblclick", () => this.fit());
+    window.addEventListener("resize", () => this.fit());
+  }
+
+  // Draw a line once, or move it; `kind` is its CSS class.
+  line(layer, kind, points, name = kind) {
+    this.lines[name] ??= this.layers[layer].appendChild(svgElement("path", { class: kind }));
+    this.lines[name].setAttribute("d", polyline(points));
+  }
+
+  obstacles(found) {
+    this.layers.obstacles.replaceChildren(...found.flatMap((obstacle) => [
+      svgElement("path", { class: "lane", d: polygon(obstacle.lane_ned_m ?? []) }),
+      svgElement("path", { class: "region", d: polygon(obstacle.region_ned_m ?? []) }),
+      svgElement("path", { class: "keep-out", d: polygon(obstacle.keep_out_ned_m ?? []) }),
+      svgElement("path", { class: "boundary", d: polyline(obstacle.boundary_ned_m ?? []) }),
+      this.#named(svgElement("path", { class: "obstacle", d: polygon(obstacle.measured_ned_m ?? []) }), obstacle.id),
+    ]));
+  }
+
+  vehicle(north, east, yaw, name = "vehicle") {
+    if (!this.vehicles[name]) {
+      const r = this.radius;
+      const group = svgElement("g", { id: name });
+      const kind = name === "vehicle" ? "vehicle" : "vehicle other";
+      group.append(
+        svgElement("circle", { class: kind, r, "fill-opacity": 0.35 }),
+        svgElement("path", { class: kind, d: `M${r} 0L${-0.7 * r} ${0.6 * r}L${-0.35 * r} 0L${-0.7 * r} ${-0.6 * r}Z` }));
+      this.vehicles[name] = this.layers.vehicles.appendChild(group);
+    }
+    const known = Number.isFinite(north) && Number.isFinite(east);
+    this.vehicles[name].style.display = known ? "" : "none";
+    if (known) {
+      const turn = (yaw ?? 0) * 180 / Math.PI;
+      this.vehicles[name].setAttribute("transform", `translate(${north} ${east}) rotate(${turn})`);
+    }
+  }
+
+  // Show all of these points; what is dragged or zoomed is forgotten.
+  frame(points) {
+    const known = points.filter(([north, east]) => Number.isFinite(north) && Number.isFinite(east));
+    if (!known.length) return;
+    const bounds = [Infinity, Infinity, -Infinity, -Infinity];
+    for (const [north, east] of known) {
+      bounds[0] = Math.min(bounds[0], north); bounds[1] = Math.min(bounds[1], east);
+      bounds[2] = Math.max(bounds[2], north); bounds[3] = Math.max(bounds[3], east);
+    }
+    this.bounds = bounds;
+    this.fit();
+  }
+
+  fit() {
+    if (!this.bounds) return;
+    const margin = 2;
+    const [north, east, farNorth, farEast] = this.bounds;
+    // As high as what there is to see, within reason.
+    const wanted = this.svg.clientWidth * (farEast - east + 2 * margin) / (farNorth - north + 2 * margin);
+    this.svg.style.height = `${Math.min(Math.max(wanted, 160), 0.6 * window.innerHeight)}px`;
+    const aspect = this.svg.clientWidth / Math.max(this.svg.clientHeight, 1) || 1;
+    const width = Math.max(farNorth - north + 2 * margin, (farEast - east + 2 * margin) * aspect);
+    this.view = [(north + farNorth - width) / 2, (east + farEast - width / aspect) / 2, width, width / aspect];
+    this.#look();
+  }
+
+  #look() { this.svg.setAttribute("viewBox", this.view.join(" ")); }
+
+  #named(element, name) {
+    element.append(svgElement("title", {}, name));
+    return element;
+  }
+
+  #watchPointer() {
+    const { svg } = this;
+    let last = null;
+    svg.addEventListener("pointerdown", (event) => { last = event; svg.setPointerCapture(event.pointerId); });
+    svg.addEventListener("pointerup", () => { last = null; });
+    svg.addEventListener("pointermove", (event) => {
+      if (!last || !this.view) return;
+      const scale = this.view[2] / svg.clientWidth;
+      this.view[0] -= (event.clientX - last.clientX) * scale;
+      this.view[1] -= (event.clientY - last.clientY) * scale;
+      last = event;
+      this.#look();
+    });
+    svg.addEventListener("wheel", (event) => {
+      if (!this.view) return;
+      event.preventDefault();
+      const factor = Math.exp(event.deltaY * 0.0015);
+      const box = svg.getBoundingClientRect();
+      const at = [(event.clientX - box.left) / box.width, (event.clientY - box.top) / box.height];
+      this.view[0] += this.view[2] * at[0] * (1 - factor);
+      this.view[1] += this.view[3] * at[1] * (1 - factor);
+      this.view[2] *= factor; this.view[3] *= factor;
+      this.#look();
+    }, { passive: false });
+  }
+}

@@ -1,0 +1,175 @@
+"use strict";
+// The report of one flight, or of two laid over each other.
+
+const flights = JSON.parse(document.getElementById("data").textContent);
+const [flight, other] = flights;
+const byId = (id) => document.getElementById(id);
+
+function fillTable(table, head, rows) {
+  const cells = (kind, values) => values.map((value) => {
+    const cell = document.createElement(kind);
+    if (value?.text !== undefined) { cell.textContent = value.text; cell.className = value.kind; } else cell.textContent = value;
+    return cell;
+  });
+  if (head) {
+    const row = table.createTHead().insertRow();
+    row.append(...cells("th", head));
+  }
+  const body = table.createTBody();
+  for (const { values, time_s } of rows) {
+    const row = body.insertRow();
+    row.append(...cells("td", values));
+    if (time_s !== undefined) {
+      row.dataset.time = time_s;
+      row.tabIndex = 0;
+      row.addEventListener("click", () => seek(time_s));
+      row.addEventListener("keydown", (event) => { if (event.key === "Enter") seek(time_s); });
+    }
+  }
+  if (!rows.length) body.insertRow().append(...cells("td", [{ text: "none", kind: "faint" }]));
+}
+
+const seconds = (time) => `${time.toFixed(2)} s`;
+const held = (holds) => (holds ? { text: "held", kind: "good" } : { text: "failed", kind: "bad" });
+
+// ---------------------------------------------------------------- in words
+
+document.title = `${flight.name}: ${flight.outcome}`;
+byId("name").textContent = other ? `${flight.name} and ${other.name}` : flight.name;
+byId("verdict").textContent = flight.outcome.toUpperCase();
+byId("verdict").classList.add(flight.succeeded ? "good" : flight.outcome === "held" || flight.outcome === "arrived" ? "warn" : "bad");
+byId("reason").textContent = flight.reason;
+for (const { problems } of flights) for (const problem of problems) {
+  byId("problems").append(Object.assign(document.createElement("p"), { className: "problem", textContent: problem }));
+}
+fillTable(byId("facts"), other && ["", flight.name, other.name],
+  flight.facts.map(([name, value], i) => ({ values: other ? [name, value, other.facts[i]?.[1] ?? ""] : [name, value] })));
+fillTable(byId("steps"), ["time", "obstacle", "plan", "side", "planned in", "pre-condition", "post-condition", "least clearance"],
+  flight.steps.map((step) => ({ time_s: step.time_s, values: [
+    step.end_s === null ? seconds(step.time_s) : `${seconds(step.time_s)} to ${seconds(step.end_s)}`,
+    step.obstacle, step.kind, step.side ?? "", step.plan_time_ms === null ? "" : `${step.plan_time_ms.toFixed(1)} ms`,
+    held(step.pre_condition), step.end_s === null ? { text: "never reached", kind: "bad" } : held(step.post_condition),
+    step.clearance_m === null ? "" : `${step.clearance_m.toFixed(2)} m`] })));
+fillTable(byId("margins"), ["since", "clause", "required", "declared", "margin", ""],
+  flight.margins.flatMap(({ time_s, clauses }) => clauses.map((clause) => ({ time_s, values: [
+    seconds(time_s), clause.name, clause.required.toFixed(2), `${clause.declared.toFixed(2)} ${clause.unit}`,
+    { text: `${clause.margin.toFixed(2)} ${clause.unit}`, kind: clause.holds ? "good" : "bad" }, held(clause.holds)] }))));
+fillTable(byId("events"), ["time", "", "what"], flight.events.map(({ time_s, severity, text }) => ({ time_s, values: [
+  seconds(time_s), { text: severity, kind: { critical: "bad", error: "bad", warning: "warn" }[severity] ?? "faint" }, text] })));
+fillTable(byId("origin"), null, flight.origin.map((values) => ({ values })));
+
+// ---------------------------------------------------------------- pictures
+
+const { path: own, truth } = flight;
+const span = flight.span_s;
+const pairs = ({ north_m, east_m }) => north_m.map((north, i) => [north, east_m[i]]).filter(([north]) => north !== null);
+const triples = ({ north_m, east_m, height_m }) => north_m.map((north, i) => [north, east_m[i], height_m[i]]).filter(([north]) => north !== null);
+const reference = { north_m: own.reference_north_m, east_m: own.reference_east_m, height_m: own.reference_height_m };
+
+const map = new FlightMap(byId("map"), flight.radius_m);
+map.line("legs", "leg", flight.legs_ned_m);
+map.line("ahead", "ahead", pairs(own));
+map.line("reference", "reference", pairs(reference));
+if (other) {
+  map.line("others", "other", pairs(other.path));
+  byId("other-legend").hidden = false;
+  byId("other-name").textContent = other.name;
+}
+const latest = flight.obstacles.filter(({ until_s }) => until_s === null);
+map.frame([...pairs(own), ...flight.legs_ned_m, ...latest.flatMap(({ region_ned_m }) => region_ned_m), ...(other ? pairs(other.path) : [])]);
+
+const everything = [...triples(own), ...latest.flatMap(({ region_ned_m }) => region_ned_m.map(([n, e]) => [n, e, 0]))];
+const bounds = [Infinity, -Infinity].map((start, i) => [0, 1, 2].map((axis) => everything.reduce((found, point) => Math[i ? "max" : "min"](found, point[axis]), start)));
+const space = new Space(byId("space"), everything.length ? bounds : [[0, 0, 0], [1, 1, 1]]);
+for (const { measured_ned_m, region_ned_m } of latest) {
+  space.prism(measured_ned_m, flight.height_m + 1, "obstacle");
+  space.lines.push({ points: [...region_ned_m, region_ned_m[0]].map(([n, e]) => [n, e, 0]), kind: "region", dash: [6, 4] });
+}
+for (const { path_ned_m } of flight.plans) space.lines.push({ points: path_ned_m.map(([n, e, d]) => [n, e, -d]), kind: "reference", width: 4 });
+space.lines.push({ points: triples(own), kind: "flown", width: 1.5 });
+if (other) space.lines.push({ points: triples(other.path), kind: "fourth", dash: [5, 3] });
+
+// The same quantity of both flights, the second one dashed.
+function both(label, colour, values, time = (one) => one.path.time_s) {
+  return flights.map((one, i) => ({
+    label: other ? `${label} (${one.name})` : label, colour: i ? "fourth" : colour, dashed: i > 0,
+    time: time(one), values: values(one) ?? [] }));
+}
+const limit = (label, value) => (value === null ? [] : [{ label, value }]);
+const { limits } = flight;
+const common = { phases: flight.phases, span: other ? [Math.min(span[0], other.span_s[0]), Math.max(span[1], other.span_s[1])] : span, seek };
+const ofTruth = (one) => one.truth.time_s;
+const charts = [
+  { title: "Altitude", unit: "m", series: [...both("reference", "reference", (f) => f.path.reference_height_m), ...both("flown", "flown", (f) => f.path.height_m)] },
+  { title: "Tracking error", unit: "m", zero: true, series: both("horizontal", "flown", (f) => f.path.tracking_error_m), limits: limit("E_tr of the contract", limits.tracking_error_m) },
+  { title: "Clearance, ground truth", unit: "m", zero: true, series: both("to the nearest obstacle", "flown", (f) => f.truth.clearance_m, ofTruth) },
+  { title: "Velocity north", unit: "m/s", series: [...both("reference", "reference", (f) => f.path.reference_north_mps), ...both("flown", "flown", (f) => f.path.north_mps)], limits: limit("cruise", limits.cruise_speed_mps) },
+  { title: "Velocity east", unit: "m/s", series: [...both("reference", "reference", (f) => f.path.reference_east_mps), ...both("flown", "flown", (f) => f.path.east_mps)] },
+  { title: "Tilt", unit: "°", series: [...both("roll", "flown", (f) => f.path.roll_deg), ...both("pitch", "third", (f) => f.path.pitch_deg)],
+    limits: [...limit("roll, pitch available to the planner", limits.roll_max_deg), ...limit("", limits.roll_max_deg === null ? null : -limits.roll_max_deg)] },
+  { title: "Rotor speeds, ground truth", unit: "RPM", series: ["flown", "reference", "third", "fourth"].map((colour, i) => ({ label: `${i + 1}`, colour, time: truth.time_s, values: truth.rpm[i] ?? [] })) },
+  { title: "Age of the newest detections", unit: "s", zero: true, series: both("age", "flown", (f) => f.path.detection_age_s), limits: limit("allowed", limits.frame_age_max_s) },
+  { title: "Time to plan", unit: "ms", zero: true, series: [{ label: "each plan", colour: "flown", dots: true, time: flight.plans.map((p) => p.time_s), values: flight.plans.map((p) => p.plan_time_ms) }] },
+  { title: "Contract used: required as a share of declared", unit: "%", zero: true, series: flight.clauses.map(({ name, values }, i) => ({ label: name, colour: ["flown", "reference", "third", "fourth", "lane", "obstacle", "region", "faint"][i % 8], time: flight.clause_times_s, values })), limits: [{ label: "all of it", value: 100 }] },
+].map((options) => new Chart(byId("charts"), { ...common, ...options }));
+const band = new Band(byId("band"), flight.phases, span, seek);
+
+// ---------------------------------------------------------------- replay
+
+const slider = byId("time");
+slider.min = span[0];
+slider.max = span[1];
+let shownObstacles = null;
+
+function show(time) {
+  const i = indexAt(own.time_s, time);
+  if (own.time_s.length) {
+    map.vehicle(own.north_m[i], own.east_m[i], own.yaw_rad[i]);
+    map.line("flown", "flown", pairs({ north_m: own.north_m.slice(0, i + 1), east_m: own.east_m.slice(0, i + 1) }));
+  }
+  if (other?.path.time_s.length) {
+    const j = indexAt(other.path.time_s, time);
+    map.vehicle(other.path.north_m[j], other.path.east_m[j], other.path.yaw_rad[j], "other-vehicle");
+  }
+  const known = flight.obstacles.filter((o) => o.since_s <= time && (o.until_s === null || time < o.until_s));
+  if (known.length !== shownObstacles?.length || known.some((o, k) => o !== shownObstacles[k])) {
+    map.obstacles(known);
+    shownObstacles = known;
+  }
+  const plan = flight.plans.findLast(({ time_s, end_s }) => time_s <= time && time <= end_s);
+  map.line("plan", "plan", plan?.path_ned_m ?? []);
+  space.marks = own.north_m[i] == null ? [] : [{ point: [own.north_m[i], own.east_m[i], own.height_m[i]], kind: "flown" }];
+  space.draw();
+  for (const chart of charts) chart.at(time);
+  band.at(time);
+  const phase = flight.phases.find(({ start_s, end_s }) => start_s <= time && time <= end_s)?.phase ?? "";
+  const metres = (value) => (value == null ? "–" : value.toFixed(1));
+  const words = [`${time.toFixed(1)} s`, phase, `north ${metres(own.north_m[i])} m`, `east ${metres(own.east_m[i])} m`, `height ${metres(own.height_m[i])} m`];
+  byId("readout").replaceChildren(...words.map((textContent) => Object.assign(document.createElement("span"), { textContent })));
+}
+
+function seek(time) {
+  const within = Math.min(Math.max(time, span[0]), span[1]);
+  slider.value = within;
+  show(Number(slider.value));
+}
+
+let playing = null;
+function stop() { playing = null; byId("play").textContent = "Play"; }
+function step(now) {
+  if (playing === null) return;
+  const time = Number(slider.value) + (now - playing) / 1000 * Number(byId("rate").value);
+  playing = now;
+  seek(time);
+  if (time >= span[1]) stop(); else requestAnimationFrame(step);
+}
+byId("play").addEventListener("click", () => {
+  if (playing !== null) { stop(); return; }
+  if (Number(slider.value) >= span[1]) seek(span[0]);
+  playing = performance.now();
+  byId("play").textContent = "Pause";
+  requestAnimationFrame(step);
+});
+slider.addEventListener("input", () => { stop(); show(Number(slider.value)); });
+seek(span[0] < 0 ? 0 : span[0]);
+document.documentElement.dataset.ready = "true";

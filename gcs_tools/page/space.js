@@ -1,0 +1,73 @@
+"use strict";
+// The flight in three dimensions: an orthographic view that is turned by dragging.
+
+class Space {
+  constructor(canvas, bounds) {
+    this.canvas = canvas;
+    this.turn = -0.6;
+    this.tilt = 0.55;
+    this.zoom = 1;
+    this.center = [0, 1, 2].map((axis) => (bounds[0][axis] + bounds[1][axis]) / 2);
+    this.extent = Math.hypot(...[0, 1, 2].map((axis) => bounds[1][axis] - bounds[0][axis])) || 1;
+    this.lines = [];
+    this.marks = [];
+    let last = null;
+    canvas.addEventListener("pointerdown", (event) => { last = event; canvas.setPointerCapture(event.pointerId); });
+    canvas.addEventListener("pointerup", () => { last = null; });
+    canvas.addEventListener("pointermove", (event) => {
+      if (!last) return;
+      this.turn += (event.clientX - last.clientX) * 0.01;
+      this.tilt = Math.min(Math.max(this.tilt + (event.clientY - last.clientY) * 0.01, 0), Math.PI / 2);
+      last = event;
+      this.draw();
+    });
+    canvas.addEventListener("wheel", (event) => { event.preventDefault(); this.zoom *= Math.exp(-event.deltaY * 0.0015); this.draw(); }, { passive: false });
+    new ResizeObserver(() => this.draw()).observe(canvas);
+    matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => this.draw());
+  }
+
+  // north, east, height -> pixels
+  #project([north, east, height]) {
+    const n = north - this.center[0], e = east - this.center[1], h = height - this.center[2];
+    const across = n * Math.cos(this.turn) + e * Math.sin(this.turn);
+    const away = -n * Math.sin(this.turn) + e * Math.cos(this.turn);
+    const scale = this.zoom * 0.95 * this.canvas.clientWidth / this.extent;
+    const up = h * Math.cos(this.tilt) - away * Math.sin(this.tilt);
+    return [this.canvas.clientWidth / 2 + across * scale, this.canvas.clientHeight / 2 - up * scale];
+  }
+
+  draw() {
+    const { canvas } = this;
+    const ratio = window.devicePixelRatio || 1;
+    canvas.width = canvas.clientWidth * ratio;
+    canvas.height = canvas.clientHeight * ratio;
+    const context = canvas.getContext("2d");
+    context.scale(ratio, ratio);
+    const style = getComputedStyle(document.documentElement);
+    const colour = (name) => style.getPropertyValue(`--${name}`).trim();
+    for (const { points, kind, width = 1.5, dash = [] } of this.lines) {
+      context.beginPath();
+      points.forEach((point, i) => { const [x, y] = this.#project(point); if (i) context.lineTo(x, y); else context.moveTo(x, y); });
+      context.strokeStyle = colour(kind);
+      context.lineWidth = width;
+      context.setLineDash(dash);
+      context.stroke();
+    }
+    context.setLineDash([]);
+    for (const { point, kind } of this.marks) {
+      const [x, y] = this.#project(point);
+      const [groundX, groundY] = this.#project([point[0], point[1], 0]);
+      context.strokeStyle = context.fillStyle = colour(kind);
+      context.lineWidth = 1;
+      context.beginPath(); context.moveTo(x, y); context.lineTo(groundX, groundY); context.stroke();
+      context.beginPath(); context.arc(x, y, 6, 0, 2 * Math.PI); context.fill();
+    }
+  }
+
+  // A prism over these corners (north, east), from the ground up.
+  prism(corners, height, kind) {
+    const closed = [...corners, corners[0]];
+    this.lines.push({ points: closed.map(([n, e]) => [n, e, 0]), kind }, { points: closed.map(([n, e]) => [n, e, height]), kind });
+    for (const [n, e] of corners) this.lines.push({ points: [[n, e, 0], [n, e, height]], kind });
+  }
+}
