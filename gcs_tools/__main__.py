@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import math
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -81,6 +82,12 @@ def _add_preflight(commands: Any) -> None:
         "--picture", type=Path, metavar="FILE", help="draw the field: PNG, SVG, PDF"
     )
     parser.add_argument("--vehicle", metavar="URL", help="MAVSDK connection URL of a live vehicle")
+    parser.add_argument(
+        "--zenoh-config", type=Path, metavar="F", help="live detections and daemon: how to join"
+    )
+    parser.add_argument(
+        "--endurance", type=_positive, metavar="S", help="hover time of a full battery"
+    )
     _add_output_options(parser, "table", "json")
     parser.set_defaults(command=_preflight)
 
@@ -173,6 +180,16 @@ def _natural(text: str) -> int:
     return int(text)
 
 
+def _positive(text: str) -> float:
+    try:
+        value = float(text)
+    except ValueError:
+        value = 0.0
+    if not 0.0 < value < math.inf:
+        raise argparse.ArgumentTypeError(f"{text!r} is not a number above 0")
+    return value
+
+
 # Each command's module is imported when it is asked for: a daemon's computer that runs
 # `clearway preflight` needs neither matplotlib nor the simulation.
 
@@ -202,6 +219,8 @@ def _preflight(options: argparse.Namespace) -> int:
             picture=options.picture,
         ),
         vehicle_url=options.vehicle,
+        zenoh_config=options.zenoh_config,
+        endurance_s=options.endurance,
         input_set=options.input_set,
         form=options.form,
         output=options.output,

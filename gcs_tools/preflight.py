@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import asyncio
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from pathlib import Path
@@ -126,6 +125,8 @@ def run_preflight(
     files: PreflightFiles,
     *,
     vehicle_url: str | None,
+    zenoh_config: Path | None,
+    endurance_s: float | None,
     input_set: InputSet,
     form: Format,
     output: Path | None,
@@ -134,7 +135,7 @@ def run_preflight(
 
     Raises:
         FileError: a file is not usable.
-        CommandError: there is no vehicle, or the output or the picture cannot be written.
+        CommandError: no Zenoh session, or the output or the picture cannot be written.
     """
     contract = load_contract(files.contract, files.overrides)
     obstacles = None if files.field is None else load_field(files.field)
@@ -147,18 +148,28 @@ def run_preflight(
             _draw(files.picture, result, obstacles, mission)
     elif files.picture is not None:
         raise CommandError("--picture draws the obstacle field: give --field")
-    if vehicle_url is not None:
-        result = replace(result, findings=(_look_at_vehicle(vehicle_url),))
+    if vehicle_url is not None or zenoh_config is not None:
+        findings = _look(result, mission, vehicle_url, zenoh_config, endurance_s)
+        result = replace(result, findings=findings)
     table = partial(print_preflight, result, str(files.contract))
     write_document(result.document(), table, form=form, path=output)
     return result.verdict
 
 
-def _look_at_vehicle(url: str) -> Finding:
-    # MAVSDK is a large native library: load it for those who have a vehicle.
-    from gcs_tools.vehicle import describe_vehicle  # noqa: PLC0415
+def _look(
+    result: Preflight,
+    mission: Mission | None,
+    vehicle_url: str | None,
+    zenoh_config: Path | None,
+    endurance_s: float | None,
+) -> tuple[Finding, ...]:
+    # MAVSDK and Zenoh are large native libraries: load them for those who have a vehicle.
+    from gcs_tools.live_check import LiveRequest, check_live  # noqa: PLC0415
+    from gcs_tools.live_check_bus import BusConfig  # noqa: PLC0415
 
-    return Finding("vehicle", "health", Verdict.HOLDS, asyncio.run(describe_vehicle(url)))
+    bus = None if zenoh_config is None else load_yaml(zenoh_config, BusConfig)
+    request = LiveRequest(vehicle_url, bus, endurance_s)
+    return check_live(request, result.assessment, mission, paper_compliant=result.compliant)
 
 
 def _draw(path: Path, result: Preflight, obstacles: ObstacleField, mission: Mission | None) -> None:

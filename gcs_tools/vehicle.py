@@ -25,13 +25,14 @@ from mavsdk.asyncio.plugins.mavlink_direct import MavlinkDirectAsync, MavlinkMes
 from mavsdk.asyncio.plugins.telemetry import FlightMode, LandedState, TelemetryAsync
 
 from gcs_tools.errors import CommandError
-from gcs_tools.interruption import Interruption, interruptible
+from gcs_tools.interruption import Interruption
 
 log = logging.getLogger("mavsdk")
 
 T = TypeVar("T")
 
 CONNECT_TIMEOUT_S = 20.0
+IDENTIFY_TIMEOUT_S = 3.0
 HEALTH_TIMEOUT_S = 30.0
 ARM_TIMEOUT_S = 5.0
 MODE_TIMEOUT_S = 5.0
@@ -59,6 +60,10 @@ _OFFBOARD = MappingProxyType({Autopilot.PX4: (6.0, 0.0), Autopilot.ARDUPILOT: (4
 
 class VehicleError(CommandError):
     """The vehicle did not do what was asked, or is not there."""
+
+
+class UrlError(VehicleError):
+    """A connection URL that cannot be opened."""
 
 
 @dataclass
@@ -92,13 +97,17 @@ class Vehicle:
         system: MAVSDK's system.
         autopilot: which flavour of commands it takes.
         interruption: set by an operator who gives up.
+
+    Attributes:
+        state: what telemetry has said last.
+        autopilot, system: as given.
     """
 
     def __init__(self, system: Any, autopilot: Autopilot, interruption: Interruption) -> None:
         self.state = VehicleState()
         self.autopilot = autopilot
+        self.system = system
         self._interruption = interruption
-        self._system = system
         self._action = ActionAsync(system)
         self._telemetry = TelemetryAsync(system)
         self._direct = MavlinkDirectAsync(system)
@@ -111,7 +120,7 @@ class Vehicle:
             self._follow(telemetry.subscribe_armed(), "armed"),
             self._follow(telemetry.subscribe_flight_mode(), "mode"),
             self._follow(telemetry.subscribe_landed_state(), "landed"),
-            self._follow(self._system.is_connected_state(), "connected"),
+            self._follow(self.system.is_connected_state(), "connected"),
             self._follow_health(),
             self._follow_position(),
         ]
@@ -206,7 +215,7 @@ class Vehicle:
 
     async def _command(self, command: int, parameters: tuple[float, ...]) -> int | None:
         """Send a COMMAND_LONG; return its MAV_RESULT."""
-        target_system = await self._system.get_system_id()
+        target_system = await self.system.get_system_id()
         fields = {
             "target_system": target_system,
             "target_component": 1,
@@ -261,7 +270,8 @@ async def connected_vehicle(
         while_waiting: called now and then until one is heard; may raise.
 
     Raises:
-        VehicleError: the URL cannot be opened, or no autopilot was heard in time.
+        UrlError: the URL cannot be opened.
+        VehicleError: no autopilot was heard in time.
         Interrupted: the operator gave up.
     """
     identity = Configuration.create_with_component_type(ComponentType.GROUND_STATION)
@@ -269,14 +279,14 @@ async def connected_vehicle(
         try:
             await mavsdk.add_any_connection(url)
         except MavsdkError as error:
-            raise VehicleError(f"{url}: cannot be opened: {error}") from error
+            raise UrlError(f"{url}: cannot be opened: {error}") from error
         deadline_s = asyncio.get_running_loop().time() + timeout_s
         while (system := await mavsdk.first_autopilot(min(timeout_s, _LISTEN_S))) is None:
             interruption.check()
             while_waiting()
             if asyncio.get_running_loop().time() >= deadline_s:
                 raise VehicleError(f"{url}: no autopilot heard in {timeout_s:g} s")
-        vehicle = Vehicle(system, await system.autopilot_type(), interruption)
+        vehicle = Vehicle(system, await _autopilot_of(system), interruption)
         tasks = [asyncio.ensure_future(watcher) for watcher in vehicle.watchers()]
         try:
             await vehicle.request_rates()
@@ -286,6 +296,16 @@ async def connected_vehicle(
             for task in tasks:
                 task.cancel()
             await asyncio.gather(*tasks, return_exceptions=True)
+
+
+async def _autopilot_of(system: Any) -> Autopilot:
+    """Return which autopilot it is; MAVSDK may not know before it has heard a second heartbeat."""
+    deadline_s = asyncio.get_running_loop().time() + IDENTIFY_TIMEOUT_S
+    while (autopilot := await system.autopilot_type()) is Autopilot.UNKNOWN:
+        if asyncio.get_running_loop().time() > deadline_s:
+            break
+        await asyncio.sleep(_POLL_S)
+    return Autopilot(autopilot)
 
 
 @asynccontextmanager
@@ -301,15 +321,3 @@ async def _quiet() -> AsyncIterator[None]:
         yield
     finally:
         log_unsubscribe()
-
-
-async def describe_vehicle(url: str, timeout_s: float = CONNECT_TIMEOUT_S) -> str:
-    """Connect, wait until the vehicle is healthy, and say what it is.
-
-    Raises:
-        VehicleError: there is no vehicle, or it is not healthy.
-    """
-    with interruptible() as interruption:
-        async with connected_vehicle(url, interruption, timeout_s) as vehicle:
-            await vehicle.wait_healthy()
-            return f"vehicle at {url}: {vehicle.autopilot.name}, healthy"

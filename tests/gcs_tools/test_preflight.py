@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import asyncio
 import json
 import math
 from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -15,8 +15,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from gcs_tools.field_check import OFFENDERS_MAX, FieldRule, check_field, intersecting_pairs
+from gcs_tools.live_check import LiveRequest, check_live
+from gcs_tools.preflight_finding import Verdict
 from gcs_tools.processes import free_ports
-from gcs_tools.vehicle import VehicleError, describe_vehicle
 from onboard.config import Mission, load_contract
 from onboard.contract import assess
 from onboard.region import Box
@@ -188,5 +189,33 @@ def test_stems_from_a_survey(
 
 def test_no_vehicle_is_said_so() -> None:
     url = f"udpin://127.0.0.1:{free_ports(1)[0]}"
-    with pytest.raises(VehicleError, match=r"no autopilot heard in 0\.2 s"):
-        asyncio.run(describe_vehicle(url, timeout_s=0.2))
+    request = LiveRequest(vehicle_url=url, connect_timeout_s=0.2)
+    (finding,) = check_live(request, PAPER, None, paper_compliant=True)
+    assert finding.verdict is Verdict.UNKNOWN
+    assert "no autopilot heard in 0.2 s" in finding.text
+
+
+def test_no_vehicle_cannot_be_checked_but_the_paper_is(
+    clearway: Clearway, config: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    hasty = partial(LiveRequest, connect_timeout_s=0.2)
+    monkeypatch.setattr("gcs_tools.live_check.LiveRequest", hasty)
+    url = f"udpin://127.0.0.1:{free_ports(1)[0]}"
+    arguments = ("preflight", "--contract", config / "paper_contract.yaml", "--vehicle", url)
+    fine = clearway(*arguments)
+    assert fine.code == 2
+    assert fine.out.startswith("COULD NOT BE CHECKED")
+    broken = clearway(*arguments, "--set", "sensor.detection_range_m=4.0")
+    assert broken.code == 1
+
+
+def test_what_is_no_connection_is_bad_input(clearway: Clearway, config: Path) -> None:
+    contract = config / "paper_contract.yaml"
+    ran = clearway("preflight", "--contract", contract, "--vehicle", "smoke://signals")
+    assert (ran.code, "smoke://signals" in ran.err) == (2, True)
+
+
+@pytest.mark.parametrize("text", ["0", "-1", "nan", "long"])
+def test_endurance_is_a_number(clearway: Clearway, config: Path, text: str) -> None:
+    contract = config / "paper_contract.yaml"
+    assert clearway("preflight", "--contract", contract, "--endurance", text).code == 2

@@ -1,0 +1,155 @@
+"""Live checks without a vehicle: what is learnt, and what it means."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from typing import Any
+
+import pytest
+
+from gcs_tools.live_check_bus import contract_finding, telemetry_finding
+from gcs_tools.live_check_detections import Sample, check_detections
+from gcs_tools.live_check_vehicle import VehicleFacts, flight_time_s, judge
+from gcs_tools.preflight_finding import Verdict
+from onboard.config import Mission, load_contract
+from onboard.contract import assess
+from tests.gcs_tools.running import CONFIG
+
+CONTRACT = load_contract(CONFIG / "paper_contract.yaml")
+ASSESSMENT = assess(CONTRACT)
+MISSION = Mission.model_validate({"altitude_m": 4.0, "legs": [{"end_ned_m": (46.0, 0.0)}]})
+NOW_UNIX_S = 1_790_000_000.0
+HOLDS, BROKEN, UNKNOWN = Verdict.HOLDS, Verdict.BROKEN, Verdict.UNKNOWN
+
+FACTS = VehicleFacts(
+    flavour="px4",
+    version=(1, 15, 0),
+    rates_hz={"ATTITUDE": 10.0, "LOCAL_POSITION_NED": 10.0},
+    round_trip_s=0.004,
+    home_ned_m=(0.0, 0.0, 0.0),
+    position_ned_m=(0.2, 0.0, 0.0),
+    battery_share=0.9,
+    battery_time_s=600.0,
+)
+
+
+def judged(endurance_s: float | None = None, **changes: Any) -> dict[str, Verdict]:
+    found = judge(replace(FACTS, **changes), ASSESSMENT, MISSION, endurance_s)
+    return {each.name: each.verdict for each in found}
+
+
+def test_a_vehicle_in_order() -> None:
+    names = ("health", "firmware", "ATTITUDE", "link delay", "home", "start", "battery")
+    found = judged()
+    assert {name: found[name] for name in names} == dict.fromkeys(names, HOLDS)
+
+
+@pytest.mark.parametrize(
+    ("changes", "name", "verdict"),
+    [
+        ({"unhealthy": "local position"}, "health", BROKEN),
+        ({"version": (1, 13, 3)}, "firmware", BROKEN),
+        ({"version": None}, "firmware", UNKNOWN),
+        ({"flavour": None}, "parameters", UNKNOWN),
+        ({"rates_hz": {"ATTITUDE": 10.0}}, "LOCAL_POSITION_NED", BROKEN),
+        ({"round_trip_s": 0.2}, "link delay", BROKEN),
+        ({"round_trip_s": None}, "link delay", UNKNOWN),
+        ({"home_ned_m": None}, "home", UNKNOWN),
+        ({"home_ned_m": (0.0, 0.0, -3.0)}, "home", BROKEN),
+        ({"position_ned_m": None}, "start", UNKNOWN),
+        ({"position_ned_m": (3.0, 0.0, 0.0)}, "start", BROKEN),
+        ({"battery_time_s": 70.0}, "battery", BROKEN),
+        ({"battery_time_s": None}, "battery", UNKNOWN),
+        ({"battery_time_s": None, "battery_share": None, "endurance_s": 900.0}, "battery", UNKNOWN),
+        ({"battery_time_s": None, "endurance_s": 900.0}, "battery", HOLDS),
+        (
+            {"battery_time_s": None, "battery_share": 0.25, "endurance_s": 900.0},
+            "battery",
+            BROKEN,
+        ),
+    ],
+)
+def test_each_answer_has_its_verdict(changes: dict[str, Any], name: str, verdict: Verdict) -> None:
+    assert judged(**changes)[name] is verdict
+
+
+def test_the_flight_time_has_a_reserve() -> None:
+    assert flight_time_s(MISSION, ASSESSMENT) == pytest.approx(60.0 + 46.0 / 2.8 * 4.0 / 3.0)
+
+
+def frame(sequence: int, **changes: Any) -> Sample:
+    stamp_s = NOW_UNIX_S + 0.05 * sequence
+    document = {
+        "version": 1, "source": "front", "sequence": sequence, "stamp_unix_s": stamp_s,
+        "frame": "local_ned", "range_m": 12.0, "field_of_view_deg": 120.0, "obstacles": [],
+    }  # fmt: skip
+    arrived_s = stamp_s + changes.pop("delay_s", 0.03)
+    return Sample(arrived_s, json.dumps(document | changes).encode())
+
+
+def detected(*samples: Sample, announced: tuple[str, ...] = ("front",)) -> dict[str, Verdict]:
+    found = check_detections(samples, announced, ASSESSMENT.terms, 3.0)
+    return {each.name: each.verdict for each in found}
+
+
+def test_a_sensor_in_order() -> None:
+    found = detected(*map(frame, range(60)))
+    assert set(found.values()) == {HOLDS}
+    assert {"front age", "front reaction", "front clock", "front order"} < found.keys()
+
+
+def test_silence_cannot_be_checked_and_an_announced_sensor_must_speak() -> None:
+    assert detected(announced=()) == {"frames": UNKNOWN}
+    assert detected() == {"frames": UNKNOWN, "front": BROKEN}
+    both = detected(*map(frame, range(60)), announced=("front", "rear"))
+    assert both["rear"] is BROKEN
+
+
+@pytest.mark.parametrize(
+    ("changes", "name"),
+    [
+        ({"delay_s": 0.26}, "front age"),
+        ({"delay_s": 0.12}, "front reaction"),
+        ({"delay_s": -0.2}, "front clock"),
+        ({"delay_s": 5.0}, "front clock"),
+        ({"stamp_unix_s": NOW_UNIX_S}, "front order"),
+        ({"range_m": 11.0}, "front detection_range"),
+        ({"field_of_view_deg": 90.0}, "front field_of_view"),
+    ],
+)
+def test_what_breaks_the_contract(changes: dict[str, Any], name: str) -> None:
+    assert detected(*(frame(n, **changes) for n in range(60)))[name] is BROKEN
+
+
+def test_one_gap_is_enough() -> None:
+    samples = [frame(n) for n in range(60) if not 20 < n < 28]
+    assert detected(*samples)["front age"] is BROKEN
+    assert detected(frame(0))["front age"] is BROKEN
+
+
+def test_garbage_is_reported() -> None:
+    found = detected(*map(frame, range(60)), Sample(NOW_UNIX_S, b"\xff"))
+    assert found["format"] is BROKEN
+
+
+def test_the_daemon_must_hold_the_contract_that_was_checked() -> None:
+    same = json.dumps({"sha256": CONTRACT.sha256}).encode()
+    other = json.dumps({"sha256": "0" * 64}).encode()
+    assert contract_finding([same], CONTRACT).verdict is HOLDS
+    assert contract_finding([other], CONTRACT).verdict is BROKEN
+    assert contract_finding([same, other], CONTRACT).verdict is BROKEN
+    for answers in ([], [b"\xff"], [b"[]"], [b"{}"]):
+        assert contract_finding(answers, CONTRACT).verdict is UNKNOWN
+
+
+@pytest.mark.parametrize(
+    ("ages_s", "verdict"),
+    [([0.01, 0.02], HOLDS), ([0.01, 0.6], BROKEN), ([0.01, None], BROKEN), ([None], UNKNOWN)],
+)
+def test_the_daemon_needs_fresh_telemetry(ages_s: list[float | None], verdict: Verdict) -> None:
+    assert telemetry_finding([{"telemetry_age_s": age_s} for age_s in ages_s]).verdict is verdict
+
+
+def test_no_daemon_no_telemetry() -> None:
+    assert telemetry_finding([]).verdict is UNKNOWN
