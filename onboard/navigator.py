@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 from onboard.adaptation import Adaptation, adapt, slowing_distance, slows_in_time
@@ -356,6 +356,14 @@ class Navigator:
             state, start_s, self._envelope, self._goal_x_m, speed_mps=speed_mps, z_m=0.0
         )
         self._reference = stopping or brake_to_hover(state, start_s, self._envelope)
+        # Slowing down begins above the speed that is now allowed.
+        speed_max_mps = max(self._envelope.speed_max_mps, state.velocity_leg_mps[X])
+        envelope = replace(self._envelope, speed_max_mps=speed_max_mps)
+        certificate = certify_clear(self._reference, state, start_s, envelope)
+        if not certificate.valid:
+            text = f"the cruise does not certify: {'; '.join(certificate.failures)}"
+            self._note(Event(start_s, "certificate", Severity.CRITICAL, text))
+            self._break(Violation(Assumption.SELF_CHECK, 1.0, 0.0, "certificates"), start_s)
 
     @property
     def _goal_x_m(self) -> float:
@@ -410,8 +418,8 @@ class Navigator:
             text = "; ".join(condition.failures)
             self._note(Event(now_s, "post_condition", Severity.CRITICAL, text))
         self.avoidance = None
-        self._cruise_from(final, plan.trajectory.end_s)
         self._trigger(Trigger.POST_CONDITION, now_s)
+        self._cruise_from(final, plan.trajectory.end_s)
 
     def _fly(self, avoidance: Avoidance) -> None:
         self.avoidance = avoidance

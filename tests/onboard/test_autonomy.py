@@ -10,11 +10,14 @@ import pytest
 from pymavlink.dialects.v20 import common as mavlink
 
 from onboard.autonomy import MAX_PENDING_FRAMES, Autonomy
+from onboard.avoidance import Envelope
 from onboard.config import Contract, Mission
 from onboard.contract import TICK_S
 from onboard.events import Event
 from onboard.guidance import Phase
 from onboard.journal import Journal
+from onboard.manoeuvre import cruise
+from onboard.trajectory import State
 
 EPOCH_UNIX_S = 1_790_000_000.0
 OFFBOARD, POSCTL = 6 << 16, 3 << 16
@@ -447,3 +450,17 @@ def test_end_of_a_leg_inside_a_region_is_not_approached(contract: Contract) -> N
     assert "leg_end_clear" in rig.texts("violation")[0]
     rig.run(4.0)
     assert rig.position_ned_m[0] < 30.0 - 0.5 - 0.30
+
+
+def test_cruise_that_does_not_certify_is_not_flown(
+    rig: Rig, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def too_fast(state: State, start_s: float, envelope: Envelope, *_: object, **__: object) -> Any:
+        return cruise(state, start_s, envelope, 4.0)
+
+    monkeypatch.setattr("onboard.navigator.stop_at", too_fast)
+    rig.mode = OFFBOARD
+    rig.run(6.0)
+    assert rig.phase is Phase.HOLD
+    assert rig.position_ned_m[0] == pytest.approx(0.0, abs=0.05)
+    assert "speed" in rig.texts("certificate")[0]
