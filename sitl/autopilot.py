@@ -108,6 +108,11 @@ class Autopilot:
             **dict.fromkeys(self._missions.messages, self._on_mission),
         }
 
+    @property
+    def handled(self) -> tuple[str, ...]:
+        """Names of the messages that the autopilot does something with."""
+        return tuple(self._handlers)
+
     # --- bytes ----------------------------------------------------------------------------
 
     def open_link(self, link: int) -> None:
