@@ -53,6 +53,7 @@ def build_parser() -> argparse.ArgumentParser:
     _add_preflight(commands)
     _add_contract(commands)
     _add_report(commands)
+    _add_watch(commands)
     _add_schema(commands)
     return parser
 
@@ -142,6 +143,19 @@ def _add_report(commands: Any) -> None:
         "-o", "--output", type=Path, metavar="FILE", help="default: report.html beside the log"
     )
     parser.set_defaults(command=_report)
+
+
+def _add_watch(commands: Any) -> None:
+    parser = commands.add_parser("watch", help="a flight as it happens, on a local page; read-only")
+    where = parser.add_mutually_exclusive_group()
+    where.add_argument("--zenoh-config", type=Path, metavar="F", help="how to join; default: scout")
+    where.add_argument(
+        "--daemon-config", type=Path, metavar="F", help="the onboard.yaml it runs on"
+    )
+    parser.add_argument("--host", default="127.0.0.1", help="address to serve on (loopback)")
+    parser.add_argument("--port", type=_natural, default=8640, help="0: any that is free")
+    parser.add_argument("--tui", action="store_true", help="in this terminal instead")
+    parser.set_defaults(command=_watch)
 
 
 def _add_schema(commands: Any) -> None:
@@ -282,6 +296,14 @@ def _report(options: argparse.Namespace) -> int:
 
     logs = [options.log] if options.other is None else [options.log, options.other]
     run_report(logs, options.output)
+    return 0
+
+
+def _watch(options: argparse.Namespace) -> int:
+    from gcs_tools.watch import bus_of, watch  # noqa: PLC0415
+
+    bus = bus_of(options.zenoh_config, options.daemon_config)
+    watch(bus, host=options.host, port=options.port, terminal=options.tui)
     return 0
 
 
