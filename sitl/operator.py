@@ -1,6 +1,7 @@
 """A scripted operator over MAVLink: arms, takes off, hands over, lands; no I/O.
 
-It does in virtual time what `gcs_tools` does with MAVSDK in real time, with the same commands.
+It does in virtual time what `gcs_tools` does with MAVSDK in real time, with the same commands, and
+knows the modes of both flavours.
 """
 
 from __future__ import annotations
@@ -14,6 +15,15 @@ REPEAT_S: Final = 0.5
 HEALTH: Final = mavlink.MAV_SYS_STATUS_PREARM_CHECK
 OFFBOARD: Final = (6.0, 0.0)
 HOLD: Final = (4.0, 3.0)
+GUIDED: Final = (4.0, 0.0)
+BRAKE: Final = (17.0, 0.0)
+# What an operator watches, by the interval [us]; ArduPilot sends nothing else, PX4 less than usual.
+STREAMS: Final = {
+    mavlink.MAVLINK_MSG_ID_SYS_STATUS: 500_000,
+    mavlink.MAVLINK_MSG_ID_LOCAL_POSITION_NED: 100_000,
+    mavlink.MAVLINK_MSG_ID_ATTITUDE: -1,
+    mavlink.MAVLINK_MSG_ID_POSITION_TARGET_LOCAL_NED: -1,
+}
 HEIGHT_TOLERANCE_M: Final = 0.15
 SETTLED_MPS: Final = 0.1
 
@@ -47,7 +57,8 @@ class Operator:
         self._mavlink = mavlink.MAVLink(self._outgoing, 255, mavlink.MAV_COMP_ID_MISSIONPLANNER)
         self._mavlink.robust_parsing = True
         self._armed = self._ready = False
-        self._offboard = False
+        self._offboard = self._copter = False
+        self._streams_asked = False
         self._height_m = self._speed_mps = 0.0
         self._repeat_s = 0.0
 
@@ -86,13 +97,20 @@ class Operator:
         self._mavlink.heartbeat_send(
             mavlink.MAV_TYPE_GCS, mavlink.MAV_AUTOPILOT_INVALID, 0, 0, mavlink.MAV_STATE_ACTIVE
         )
+        if not self._streams_asked:
+            self._streams_asked = True
+            for message_id, interval_us in STREAMS.items():
+                self._command(mavlink.MAV_CMD_SET_MESSAGE_INTERVAL, message_id, interval_us)
         match self.step:
+            case Step.ARM if self._ready and self._copter and not self._offboard:
+                self._set_mode(OFFBOARD)
             case Step.ARM if self._ready:
                 self._command(mavlink.MAV_CMD_COMPONENT_ARM_DISARM, 1.0)
             case Step.TAKE_OFF:
                 # Without a height PX4 climbs to MIS_TAKEOFF_ALT, which the scenario sets.
                 nan = float("nan")
-                self._command(mavlink.MAV_CMD_NAV_TAKEOFF, nan, 0.0, 0.0, nan, nan, nan, nan)
+                height_m = self._altitude_m if self._copter else nan
+                self._command(mavlink.MAV_CMD_NAV_TAKEOFF, nan, 0.0, 0.0, nan, nan, nan, height_m)
             case Step.HAND_OVER:
                 self._set_mode(OFFBOARD)
             case Step.INTERVENE:
@@ -119,13 +137,18 @@ class Operator:
     @property
     def _settled(self) -> bool:
         near = abs(self._height_m - self._altitude_m) < HEIGHT_TOLERANCE_M
-        return near and self._speed_mps < SETTLED_MPS
+        # GUIDED is handed over from the start: the service flies on as soon as it can.
+        return near and (self._copter or self._speed_mps < SETTLED_MPS)
 
     def _handle(self, message: Any) -> None:
         match message.get_type():
             case "HEARTBEAT":
                 self._armed = bool(message.base_mode & mavlink.MAV_MODE_FLAG_SAFETY_ARMED)
-                self._offboard = message.custom_mode >> 16 & 0xFF == OFFBOARD[0]
+                self._copter = message.autopilot == mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA
+                if self._copter:
+                    self._offboard = message.custom_mode == GUIDED[0]
+                else:
+                    self._offboard = message.custom_mode >> 16 & 0xFF == OFFBOARD[0]
             case "SYS_STATUS":
                 self._ready = bool(message.onboard_control_sensors_health & HEALTH)
             case "LOCAL_POSITION_NED":
@@ -135,6 +158,8 @@ class Operator:
     def _set_mode(self, mode: tuple[float, float]) -> None:
         armed = mavlink.MAV_MODE_FLAG_SAFETY_ARMED if self._armed else 0
         base_mode = mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED | armed
+        if self._copter:
+            mode = {OFFBOARD: GUIDED, HOLD: BRAKE}[mode]
         self._command(mavlink.MAV_CMD_DO_SET_MODE, base_mode, *mode)
 
     def _command(self, command: int, *parameters: float) -> None:

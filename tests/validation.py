@@ -206,6 +206,7 @@ def paper_flight() -> Tracking:
     rows = []
     while not simulation.over:
         simulation.advance()
+        simulation.autonomy.events()  # taken by nobody else here
         wanted = vehicle.autopilot.commander.setpoint
         if wanted is None or vehicle.autopilot.commander.mode is not Mode.OFFBOARD:
             continue

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
@@ -10,11 +11,13 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from sitl.battery import BatteryConfig
 from sitl.config import VehicleConfig
 from sitl.modes import LandedState, Mode
+from sitl.simulation import Simulation
 from sitl.vehicle import SimulatedVehicle
 from tests.sitl.mavlink_client import Client, mode_of
 from tests.sitl.mavlink_client import in_air as px4_in_air
 from tests.sitl.mavlink_client import on_ground as px4_on_ground
 from tests.sitl.test_mission import LAND, TAKE_OFF, upload, waypoint
+from tests.sitl.test_simulation import flight_of
 
 FAILED = mavlink.MAV_RESULT_FAILED
 VELOCITY, POSITION = 0x0DC7, 0x0DF8
@@ -215,3 +218,20 @@ def test_files_are_refused_at_once() -> None:
     client.send(mavlink.MAVLink_file_transfer_protocol_message(0, 1, 1, request))
     answer = bytes(client.of("FILE_TRANSFER_PROTOCOL")[-1].payload)
     assert (answer[0], answer[3], answer[5], answer[12]) == (8, 129, 4, 10)
+
+
+def test_the_onboard_service_flies_the_papers_example_on_ardupilot() -> None:
+    flight = flight_of("paper.yaml")
+    parameters = {"GUID_TIMEOUT": 0.5, "ANGLE_MAX": 4500}
+    sitl = flight.sitl.model_copy(update={"flavour": "ardupilot", "parameters": parameters})
+    simulation = Simulation(replace(flight, sitl=sitl))
+    phases: list[str] = []
+    while not simulation.over and simulation.now_s < 90.0:
+        simulation.advance()
+        simulation.autonomy.events()
+        phase = simulation.autonomy.navigator.phase.value
+        if not phases or phases[-1] != phase:
+            phases.append(phase)
+    assert simulation.over
+    assert phases == ["standby", "cruise", *["avoid", "cruise"] * 3, "arrived", "standby"]
+    assert simulation.scene.world.collisions == 0
