@@ -91,14 +91,15 @@ async def survey(vehicle: Vehicle) -> VehicleFacts:
         await vehicle.wait_healthy()
     except VehicleError:
         facts.unhealthy = vehicle.state.unhealthy
-    if all(map(math.isfinite, vehicle.state.position_ned_m)):
-        facts.position_ned_m = vehicle.state.position_ned_m
     await _ask_version(vehicle, facts)
     await _ask_parameters(vehicle, facts)
     await _ask_battery(vehicle, facts)
     await _ask_home(vehicle, facts)
     facts.rates_hz = await _count_messages(vehicle)
     facts.round_trip_s = await _ping(vehicle)
+    # Last: by now it has been streamed for a while.
+    if all(map(math.isfinite, vehicle.state.position_ned_m)):
+        facts.position_ned_m = vehicle.state.position_ned_m
     return facts
 
 

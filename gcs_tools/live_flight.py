@@ -6,10 +6,9 @@ The three talk as they would on a real vehicle: MAVLink over UDP, detections and
 from __future__ import annotations
 
 import asyncio
-import contextlib
 import json
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
@@ -21,10 +20,13 @@ from pydantic import BaseModel
 
 from gcs_tools.errors import CommandError, Interrupted
 from gcs_tools.interruption import Interruption, interruptible
+from gcs_tools.live_check_bus import BusCheck
+from gcs_tools.live_flight_check import check_before_flight
 from gcs_tools.processes import Children, free_ports
 from gcs_tools.scenario import Scenario, obstacle_list
 from gcs_tools.vehicle import Vehicle, VehicleError, connected_vehicle
 from onboard.config import DaemonConfig, MavlinkLink, Mission, ZenohEndpoints
+from onboard.daemon import open_session
 
 VEHICLE_NAME = "vehicle"
 # Compiling the plant for the first time takes the longest.
@@ -88,7 +90,19 @@ def fly_live(
         children.start(
             "clearway-onboard", "onboard", "--config", str(onboard), log_path=out / "onboard.log"
         )
-        return asyncio.run(_operate(scenario.mission, endpoints, children, interruption, report))
+        flight = _Flight(scenario, endpoints, children, forced, report)
+        return asyncio.run(_operate(flight, interruption))
+
+
+@dataclass(frozen=True)
+class _Flight:
+    """What one flight is made of, for those who run it."""
+
+    scenario: Scenario
+    endpoints: Endpoints
+    children: Children
+    forced: bool
+    report: Report
 
 
 def write_configuration(
@@ -112,6 +126,7 @@ def write_configuration(
         log_directory=Path(),
         log_file=Path("flight.mcap"),
         fly_outside_contract=forced,
+        require_preflight=not forced,
     )
     sitl = scenario.sitl_config(
         vehicle=VEHICLE_NAME,
@@ -124,6 +139,9 @@ def write_configuration(
         seed=seed,
         truth_log="truth.mcap",
     )
+    if sitl.flavour == "px4":
+        # Nobody holds a radio here, so its loss is no failsafe.
+        sitl = sitl.model_copy(update={"parameters": {"COM_RC_IN_MODE": 4.0} | sitl.parameters})
     documents: dict[str, Any] = {
         name: _plain(model)
         for name, model in {
@@ -172,45 +190,42 @@ class Status:
         return self.last.get("detection_age_s") is not None
 
 
-@contextlib.contextmanager
-def _daemon_status(endpoints: Endpoints) -> Iterator[Status]:
-    """Listen to the daemon's status.
-
-    Raises:
-        CommandError: no Zenoh session can be opened.
-    """
-    config = zenoh.Config()
-    config.insert_json5("scouting/multicast/enabled", "false")
-    config.insert_json5("listen/endpoints", "[]")
-    config.insert_json5("connect/endpoints", json.dumps([endpoints.daemon_zenoh]))
-    try:
-        session = zenoh.open(config)
-    except zenoh.ZError as error:
-        raise CommandError(f"no Zenoh session with {endpoints.daemon_zenoh}: {error}") from error
-    try:
-        status = Status()
-        session.declare_subscriber(f"clearway/{VEHICLE_NAME}/status", status.receive)
-        yield status
-    finally:
-        session.close()  # type: ignore[no-untyped-call]  # untyped in its own stubs
-
-
-async def _operate(
-    mission: Mission,
-    endpoints: Endpoints,
-    children: Children,
-    interruption: Interruption,
-    report: Report,
-) -> str | None:
+async def _operate(flight: _Flight, interruption: Interruption) -> str | None:
+    endpoints, children = flight.endpoints, flight.children
+    bus = ZenohEndpoints(connect=(endpoints.daemon_zenoh, endpoints.sitl_zenoh), listen=())
     try:
         async with connected_vehicle(
             endpoints.operator_url, interruption, START_TIMEOUT_S, children.check
         ) as vehicle:
-            with _daemon_status(endpoints) as status:
-                return await Operator(vehicle, status, children, mission, report).fly()
+            with open_session(bus) as session:
+                status = Status()
+                session.declare_subscriber(f"clearway/{VEHICLE_NAME}/status", status.receive)
+                operator = Operator(
+                    vehicle, status, children, flight.scenario.mission, flight.report
+                )
+                await operator.wait_ready()
+                if not flight.forced:
+                    await _check(flight, vehicle, BusCheck(session, VEHICLE_NAME))
+                return await operator.fly()
+    except zenoh.ZError as error:
+        raise CommandError(f"no Zenoh session with {endpoints.daemon_zenoh}: {error}") from error
     except VehicleError:
         children.check()  # a dead process explains more than the silence that it leaves
         raise
+
+
+async def _check(flight: _Flight, vehicle: Vehicle, bus: BusCheck) -> None:
+    """Look at everything live; the daemon flies only what has passed.
+
+    Raises:
+        CommandError: the check has not passed.
+    """
+    flight.report("checking vehicle, detections and daemon")
+    # On paper the flight is compliant: it would not have come this far otherwise.
+    findings = await check_before_flight(vehicle, bus, flight.scenario, paper_compliant=True)
+    against = [f"{each.subject} {each.name}: {each.text}" for each in findings if not each.holds]
+    if against:
+        raise CommandError(f"the live pre-flight check has not passed: {'; '.join(against)}")
 
 
 class Operator:
@@ -238,12 +253,15 @@ class Operator:
         self._mission = mission
         self._report = report
 
+    async def wait_ready(self) -> None:
+        """Wait until the vehicle may be armed and the daemon sees."""
+        self._report("waiting for the vehicle to be healthy")
+        await self._vehicle.wait_healthy()
+        await self._until(lambda: self._status.sees, READY_TIMEOUT_S, "given detections")
+
     async def fly(self) -> str | None:
         """Take off, hand over, watch, land; return why the mission was given up, if it was."""
         vehicle, report = self._vehicle, self._report
-        report("waiting for the vehicle to be healthy")
-        await vehicle.wait_healthy()
-        await self._until(lambda: self._status.sees, READY_TIMEOUT_S, "given detections")
         report("arming")
         await vehicle.arm()
         mishap = None

@@ -43,6 +43,11 @@ class Finding:
     verdict: Verdict
     text: str
 
+    @property
+    def holds(self) -> bool:
+        """Whether it is known to be fine."""
+        return self.verdict is Verdict.HOLDS
+
     def document(self) -> dict[str, Any]:
         """Return the finding as JSON values."""
         return {
