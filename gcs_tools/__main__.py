@@ -34,7 +34,7 @@ def main(arguments: list[str] | None = None) -> int:
     except CommandError as error:
         return _fail(str(error), error.exit_code)
     except ModuleNotFoundError as error:
-        if error.name in {"rich", "matplotlib"}:
+        if error.name in {"rich", "matplotlib", "pyulog"}:
             return _fail(f"{error.name} is not installed: pip install 'clearway[ground]'")
         raise
     except KeyboardInterrupt:
@@ -54,6 +54,7 @@ def build_parser() -> argparse.ArgumentParser:
     _add_contract(commands)
     _add_report(commands)
     _add_watch(commands)
+    _add_identify(commands)
     _add_schema(commands)
     return parser
 
@@ -156,6 +157,16 @@ def _add_watch(commands: Any) -> None:
     parser.add_argument("--port", type=_natural, default=8640, help="0: any that is free")
     parser.add_argument("--tui", action="store_true", help="in this terminal instead")
     parser.set_defaults(command=_watch)
+
+
+def _add_identify(commands: Any) -> None:
+    parser = commands.add_parser("identify", help="contract values measured from flight logs")
+    parser.add_argument("logs", type=Path, nargs="+", metavar="LOG", help="MCAP, ULog or tlog")
+    parser.add_argument(
+        "--margin", type=_positive, default=0.25, metavar="SHARE", help="default: 0.25"
+    )
+    _add_output_options(parser, "table", "json", "csv")
+    parser.set_defaults(command=_identify)
 
 
 def _add_schema(commands: Any) -> None:
@@ -304,6 +315,13 @@ def _watch(options: argparse.Namespace) -> int:
 
     bus = bus_of(options.zenoh_config, options.daemon_config)
     watch(bus, host=options.host, port=options.port, terminal=options.tui)
+    return 0
+
+
+def _identify(options: argparse.Namespace) -> int:
+    from gcs_tools.identify import identify  # noqa: PLC0415
+
+    identify(options.logs, margin=options.margin, form=options.form, output=options.output)
     return 0
 
 
