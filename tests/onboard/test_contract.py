@@ -312,6 +312,13 @@ def test_clauses_may_be_switched_off() -> None:
     assert everything - names(passive_safety=False) == {"passive_safety"}
 
 
+def test_clauses_are_on_unless_switched_off() -> None:
+    values: dict[str, Any] = {field.name: 1.0 for field in fields(Terms)}
+    del values["stop"], values["passive_safety"], values["input_set"]
+    terms: Terms[float] = Terms(**values)
+    assert (terms.stop, terms.passive_safety, terms.input_set) == (True, True, "inner")
+
+
 def test_reasons_are_sentences_for_an_operator() -> None:
     for clause in assess(contract()).clauses:
         assert 30 < len(clause.reason) < 100

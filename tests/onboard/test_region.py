@@ -256,6 +256,13 @@ def test_slow_drift_costs_no_time_and_fast_drift_must_be_outrun() -> None:
     # Outrun: 3 t + t² = 4 + 9/4 m.
     outrun_s = (math.sqrt(9.0 + 25.0) - 3.0) / 2.0
     assert time_to_clear(replace(still, lateral_speed_mps=3.0), SCALAR) == pytest.approx(outrun_s)
+    # A drift that only the weak side cannot turn back, whichever side that is: 1.5 t + 2 t² =
+    # 2 + 1.125 m.
+    outrun_s = (math.sqrt(2.25 + 25.0) - 1.5) / 4.0
+    for left_mps2, right_mps2 in ((1.0, 4.0), (4.0, 1.0)):
+        limits = AccelerationLimits(2.0, 2.0, left_mps2, right_mps2)
+        e = replace(Encounter.ideal(limits, 5.0, (2.0, 2.0)), lateral_speed_mps=1.5)
+        assert time_to_clear(e, SCALAR) == pytest.approx(outrun_s)
 
 
 # --- lane
