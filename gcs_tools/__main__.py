@@ -34,7 +34,7 @@ def main(arguments: list[str] | None = None) -> int:
     except CommandError as error:
         return _fail(str(error), error.exit_code)
     except ModuleNotFoundError as error:
-        if error.name in {"rich", "matplotlib", "pyulog"}:
+        if error.name in {"rich", "matplotlib", "pyulog", "pyarrow", "distributed"}:
             return _fail(f"{error.name} is not installed: pip install 'clearway[ground]'")
         raise
     except KeyboardInterrupt:
@@ -55,6 +55,7 @@ def build_parser() -> argparse.ArgumentParser:
     _add_report(commands)
     _add_watch(commands)
     _add_identify(commands)
+    _add_campaign(commands)
     _add_schema(commands)
     return parser
 
@@ -169,6 +170,23 @@ def _add_identify(commands: Any) -> None:
     parser.set_defaults(command=_identify)
 
 
+def _add_campaign(commands: Any) -> None:
+    parser = commands.add_parser("campaign", help="many seeded flights in virtual time")
+    parser.add_argument(
+        "scenarios", nargs="+", metavar="SCENARIO", help="nominal, violating, faults, or files"
+    )
+    parser.add_argument("--flights", type=_natural, default=100, metavar="N")
+    parser.add_argument("--seed", type=_natural, default=1, metavar="S")
+    parser.add_argument("--only", type=_natural, metavar="N", help="replay flight number N alone")
+    where = parser.add_mutually_exclusive_group()
+    where.add_argument("--jobs", type=_count, metavar="J", help="processes; default: all cores")
+    where.add_argument("--dask", metavar="ADDRESS", help="tcp://… of a Dask scheduler")
+    parser.add_argument(
+        "--out", type=Path, metavar="DIR", help="default: campaigns/<scenarios>-<seed>"
+    )
+    parser.set_defaults(command=_campaign)
+
+
 def _add_schema(commands: Any) -> None:
     parser = commands.add_parser("schema", help="write JSON Schemas of all files, for editors")
     parser.add_argument("-o", "--output", type=Path, required=True, metavar="DIR")
@@ -213,6 +231,13 @@ def _positive(text: str) -> float:
     if not 0.0 < value < math.inf:
         raise argparse.ArgumentTypeError(f"{text!r} is not a number above 0")
     return value
+
+
+def _count(text: str) -> int:
+    number = _natural(text)
+    if not number:
+        raise argparse.ArgumentTypeError("0 is not a number from 1 on")
+    return number
 
 
 # Each command's module is imported when it is asked for: a daemon's computer that runs
@@ -323,6 +348,21 @@ def _identify(options: argparse.Namespace) -> int:
 
     identify(options.logs, margin=options.margin, form=options.form, output=options.output)
     return 0
+
+
+def _campaign(options: argparse.Namespace) -> int:
+    from gcs_tools.campaign import CampaignRequest, run_campaign  # noqa: PLC0415
+
+    request = CampaignRequest(
+        scenarios=tuple(options.scenarios),
+        flights=options.flights,
+        seed=options.seed,
+        only=options.only,
+        jobs=options.jobs,
+        dask=options.dask,
+        out=options.out,
+    )
+    return 0 if run_campaign(request) else _REFUSED
 
 
 def _schema(options: argparse.Namespace) -> int:

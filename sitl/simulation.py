@@ -9,6 +9,7 @@ flight code.
 from __future__ import annotations
 
 import time
+from collections.abc import Iterator
 from contextlib import ExitStack
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -19,6 +20,7 @@ from onboard.autonomy import Autonomy
 from onboard.config import Contract, Mission
 from onboard.guidance import Phase
 from onboard.journal import Journal
+from onboard.record import Record
 from onboard.recorder import FlightLog
 from sitl.config import SitlConfig
 from sitl.faults import Fault, FaultInjector
@@ -85,6 +87,11 @@ class Simulation:
 
     Args:
         flight: what is to be flown.
+
+    Attributes:
+        now_s: virtual time.
+        flight: what is being flown.
+        scene, autonomy, operator: vehicle and world; the service; who arms and lands.
     """
 
     def __init__(self, flight: SimulatedFlight) -> None:
@@ -93,7 +100,7 @@ class Simulation:
         self.scene = Scene(config, flight.obstacles, EPOCH_UNIX_S)
         self.autonomy = _start_service(flight)
         self.operator = Operator(config.system_id, flight.mission.altitude_m)
-        self._flight = flight
+        self.flight = flight
         self._faults = FaultInjector(flight.faults, flight.seed)
         self._steps = 0
         self._dead = False
@@ -141,7 +148,7 @@ class Simulation:
     def _bury_or_revive(self) -> None:
         dead = self._faults.present("daemon_dead")
         if self._dead and not dead:
-            self.autonomy = _start_service(self._flight)
+            self.autonomy = _start_service(self.flight)
         self._dead = dead
 
     def _operate(self) -> None:
@@ -174,6 +181,19 @@ def _start_service(flight: SimulatedFlight) -> Autonomy:
     )
 
 
+def ticks(simulation: Simulation) -> Iterator[list[Record]]:
+    """Advance a flight to its end, or its time limit; yield what each tick leaves behind."""
+    service = simulation.autonomy
+    journal = Journal(service, timed=False)
+    while not simulation.over and simulation.now_s < simulation.flight.time_limit_s:
+        simulation.advance()
+        if service is not simulation.autonomy:  # it died, and was started again
+            service = simulation.autonomy
+            journal = Journal(service, timed=False)
+        if simulation.at_tick:
+            yield journal.collect(simulation.now_s)
+
+
 def fly(flight: SimulatedFlight, directory: Path) -> SimulationReport:
     """Fly in virtual time; write ``flight.mcap`` and ``truth.mcap``, the same for the same seed.
 
@@ -190,16 +210,9 @@ def fly(flight: SimulatedFlight, directory: Path) -> SimulationReport:
     with ExitStack() as stack:
         flight_log = stack.enter_context(FlightLog(directory / "flight.mcap", metadata))
         truth_log = stack.enter_context(TruthLog(directory / "truth.mcap", EPOCH_UNIX_S))
-        service = simulation.autonomy
-        journal = Journal(service, timed=False)
-        while not simulation.over and simulation.now_s < flight.time_limit_s:
-            simulation.advance()
-            if service is not simulation.autonomy:  # it died, and was started again
-                service = simulation.autonomy
-                journal = Journal(service, timed=False)
-            if simulation.at_tick:
-                flight_log.write(journal.collect(simulation.now_s))
-                truth_log.write(simulation.scene.vehicle.truth, simulation.scene.world)
+        for records in ticks(simulation):
+            flight_log.write(records)
+            truth_log.write(simulation.scene.vehicle.truth, simulation.scene.world)
     return SimulationReport(
         virtual_s=simulation.now_s,
         wall_s=time.perf_counter() - began_s,

@@ -1,0 +1,426 @@
+"""Random scenarios: fields that keep a random contract, that break it, and faults on top.
+
+One name, one campaign seed and one number give one scenario, on every machine.  What is drawn is
+stated in the functions below; whatever the draw, the pre-flight check has the last word on whether
+a nominal field keeps its contract.
+"""
+
+from __future__ import annotations
+
+import math
+import random
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Any, Final, Literal, get_args
+
+import numpy as np
+
+from gcs_tools.preflight import check
+from gcs_tools.scenario import Expectation, Outcome, Plant, Scenario
+from onboard.config import Contract, Mission, SensorTerms, VehicleTerms
+from onboard.contract import Assessment, assess
+from sitl.faults import Fault, FaultKind
+from sitl.field import Obstacle, ObstacleField
+
+Breach = Literal["larger", "closer", "range", "speed"]
+
+NO_FAULT: Final = "none"
+# Drawn again until the contract complies and the field keeps it; in vain is a programming error.
+ATTEMPTS_MAX: Final = 500
+# Declared far more than any contract here requires, to learn what it does require.
+_AMPLE_M: Final = 1000.0
+_AMPLE_DEG: Final = 359.0
+# Legs of about 45 m, and long enough for two obstacles where the separation is wide.
+_LEG_LENGTH_M: Final = (38.0, 52.0)
+_ALTITUDE_M: Final = 3.0
+# Seconds of latency and confirmation that the simulated sensor needs lie within this.
+_REACTION_TIME_S: Final = (0.15, 0.25)
+_MEAN_WIND_MAX_MPS: Final = 3.0
+_TURBULENCE_MAX_MPS: Final = 0.3
+
+
+@dataclass(frozen=True)
+class Case:
+    """One flight of a campaign, and what it may come to.
+
+    Attributes:
+        scenario: what is flown.
+        seed: of the simulation.
+        variant: the breach or the kind of fault; `NO_FAULT` for neither.
+        trigger: when the fault begins, in words.
+        outcomes: what the flight may come to.
+        covered: whether the contract promises that nothing is hit.
+        expectation: hold the flight to what its scenario file expects, too.
+    """
+
+    scenario: Scenario
+    seed: int
+    variant: str = NO_FAULT
+    trigger: str = ""
+    outcomes: tuple[Outcome, ...] = ("arrived",)
+    covered: bool = True
+    expectation: bool = False
+
+
+def generated(generator: str, campaign_seed: int, number: int) -> Case:
+    """Return flight ``number`` of a campaign.
+
+    Raises:
+        KeyError: there is no such generator; `GENERATORS` lists them.
+    """
+    draw = random.Random(f"{generator} {campaign_seed} {number}")
+    case = GENERATORS[generator](draw)
+    name = f"{generator}-{campaign_seed}-{number}"
+    return replace(case, scenario=replace(case.scenario, name=name))
+
+
+# ------------------------------------------------------------------ generators
+
+
+def _nominal(draw: random.Random) -> Case:
+    return Case(_compliant_scenario(draw), _seed(draw))
+
+
+def _violating(draw: random.Random) -> Case:
+    """Break one clause that the pre-flight check cannot know of, or declares itself."""
+    breach = draw.choice(get_args(Breach))
+    scenario = _compliant_scenario(draw, stop=True)
+    vehicle, sensor = scenario.contract.vehicle, scenario.contract.sensor
+    match breach:
+        case "larger" | "closer":
+            scenario = _with_breaching_field(draw, scenario, breach)
+        case "range":
+            required_m = _required_range_m(assess(scenario.contract))
+            terms = {"detection_range_m": required_m * draw.uniform(0.5, 0.98)}
+            scenario = _redeclared(scenario, sensor=sensor.model_copy(update=terms))
+        case _:
+            terms = {"cruise_speed_mps": vehicle.cruise_speed_mps * draw.uniform(1.3, 2.0)}
+            scenario = _redeclared(scenario, vehicle=vehicle.model_copy(update=terms))
+    unforeseen = breach in ("larger", "closer")
+    outcomes: tuple[Outcome, ...] = ("arrived", "held") if unforeseen else ("aborted",)
+    return Case(scenario, _seed(draw), breach, outcomes=outcomes)
+
+
+def _redeclared(scenario: Scenario, **sections: VehicleTerms | SensorTerms) -> Scenario:
+    return replace(scenario, contract=scenario.contract.model_copy(update=sections))
+
+
+def _faulty(draw: random.Random) -> Case:
+    """One fault of any kind on a nominal flight, at any time or on a transition."""
+    kind: FaultKind = draw.choice(FAULT_KINDS)
+    scenario = _compliant_scenario(draw, stop=True, passive_safety=True)
+    fault = _drawn_fault(draw, kind, scenario)
+    scenario = replace(scenario, faults=(fault,))
+    return Case(
+        scenario,
+        _seed(draw),
+        kind,
+        trigger=f"{fault.phase or 'start'} {fault.entry}",
+        outcomes=("arrived", "held", "aborted") if fault.phase is None else ("arrived", "held"),
+        covered=kind not in UNDETECTABLE,
+    )
+
+
+GENERATORS: Final[dict[str, Callable[[random.Random], Case]]] = {
+    "nominal": _nominal,
+    "violating": _violating,
+    "faults": _faulty,
+}
+
+FAULT_KINDS: Final[tuple[FaultKind, ...]] = tuple(
+    kind for group in get_args(FaultKind) for kind in get_args(group)
+)
+# A sensor that claims to have looked, and is wrong beyond its declared error, cannot be found out
+# by anybody who has no other: nothing is promised, and what happens is counted.
+UNDETECTABLE: Final[frozenset[FaultKind]] = frozenset({"detections_hidden"})
+
+
+def _seed(draw: random.Random) -> int:
+    return draw.randrange(2**31)
+
+
+# ------------------------------------------------------------------ a contract that complies
+
+
+def _compliant_scenario(
+    draw: random.Random, *, stop: bool | None = None, passive_safety: bool | None = None
+) -> Scenario:
+    """Draw until the pre-flight check says that the flight is covered."""
+    for _ in range(ATTEMPTS_MAX):
+        contract = _compliant_contract(
+            draw,
+            stop=draw.random() < 0.7 if stop is None else stop,
+            passive_safety=draw.random() < 0.5 if passive_safety is None else passive_safety,
+        )
+        if contract is None:
+            continue
+        scenario = _scenario(draw, contract)
+        if scenario is not None:
+            return scenario
+    raise AssertionError(f"{ATTEMPTS_MAX} draws gave no compliant scenario")
+
+
+def _compliant_contract(
+    draw: random.Random, *, stop: bool, passive_safety: bool
+) -> Contract | None:
+    """Draw speed, agility and sizes; declare what they require, and a little more."""
+    terms: dict[str, dict[str, Any]] = {
+        "vehicle": {
+            "roll_max_deg": draw.uniform(8.0, 22.0),
+            "pitch_max_deg": draw.uniform(8.0, 22.0),
+            "thrust_to_weight": 2.0,
+            "cruise_speed_mps": draw.uniform(1.2, 5.0),
+            "radius_m": draw.uniform(0.2, 0.5),
+            "tracking_error_m": draw.uniform(0.2, 0.35),
+            "velocity_error_mps": [0.25, 0.15],
+            "reaction_time_s": draw.uniform(*_REACTION_TIME_S),
+            "attitude_lag_s": draw.uniform(0.15, 0.2),
+            "setpoint_loss_timeout_s": 0.5,
+        },
+        "requirements": {"stop": stop, "passive_safety": passive_safety},
+        "sensor": {
+            "detection_range_m": _AMPLE_M,
+            "field_of_view_deg": _AMPLE_DEG,
+            "frame_age_max_s": 0.3,
+            "position_error_m": draw.uniform(0.02, 0.08),
+        },
+        "environment": {
+            "obstacle_size_max_m": draw.uniform(0.5, 5.0),
+            "obstacle_size_min_m": 0.0,
+            "obstacle_separation_min_m": _AMPLE_M,
+        },
+    }
+    ample = assess(Contract.model_validate(terms))
+    required = {clause.name: clause.required for clause in ample.clauses}
+    terms["sensor"]["detection_range_m"] = _required_range_m(ample) * draw.uniform(1.01, 1.5)
+    terms["sensor"]["field_of_view_deg"] = min(
+        _AMPLE_DEG, max(60.0, required["field_of_view"] * draw.uniform(1.01, 1.4))
+    )
+    terms["environment"]["obstacle_separation_min_m"] = required["separation"] * 1.001
+    contract = Contract.model_validate(terms)
+    # Room for one obstacle at the least, on a leg of the length drawn here.
+    region = ample.inflated.region
+    roomy = region.front_m + ample.inflated.roi_length_m < _LEG_LENGTH_M[0]
+    return contract if roomy and assess(contract).compliant else None
+
+
+def _required_range_m(assessment: Assessment) -> float:
+    return max(
+        clause.required
+        for clause in assessment.clauses
+        if clause.declared == assessment.terms.detection_range_m
+    )
+
+
+# ------------------------------------------------------------------ a field, a mission, a plant
+
+
+def _scenario(draw: random.Random, contract: Contract) -> Scenario | None:
+    """Place obstacles along a leg in a random direction; None where the check refuses."""
+    heading_rad = draw.uniform(-math.pi, math.pi)
+    length_m = draw.uniform(*_LEG_LENGTH_M)
+    obstacles = _obstacles(draw, contract, heading_rad, length_m)
+    size_m = contract.environment.obstacle_size_max_m
+    derived = assess(contract).inflated
+    mission = Mission.model_validate(
+        {
+            "altitude_m": _ALTITUDE_M,
+            "climb_max_m": draw.choice((0.0, 0.0, draw.uniform(0.5, 1.5))),
+            "legs": [
+                {
+                    "end_ned_m": _ned_m(heading_rad, length_m, 0.0),
+                    "target_half_width_m": 2.0 * size_m + derived.roi_width_m + 2.0,
+                }
+            ],
+        }
+    )
+    if not obstacles or not check(contract, obstacles, mission).compliant:
+        return None
+    return Scenario(
+        name="",
+        contract=contract,
+        mission=mission,
+        obstacles=obstacles,
+        plant=_plant(draw, contract),
+        faults=(),
+        field_known=True,
+        force=False,
+        expect=Expectation.model_validate({}),
+    )
+
+
+def _obstacles(
+    draw: random.Random, contract: Contract, heading_rad: float, length_m: float
+) -> ObstacleField:
+    """Obstacles one after another, each as near to the one before as the contract allows."""
+    derived = assess(contract).inflated
+    separation_m = contract.environment.obstacle_separation_min_m
+    half_m = contract.environment.obstacle_size_max_m / 2.0
+    along_m = derived.region.front_m + half_m + derived.margin_m + draw.uniform(0.5, 4.0)
+    last_m = length_m - (derived.roi_length_m - derived.region.front_m) - 0.5
+    placed: list[Obstacle] = []
+    while along_m < last_m:
+        # Head-on half of the time; else anywhere up to just beside the vehicle's way.
+        reach_m = draw.choice((0.2, 1.0)) * (half_m + derived.margin_m)
+        centre_m = (along_m, draw.uniform(-reach_m, reach_m))
+        placed.append(_obstacle(draw, contract, heading_rad, centre_m, str(len(placed))))
+        along_m += separation_m * draw.choice((1.05, draw.uniform(1.05, 1.6)))
+    return ObstacleField.of(placed)
+
+
+def _obstacle(
+    draw: random.Random,
+    contract: Contract,
+    heading_rad: float,
+    centre_leg_m: tuple[float, float],
+    name: str,
+) -> Obstacle:
+    """Return a box that fills S_max in the leg frame in a third of all cases, turned or not."""
+    turn_rad = draw.choice((0.0, draw.uniform(0.0, math.pi / 2.0)))
+    aspect = draw.uniform(0.2, 1.0)
+    sides = draw.choice(((1.0, aspect), (aspect, 1.0), (1.0, 1.0)))
+    cosine, sine = abs(math.cos(turn_rad)), abs(math.sin(turn_rad))
+    extent = max(cosine * sides[0] + sine * sides[1], sine * sides[0] + cosine * sides[1])
+    size_max_m = contract.environment.obstacle_size_max_m
+    size_m = size_max_m * draw.choice((1.0, draw.uniform(0.1, 1.0), draw.uniform(0.5, 1.0)))
+    scale_m = size_m / extent
+    return Obstacle(
+        id=name,
+        center_ned_m=_ned_m(heading_rad, *centre_leg_m),
+        size_m=(sides[0] * scale_m, sides[1] * scale_m),
+        yaw_deg=math.degrees(heading_rad + turn_rad),
+    )
+
+
+def _ned_m(heading_rad: float, along_m: float, across_m: float) -> tuple[float, float]:
+    cosine, sine = math.cos(heading_rad), math.sin(heading_rad)
+    return cosine * along_m - sine * across_m, sine * along_m + cosine * across_m
+
+
+def _plant(draw: random.Random, contract: Contract) -> Plant:
+    """Return a vehicle and a sensor that are as good as the contract says, and some wind."""
+    error_m = contract.sensor.position_error_m
+    direction_rad = draw.uniform(-math.pi, math.pi)
+    wind_mps = draw.choice((0.0, draw.uniform(0.0, _MEAN_WIND_MAX_MPS)))
+    return Plant.model_validate(
+        {
+            "multirotor": {
+                "thrust_to_weight": contract.vehicle.thrust_to_weight,
+                "radius_m": contract.vehicle.radius_m,
+            },
+            "wind": {
+                "mean_ned_mps": [*_ned_m(direction_rad, wind_mps, 0.0), 0.0],
+                "turbulence_mps": draw.choice((0.0, draw.uniform(0.0, _TURBULENCE_MAX_MPS))),
+            },
+            "sensors": [
+                {
+                    "range_m": contract.sensor.detection_range_m,
+                    "field_of_view_deg": contract.sensor.field_of_view_deg,
+                    # Uniform in a square: this is the error along either axis of the leg.
+                    "noise_m": error_m * draw.uniform(0.0, math.sqrt(0.5)),
+                    "uncertainty_m": error_m,
+                    "frame": draw.choice(("local_ned", "body_frd")),
+                }
+            ],
+        }
+    )
+
+
+# ------------------------------------------------------------------ what breaks the contract
+
+
+def _with_breaching_field(draw: random.Random, scenario: Scenario, breach: Breach) -> Scenario:
+    """Make the first obstacle too large, or put a neighbour where its region is.
+
+    Either way the vehicle still starts where it should: beyond the obstacle, or away from it.
+    """
+    field = scenario.obstacles
+    size_max_m = scenario.contract.environment.obstacle_size_max_m
+    if breach == "larger":
+        # Turned or not, no box with such sides fits into S_max.
+        side_m = size_max_m * draw.uniform(1.2, 3.0)
+        half_size_m, center_ned_m = field.half_size_m.copy(), field.center_ned_m.copy()
+        half_size_m[0] = side_m / 2.0
+        center_ned_m[0] *= 1.0 + side_m / math.hypot(*center_ned_m[0])
+        field = replace(field, half_size_m=half_size_m, center_ned_m=center_ned_m)
+    else:
+        apart_m = draw.uniform(0.3, 0.7) * scenario.contract.environment.obstacle_separation_min_m
+        north_m, east_m = field.center_ned_m[0].tolist()
+        end_north_m, end_east_m = scenario.mission.legs[0].end_ned_m
+        turn_rad = draw.uniform(-math.pi / 3.0, math.pi / 3.0)
+        beside_m = _ned_m(math.atan2(end_east_m, end_north_m) + turn_rad, apart_m, 0.0)
+        neighbour = ObstacleField.of(
+            [
+                Obstacle(
+                    id="neighbour",
+                    center_ned_m=(north_m + beside_m[0], east_m + beside_m[1]),
+                    size_m=(size_max_m / 2.0, size_max_m / 2.0),
+                )
+            ]
+        )
+        field = ObstacleField(
+            (*field.ids, *neighbour.ids),
+            np.vstack((field.center_ned_m, neighbour.center_ned_m)),
+            np.vstack((field.half_size_m, neighbour.half_size_m)),
+            np.append(field.yaw_rad, neighbour.yaw_rad),
+        )
+    return replace(scenario, obstacles=field, field_known=False)
+
+
+# ------------------------------------------------------------------ faults
+
+# Amounts that are drawn, in the units of `sitl.faults.AMOUNTS`; other kinds have none, or one that
+# depends on the contract.
+_AMOUNT_RANGES: Final[dict[str, tuple[float, float]]] = {
+    "detections_late": (0.05, 0.5),
+    "detections_intermittent": (0.1, 0.9),
+    "detections_slow": (2.0, 8.0),
+    "detections_narrow_view": (20.0, 120.0),
+    "detections_uncertain": (0.03, 0.3),
+    "detections_oversized": (1.2, 4.0),
+    "detections_ghost": (3.0, 15.0),
+    "sensor_clock_ahead": (0.2, 10.0),
+    "telemetry_corrupted": (0.05, 0.4),
+    "position_reset": (0.6, 5.0),
+}
+_UNITS: Final = (0.001, 0.01, 0.3048)  # millimetres, centimetres, feet, taken for metres
+# These end by themselves: a stall or a pilot that never ends leaves nothing to observe.
+_PASSING_S: Final[dict[str, tuple[float, float]]] = {
+    "tick_stall": (0.04, 1.0),
+    "operator_takes_over": (1.0, 4.0),
+}
+_DURATION_S: Final = (0.2, 4.0)
+_TRANSITIONS: Final = (("cruise", 1), ("avoid", 1), ("cruise", 2), ("arrived", 1))
+
+
+def _drawn_fault(draw: random.Random, kind: FaultKind, scenario: Scenario) -> Fault:
+    """Return a fault that begins at any time, some time into a phase, or on its transition."""
+    phase, entry = draw.choice(_TRANSITIONS)
+    when = draw.choice(
+        (
+            {"start_s": draw.uniform(0.0, 30.0)},
+            {"phase": phase, "entry": entry},
+            {"phase": phase, "entry": entry, "start_s": draw.uniform(0.0, 4.0)},
+        )
+    )
+    passing_s = draw.uniform(*_PASSING_S.get(kind, _DURATION_S))
+    duration_s = passing_s if kind in _PASSING_S else draw.choice((None, passing_s))
+    amount = _drawn_amount(draw, kind, scenario)
+    return Fault.model_validate({"kind": kind, "duration_s": duration_s, "amount": amount, **when})
+
+
+def _drawn_amount(draw: random.Random, kind: FaultKind, scenario: Scenario) -> float | None:
+    sensor = scenario.contract.sensor
+    match kind:
+        case "detections_short_range" | "detections_hidden":
+            return sensor.detection_range_m * draw.uniform(0.3, 1.0)
+        case "detections_shifted":
+            # Undeclared, but together with the noise still within the contract's position error.
+            noise_m = max(each.noise_m for each in scenario.plant.sensors)
+            return draw.random() * (sensor.position_error_m - noise_m * math.sqrt(2.0))
+        case "detections_wrong_units":
+            return draw.choice(_UNITS)
+        case _ if kind in _AMOUNT_RANGES:
+            return draw.uniform(*_AMOUNT_RANGES[kind])
+        case _:
+            return None
