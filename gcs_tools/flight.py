@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import asdict
 from pathlib import Path
 
 from rich.console import Console
@@ -16,10 +17,20 @@ from gcs_tools.errors import CommandError
 from gcs_tools.flight_log import Log, read_log
 from gcs_tools.live_flight import Report, fly_live
 from gcs_tools.preflight import Preflight
+from gcs_tools.report import write_report
+from gcs_tools.report_document import Flight, document_of
 from gcs_tools.result import Result, result_of
 from gcs_tools.scenario import Scenario, load_scenario
 
 DEFAULT_SCENARIO = Path(__file__).parents[1] / "config" / "paper.yaml"
+_LEFT_BEHIND = (
+    "flight.mcap",
+    "flight.tlog",
+    "truth.mcap",
+    "result.json",
+    "flight.png",
+    "report.html",
+)
 _COLOURS = {"arrived": "green", "held": "yellow", "collided": "red", "aborted": "red"}
 
 
@@ -27,8 +38,8 @@ def fly(path: Path | None, *, virtual: bool, seed: int, out: Path | None, force:
     """Fly a scenario; return whether the mission was flown without collision or violation.
 
     What the scenario expects is reported, but does not change that: an expected hold is still not
-    an arrival.  Leaves ``flight.mcap``, ``truth.mcap``, ``result.json`` and ``flight.png`` in the
-    output directory.
+    an arrival.  Leaves ``flight.mcap``, ``truth.mcap``, ``result.json``, ``flight.png``
+    and ``report.html`` in the output directory; a live flight leaves a ``flight.tlog`` too.
 
     Args:
         path: the scenario; None for the paper's example.
@@ -57,6 +68,9 @@ def fly(path: Path | None, *, virtual: bool, seed: int, out: Path | None, force:
         result, logs = _fly_live(scenario, seed, directory, forced, console)
     result.write(directory / "result.json")
     _draw(scenario, logs, result, directory / "flight.png")
+    if logs[0].topic("/state"):  # a daemon that died at once left nothing to show
+        document = document_of(Flight(directory.name, *logs, result=asdict(result)))
+        write_report([document], directory / "report.html")
     _print_summary(scenario, result, directory, console)
     return result.succeeded
 
@@ -75,7 +89,7 @@ def _may_fly(checked: Preflight, forced: bool, console: Console) -> bool:
 def _prepared(directory: Path) -> Path:
     try:
         directory.mkdir(parents=True, exist_ok=True)
-        for name in ("flight.mcap", "truth.mcap", "result.json", "flight.png"):
+        for name in _LEFT_BEHIND:
             (directory / name).unlink(missing_ok=True)
     except OSError as error:
         raise CommandError(f"{directory}: cannot be written: {error.strerror or error}") from error
@@ -160,7 +174,7 @@ def _print_summary(scenario: Scenario, result: Result, directory: Path, console:
         console.print(f"violated: {violation}", style="red", markup=False, soft_wrap=True)
     expected = "met" if result.meets(scenario.expect) else "NOT met"
     console.print(f"expectation of {scenario.name}: {expected}")
-    console.print(f"log and picture: {directory}", soft_wrap=True)
+    console.print(f"log, report and picture: {directory}", soft_wrap=True)
 
 
 def _summary(scenario: Scenario, result: Result) -> Iterator[tuple[str, str]]:

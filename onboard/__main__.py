@@ -15,6 +15,7 @@ from onboard import daemon
 from onboard.config import Contract, DaemonConfig, Mission
 from onboard.contract import assess
 from onboard.links import LinkError
+from onboard.log_format import configure_logging
 from onboard.yaml_file import FileError, load_yaml
 
 
@@ -22,15 +23,16 @@ def main(arguments: list[str] | None = None) -> int:
     """Run the daemon; return the exit code: 0 after SIGINT or SIGTERM, 2 on bad input."""
     parser = argparse.ArgumentParser(prog="clearway-onboard", description=daemon.__doc__)
     parser.add_argument("--config", type=Path, required=True, help="daemon configuration, YAML")
+    parser.add_argument(
+        "--log-format", choices=("text", "json"), default="text", help="of messages, one a line"
+    )
     options = parser.parse_args(arguments)
     try:
         config = load_yaml(options.config, DaemonConfig)
         base = options.config.parent
         contract = load_yaml(base / config.contract, Contract)
         mission = load_yaml(base / config.mission, Mission)
-        logging.basicConfig(
-            level=config.log_level.upper(), format="%(asctime)s %(levelname)s %(name)s: %(message)s"
-        )
+        configure_logging(config.log_level, options.log_format)
         _warn_if_not_compliant(contract, config)
         asyncio.run(daemon.run(config, contract, mission, _log_path(base, config)))
     except (FileError, LinkError) as error:

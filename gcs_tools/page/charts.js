@@ -91,7 +91,9 @@ class Chart {
     }
     for (const { label, value } of this.limits) {
       parts.push(svgElement("path", { class: "limit", d: `M${PAD.left} ${this.#y(value)}H${right}` }));
-      parts.push(svgElement("text", { class: "limit", x: right - 3, y: this.#y(value) - 3, "text-anchor": "end" }, label));
+      // Above its line, unless that is at the very top.
+      const y = this.#y(value) - PAD.top > 14 ? this.#y(value) - 3 : this.#y(value) + 11;
+      parts.push(svgElement("text", { class: "limit", x: right - 3, y, "text-anchor": "end" }, label));
     }
     for (const { time, values, colour, dashed, dots } of this.series) {
       const style = `stroke: var(--${colour})`;

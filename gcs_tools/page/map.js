@@ -23,13 +23,15 @@ class FlightMap {
     this.svg = svg;
     this.radius = radius;
     this.bounds = null;
+    // Somebody has dragged or zoomed: the view is theirs until they double-click.
+    this.held = false;
     this.layers = Object.fromEntries(
       ["obstacles", "legs", "ahead", "reference", "plan", "flown", "others", "vehicles"].map((name) =>
         [name, svg.appendChild(svgElement("g", { class: `layer-${name}` }))]));
     this.lines = {};
     this.vehicles = {};
     this.#watchPointer();
-    svg.addEventListener("dblclick", () => this.fit());
+    svg.addEventListener("dblclick", () => { this.held = false; this.fit(); });
     window.addEventListener("resize", () => this.fit());
   }
 
@@ -67,7 +69,7 @@ class FlightMap {
     }
   }
 
-  // Show all of these points; what is dragged or zoomed is forgotten.
+  // Show all of these points, unless somebody looks elsewhere.
   frame(points) {
     const known = points.filter(([north, east]) => Number.isFinite(north) && Number.isFinite(east));
     if (!known.length) return;
@@ -77,7 +79,7 @@ class FlightMap {
       bounds[2] = Math.max(bounds[2], north); bounds[3] = Math.max(bounds[3], east);
     }
     this.bounds = bounds;
-    this.fit();
+    if (!this.held) this.fit();
   }
 
   fit() {
@@ -107,6 +109,7 @@ class FlightMap {
     svg.addEventListener("pointerup", () => { last = null; });
     svg.addEventListener("pointermove", (event) => {
       if (!last || !this.view) return;
+      this.held = true;
       const scale = this.view[2] / svg.clientWidth;
       this.view[0] -= (event.clientX - last.clientX) * scale;
       this.view[1] -= (event.clientY - last.clientY) * scale;
@@ -116,6 +119,7 @@ class FlightMap {
     svg.addEventListener("wheel", (event) => {
       if (!this.view) return;
       event.preventDefault();
+      this.held = true;
       const factor = Math.exp(event.deltaY * 0.0015);
       const box = svg.getBoundingClientRect();
       const at = [(event.clientX - box.left) / box.width, (event.clientY - box.top) / box.height];

@@ -5,6 +5,7 @@ const byId = (id) => document.getElementById(id);
 const map = new FlightMap(byId("map"), 0.3);
 const SILENCE_MS = 1500;
 const EVENTS_KEPT = 200;
+const TRAIL_POINTS = 5000;
 const trail = [];
 let around = [];
 let heard = null;
@@ -32,6 +33,7 @@ const show = {
       const [north, east, down] = status.position_ned_m;
       const [vn, ve] = status.velocity_ned_mps;
       trail.push(status.position_ned_m);
+      if (trail.length > TRAIL_POINTS) trail.shift();
       map.line("flown", "flown", trail);
       map.vehicle(north, east, status.yaw_rad);
       map.frame([...trail, ...around, [north + 12, east], [north, east - 4], [north, east + 4]]);

@@ -21,7 +21,7 @@ _FLAGS = (
     "--disable-dev-shm-usage", "--remote-debugging-pipe",
 )  # fmt: skip
 # A loaded computer may take its time; one that is stuck has to fail the test.
-_TIMEOUT_S = 60.0
+_TIMEOUT_S = 120.0
 
 
 class Page:

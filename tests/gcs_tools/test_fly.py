@@ -19,7 +19,7 @@ from gcs_tools.flight_log import read_log
 from tests.gcs_tools.running import CONFIG, Clearway, children_of, is_alive, until
 
 CHILDREN = {"sitl", "onboard"}
-LEFT_BEHIND = ("flight.mcap", "truth.mcap", "result.json", "flight.png")
+LEFT_BEHIND = ("flight.mcap", "truth.mcap", "result.json", "flight.png", "report.html")
 
 
 def result_in(out: Path) -> dict[str, Any]:
