@@ -22,7 +22,7 @@ from onboard.config import Contract, Mission
 from onboard.contract import Assessment, assess
 from onboard.events import Event, Severity
 from onboard.guidance import Phase
-from onboard.mavlink import MavlinkEndpoint, Pose, Setpoint, Target
+from onboard.mavlink import MavlinkEndpoint, Pose, Setpoint
 from onboard.monitor import Assumption, Violation, check_frame, check_obstacle
 from onboard.navigator import Navigator
 from onboard.obstacles import (
@@ -36,6 +36,7 @@ from onboard.obstacles import (
 )
 from onboard.planner import Planner
 from onboard.watches import (
+    CLOCK_TOLERANCE_S,
     DetectionWatch,
     PositionWatch,
     RivalWatch,
@@ -51,9 +52,8 @@ MAX_PENDING_FRAMES: Final = 32
 AUTOPILOT_SILENCE_S: Final = 3.0
 # Somebody else's setpoint this recent means that two are flying.
 RIVAL_MEMORY_S: Final = 0.5
-# The autopilot's echo of our setpoint lags by up to half a second.
-TARGET_ECHO_STEP_S: Final = 0.04
-TARGET_ECHO_STEPS: Final = 13
+# Setpoints are remembered this long: the autopilot's echo of them lags by up to half a second.
+SENT_MEMORY_S: Final = 0.6
 # Holding without knowing where for longer than this is left to the autopilot.
 HANDOVER_AFTER_S: Final = 2.0
 
@@ -118,7 +118,9 @@ class Autonomy:
         self._hold: Setpoint | None = None
         self._refusal: tuple[str, ...] = ()
         self._watched_pose: Pose | None = None
+        self._sent: deque[tuple[float, Setpoint]] = deque()
         self._left = False
+        self._held = False
 
     @property
     def assessment(self) -> Assessment:
@@ -164,22 +166,22 @@ class Autonomy:
         overrun = self._tick_watch.check(now_s)
         if overrun is not None:
             self._broken(overrun, now_s)
+        try:
+            self._decide(now_s)
+        except Exception:
+            # A defect of ours must not end the stream while a hover is possible.
+            log.exception("deciding failed")
+            self._broken(Violation(Assumption.SELF_CHECK, 1.0, 0.0, "exceptions"), now_s)
+        self._stream(now_s)
+        self._collect_events()
+
+    def _decide(self, now_s: float) -> None:
         self._take_frames(now_s)
         pose = self.link.pose
         if pose is not None:
             self._follow_mode(pose, now_s)
             self._watch(pose, now_s)
-            self._advance(pose, now_s)
-            self._stream(now_s)
-        self._collect_events()
-
-    def _advance(self, pose: Pose, now_s: float) -> None:
-        try:
             self.navigator.advance(pose, now_s)
-        except Exception:
-            # A defect of ours must not end the stream while a hover is possible.
-            log.exception("deciding failed")
-            self._broken(Violation(Assumption.SELF_CHECK, 1.0, 0.0, "exceptions"), now_s)
 
     def _take_frames(self, now_s: float) -> None:
         while self._pending:
@@ -195,7 +197,8 @@ class Autonomy:
     def _take_frame(self, frame: DetectionFrame, now_s: float) -> None:
         stamp_s = frame.stamp_unix_s - self.epoch_unix_s
         pose = self._poses.at(stamp_s) if frame.frame == "body_frd" else None
-        if frame.frame == "body_frd" and pose is None:
+        ahead = stamp_s > now_s + CLOCK_TOLERANCE_S
+        if frame.frame == "body_frd" and pose is None and not ahead:
             # Seen, but nobody knows from where: as good as not seen.
             self.detections.unplaced_frames += 1
             return
@@ -203,6 +206,8 @@ class Autonomy:
         lateness = self._detection_watch.on_frame(frame.source, stamp_s, now_s, terms)
         for violation in lateness + check_frame(frame, terms):
             self._broken(violation, now_s)
+        if ahead:
+            return
         for detection in frame.obstacles:
             self._take_detection(frame.source, detection, pose, now_s)
 
@@ -221,13 +226,11 @@ class Autonomy:
     def _follow_mode(self, pose: Pose, now_s: float) -> None:
         """Fly only while the pilot lets us: the mode is theirs."""
         status, navigator = self.link.status, self.navigator
-        granted = (
-            status.armed
-            and status.external_control
-            and status.airborne is True
-            and now_s - status.heard_s <= AUTOPILOT_SILENCE_S
-        )
+        heard = now_s - status.heard_s <= AUTOPILOT_SILENCE_S
+        granted = status.armed and status.external_control and status.airborne is True and heard
         if not granted:
+            # Only the pilot ends a hold: a silent autopilot has not handed anything back.
+            self._held = (self._held or navigator.phase is Phase.HOLD) and not heard
             if navigator.phase is not Phase.STANDBY:
                 navigator.release_control(now_s)
             self._hold = _hold_at(pose)
@@ -251,6 +254,8 @@ class Autonomy:
 
     def _departure_failures(self, pose: Pose, now_s: float) -> list[str]:
         failures = []
+        if self._held:
+            failures.append("holding: the pilot has to take over first")
         if not self._complies:
             broken = [clause.name for clause in self.assessment.clauses if not clause.holds]
             failures.append(f"the contract does not comply ({', '.join(broken)})")
@@ -273,6 +278,9 @@ class Autonomy:
             jump = self._position_watch.check_jump(pose)
         if not self.navigator.flying:
             self._watched_pose = pose
+            if jump is not None:
+                self._hold = _hold_at(pose)
+                self.navigator.hover_at(pose, now_s)
             return
         if jump is not None:
             self._broken(jump, now_s, measured=pose)
@@ -293,14 +301,8 @@ class Autonomy:
         link = self.link
         if now_s - link.rival_heard_s <= RIVAL_MEMORY_S:
             return Violation(Assumption.SECOND_COMMANDER, 2.0, 1.0, "commanders", link.rival)
-        return self._rival_watch.check(
-            link.target_heard_s, link.target, lambda: self._asked_of_late(now_s)
-        )
-
-    def _asked_of_late(self, now_s: float) -> list[Target]:
-        lags_s = (step * TARGET_ECHO_STEP_S for step in range(TARGET_ECHO_STEPS))
-        asked = (self.navigator.setpoint(now_s - lag_s) for lag_s in lags_s)
-        return [(s.position_ned_m, s.velocity_ned_mps) for s in asked if s is not None]
+        ours = [(sent.position_ned_m, sent.velocity_ned_mps) for _, sent in self._sent]
+        return self._rival_watch.check(link.target_heard_s, link.target, ours)
 
     def _environment_violations(self, now_s: float) -> list[Violation]:
         """Check the obstacles that the flight is about to meet; others may be as they like."""
@@ -340,7 +342,9 @@ class Autonomy:
             terms,
             cruising=self.navigator.cruising_freely,
         )
-        asked = self.navigator.setpoint(pose.time_s - terms.attitude_lag_s)
+        # Looked up among what was sent: the reference of before may have been replaced since.
+        acting_s = pose.time_s - terms.attitude_lag_s
+        asked = next((sent for sent_s, sent in self._sent if sent_s >= acting_s), None)
         if asked is not None:
             forward_right_mps2 = _in_heading(asked.acceleration_ned_mps2, pose.yaw_rad)
             lacking = self._tilt_watch.check(pose, forward_right_mps2, terms)
@@ -364,6 +368,9 @@ class Autonomy:
         setpoint = self.navigator.setpoint(now_s) or self._hold
         if setpoint is not None:
             self.link.send_setpoint(setpoint, now_s)
+            self._sent.append((now_s, setpoint))
+            while self._sent[0][0] < now_s - SENT_MEMORY_S:
+                self._sent.popleft()
 
     def _left_to_the_autopilot(self, now_s: float) -> bool:
         """Tell whether we hover blind: then the autopilot's own failsafe does better than we."""

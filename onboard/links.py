@@ -194,33 +194,71 @@ async def _pump(reader: asyncio.StreamReader, receive: Receive) -> None:
 
 
 class _Serial:
-    """A raw serial line, read when the event loop says so."""
+    """A raw serial line, read when the event loop says so, opened again when it breaks."""
 
     def __init__(self, url: LinkUrl, receive: Receive) -> None:
         speed = getattr(termios, f"B{url.number}", None)
         if speed is None:
             raise LinkError(f"{url.url}: {url.number} baud is not a standard rate")
-        self._url = url
-        self._descriptor = os.open(url.target, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
-        tty.setraw(self._descriptor)
-        settings = termios.tcgetattr(self._descriptor)
-        settings[4] = settings[5] = speed
-        termios.tcsetattr(self._descriptor, termios.TCSANOW, settings)
-        self._receive = receive
-        asyncio.get_running_loop().add_reader(self._descriptor, self._read)
+        self._url, self._receive, self._speed = url, receive, speed
+        self._loop = asyncio.get_running_loop()
+        self._descriptor: int | None = None
+        self._retry: asyncio.TimerHandle | None = None
+        self._open()
 
-    def _read(self) -> None:
+    def _open(self) -> None:
+        descriptor = os.open(self._url.target, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
+        tty.setraw(descriptor)
+        settings = termios.tcgetattr(descriptor)
+        settings[4] = settings[5] = self._speed
+        termios.tcsetattr(descriptor, termios.TCSANOW, settings)
+        self._descriptor = descriptor
+        self._loop.add_reader(descriptor, self._read, descriptor)
+
+    def _reopen(self) -> None:
         try:
-            self._receive(os.read(self._descriptor, READ_BYTES))
-        except OSError as error:
-            log.warning("%s: %s", self._url.url, error)
+            self._open()
+        except (OSError, termios.error) as error:
+            log.info("%s: %s; trying again", self._url.url, error)
+            self._retry = self._loop.call_later(RECONNECT_S, self._reopen)
+
+    def _read(self, descriptor: int) -> None:
+        try:
+            data = os.read(descriptor, READ_BYTES)
+        except BlockingIOError:
+            return
+        except OSError:
+            data = b""
+        if data:
+            self._receive(data)
+        else:
+            self._break()
+
+    def _break(self) -> None:
+        log.warning("%s: the line broke", self._url.url)
+        self._release()
+        self._retry = self._loop.call_later(RECONNECT_S, self._reopen)
 
     def send(self, data: bytes) -> None:
+        if self._descriptor is None:
+            return
         try:
-            os.write(self._descriptor, data)
+            written = os.write(self._descriptor, data)
         except BlockingIOError:
-            log.warning("%s: too slow, dropped %d bytes", self._url.url, len(data))
+            written = 0
+        except OSError:
+            self._break()
+            return
+        if written < len(data):
+            log.warning("%s: too slow, dropped %d bytes", self._url.url, len(data) - written)
+
+    def _release(self) -> None:
+        if self._descriptor is not None:
+            self._loop.remove_reader(self._descriptor)
+            os.close(self._descriptor)
+            self._descriptor = None
 
     def close(self) -> None:
-        asyncio.get_running_loop().remove_reader(self._descriptor)
-        os.close(self._descriptor)
+        if self._retry is not None:
+            self._retry.cancel()
+        self._release()

@@ -19,6 +19,8 @@ log = logging.getLogger(__name__)
 COMPONENT_ID: Final = mavlink.MAV_COMP_ID_OBSTACLE_AVOIDANCE
 HEARTBEAT_PERIOD_S: Final = 1.0
 TELEMETRY_RATE_HZ: Final = 50.0
+# A position without an attitude this recent is no pose.
+ATTITUDE_AGE_MAX_S: Final = 0.2
 
 # Every field of the setpoint is meant except the yaw rate.
 _TYPE_MASK: Final = mavlink.POSITION_TARGET_TYPEMASK_YAW_RATE_IGNORE
@@ -120,6 +122,7 @@ class MavlinkEndpoint:
         self.target: Target = ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
         self._system_id = system_id
         self._attitude_rad: tuple[float, float, float] | None = None
+        self._attitude_s = -math.inf
         self._outgoing: deque[bytes] = deque(maxlen=1000)
         self._mavlink = mavlink.MAVLink(_Sink(self._outgoing), system_id, COMPONENT_ID)
         self._mavlink.robust_parsing = True
@@ -178,7 +181,8 @@ class MavlinkEndpoint:
 
     def _telemetry_is_missing(self, now_s: float) -> bool:
         silent = self.pose is None or now_s - self.pose.time_s > 1.0
-        return silent or self.status.airborne is None
+        unheard = now_s - self.target_heard_s > 1.0
+        return silent or unheard or self.status.airborne is None
 
     def _request_telemetry(self) -> None:
         for message_id, rate_hz in _REQUESTED_MESSAGES:
@@ -211,7 +215,7 @@ class MavlinkEndpoint:
         elif kind == "LOCAL_POSITION_NED":
             self._on_position(message, now_s)
         elif kind == "ATTITUDE":
-            self._on_attitude(message)
+            self._on_attitude(message, now_s)
         elif kind == "EXTENDED_SYS_STATE":
             self._on_extended_state(message)
         elif kind == "POSITION_TARGET_LOCAL_NED":
@@ -239,13 +243,13 @@ class MavlinkEndpoint:
         velocity_ned_mps = (message.vx, message.vy, message.vz)
         if not all(map(math.isfinite, position_ned_m + velocity_ned_mps)):
             self.counters.malformed_messages += 1
-        elif self._attitude_rad is not None:
+        elif self._attitude_rad is not None and now_s - self._attitude_s <= ATTITUDE_AGE_MAX_S:
             self.pose = Pose(now_s, position_ned_m, velocity_ned_mps, *self._attitude_rad)
 
-    def _on_attitude(self, message: Any) -> None:
+    def _on_attitude(self, message: Any, now_s: float) -> None:
         attitude_rad = (message.roll, message.pitch, message.yaw)
         if all(map(math.isfinite, attitude_rad)):
-            self._attitude_rad = attitude_rad
+            self._attitude_rad, self._attitude_s = attitude_rad, now_s
         else:
             self.counters.malformed_messages += 1
 

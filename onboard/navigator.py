@@ -2,7 +2,8 @@
 
 The navigator owns the *reference*: a trajectory in the leg frame that is continuous over phases.
 Plans start at the reference, not at the measured state; the tracking error is in the contract.
-Only certified trajectories become the reference, and each ends in a phase that follows it.
+Only certified trajectories become the reference, but for two that are all that is left: braking
+where no way to stop certifies, and braking where a position can no longer be believed.
 """
 
 from __future__ import annotations
@@ -162,12 +163,15 @@ class Navigator:
     def departure_failures(self, pose: Pose) -> list[str]:
         """Return why the leg may not be started or resumed from here; empty if it may."""
         x_m, y_m, z_m = self.leg.position_leg(pose.position_ned_m)
+        speed_mps = math.hypot(*pose.velocity_ned_mps)
         beside_max_m = self._mission.legs[self._leg_index].target_half_width_m
         checks = [
             (x_m >= -START_TOLERANCE_M, f"{-x_m:.1f} m before the start of the leg"),
             (x_m < self._goal_x_m - START_TOLERANCE_M, "the leg is already flown"),
             (abs(y_m) <= beside_max_m, f"{abs(y_m):.1f} m beside the leg"),
             (abs(z_m) <= START_TOLERANCE_M, f"{abs(z_m):.1f} m off the cruise height"),
+            # From rest only: whatever way braking would take has not been certified.
+            (speed_mps < AT_REST_MPS, f"not at rest ({speed_mps:.1f} m/s)"),
         ]
         failures = [text for passed, text in checks if not passed]
         failures += [
@@ -210,10 +214,9 @@ class Navigator:
             and slows_in_time(before, state.velocity_leg_mps[X], adaptation.assessment)
         ):
             return False
-        self.assessment = adaptation.assessment
-        self._envelope = _envelope(self.assessment)
-        self._rebuild_map()
+        self._adopt_terms(adaptation.assessment)
         if adaptation.slower and not self._slow_down(state, before, now_s):
+            self._adopt_terms(before)
             return False
         speed_mps = self.assessment.terms.cruise_speed_mps
         text = f"contract solved again for {violation}: flying on at {speed_mps:.2f} m/s"
@@ -221,6 +224,10 @@ class Navigator:
         if self.avoidance is not None:
             self._recheck_avoided(now_s)
         return True
+
+    def _adopt_terms(self, assessment: Assessment) -> None:
+        self.assessment, self._envelope = assessment, _envelope(assessment)
+        self._rebuild_map()
 
     def _slow_down(self, state: State, before: Assessment, now_s: float) -> bool:
         """Cruise on at the adapted speed, unless a known region begins before it is reached."""
@@ -258,6 +265,12 @@ class Navigator:
         self._upcoming, self._aligning = None, False
         self._trigger(Trigger.ASSUMPTION_FAILED, now_s, text=f"holding: {violation}; {how}")
 
+    def hover_at(self, pose: Pose, now_s: float) -> None:
+        """Hover where the vehicle is now said to be, rather than fly there in one step."""
+        if self.phase in (Phase.HOLD, Phase.ARRIVED):
+            state = self._measured_state(pose)
+            self._reference = brake_to_hover(state, now_s, self._envelope)
+
     def _measured_state(self, pose: Pose) -> State:
         return State(
             self.leg.position_leg(pose.position_ned_m),
@@ -275,6 +288,8 @@ class Navigator:
 
     def recheck_plan(self, obstacle: Obstacle, now_s: float) -> None:
         """Hold what is flown against an obstacle that is new or has grown."""
+        if self.phase is Phase.HOLD:
+            self._recheck_way_to_hover(obstacle, now_s)
         if self.phase is not Phase.AVOID or self.avoidance is None:
             return
         planned = self.avoidance.plan.trajectory
@@ -284,6 +299,14 @@ class Navigator:
         if of_interest and self._replan(obstacle, now_s):
             return
         self._break(Violation(Assumption.PLAN_EXISTS, 0.0, 1.0, "plans", obstacle.id), now_s)
+
+    def _recheck_way_to_hover(self, obstacle: Obstacle, now_s: float) -> None:
+        if self._reference is None or now_s >= self._reference.end_s:
+            return
+        if not self._clear(self._reference.from_time(now_s), [obstacle]):
+            self._reference, how = self._way_to_hover(now_s)
+            text = f"{obstacle.id} is in the way to hover: {how}"
+            self._note(Event(now_s, "hold_replanned", Severity.ERROR, text))
 
     # ------------------------------------------------------------------ cruise
 
@@ -356,9 +379,7 @@ class Navigator:
             state, start_s, self._envelope, self._goal_x_m, speed_mps=speed_mps, z_m=0.0
         )
         self._reference = stopping or brake_to_hover(state, start_s, self._envelope)
-        # Slowing down begins above the speed that is now allowed.
-        speed_max_mps = max(self._envelope.speed_max_mps, state.velocity_leg_mps[X])
-        envelope = replace(self._envelope, speed_max_mps=speed_max_mps)
+        envelope = self._envelope_from(state)
         certificate = certify_clear(self._reference, state, start_s, envelope)
         if not certificate.valid:
             text = f"the cruise does not certify: {'; '.join(certificate.failures)}"
@@ -391,7 +412,8 @@ class Navigator:
         if not condition.holds:
             late_m = start.position_leg_m[0] - region.extent.x_min_m
             late = Violation(Assumption.LATE_FIRST_SIGHT, late_m, allowed_m, "m", obstacle.id)
-            self._note(late.event(now_s))
+            other = Event(now_s, "pre_condition", Severity.ERROR, "; ".join(condition.failures))
+            self._note(late.event(now_s) if late_m > allowed_m else other)
         entry_mps = start.velocity_leg_mps[X]
         plan = self._plan(self._problem(obstacle, start, start_s, entry_mps), None)
         if plan is None:
@@ -487,7 +509,13 @@ class Navigator:
             obstacles = self.obstacles.between(*trajectory.position_range_m(X))
         start = trajectory.sample(trajectory.start_s)
         boxes = [obstacle.region.obstacle for obstacle in obstacles]
-        return certify_clear(trajectory, start, trajectory.start_s, self._envelope, boxes).valid
+        envelope = self._envelope_from(start)
+        return certify_clear(trajectory, start, trajectory.start_s, envelope, boxes).valid
+
+    def _envelope_from(self, state: State) -> Envelope:
+        """Return the envelope with room for a speed that is still to be slowed down from."""
+        speed_max_mps = max(self._envelope.speed_max_mps, state.velocity_leg_mps[X])
+        return replace(self._envelope, speed_max_mps=speed_max_mps)
 
     # ------------------------------------------------------------------ bookkeeping
 

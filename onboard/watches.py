@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Sequence
 from typing import Final
 
 from onboard.agility import GRAVITY_MPS2
@@ -235,22 +235,23 @@ class RivalWatch:
         if math.isinf(self._heard_s):
             return False
         another = bool(self._mismatches_s) and self._mismatches_s[-1] == self._heard_s
-        return another or ECHO_PATIENCE_S < now_s - self._heard_s < HEARTBEAT_WAIT_S
+        age_s = now_s - self._heard_s
+        return age_s < HEARTBEAT_WAIT_S and (another or age_s > ECHO_PATIENCE_S)
 
     def check(
-        self, target_heard_s: float, target: Target, ours: Callable[[], list[Target]]
+        self, target_heard_s: float, target: Target, ours: Sequence[Target]
     ) -> Violation | None:
         """Hold the autopilot's target against what we have asked for of late.
 
         Args:
             target_heard_s: when the autopilot said where it is going.
             target: where that is, and how fast.
-            ours: gives our setpoints until now, as far back as the echo may lag.
+            ours: our setpoints until now, as far back as the echo may lag.
         """
-        if target_heard_s <= self._heard_s:
+        if target_heard_s <= self._heard_s or not ours:
             return None
         self._heard_s = target_heard_s
-        away_m = min(_away(target, asked) for asked in ours())
+        away_m = min(_away(target, asked) for asked in ours)
         if not away_m <= TARGET_TOLERANCE_M:  # a target without numbers is not ours either
             self._mismatches_s.append(target_heard_s)
         while self._mismatches_s and target_heard_s - self._mismatches_s[0] > MISMATCH_MEMORY_S:

@@ -464,3 +464,61 @@ def test_cruise_that_does_not_certify_is_not_flown(
     assert rig.phase is Phase.HOLD
     assert rig.position_ned_m[0] == pytest.approx(0.0, abs=0.05)
     assert "speed" in rig.texts("certificate")[0]
+
+
+def test_vehicle_in_motion_is_not_taken_over(rig: Rig) -> None:
+    rig.velocity_ned_mps = (4.0, 0.0, 0.0)
+    rig.autonomy.receive_detection(rig.frame(), rig.now_s)
+    rig.tick()
+    rig.mode = OFFBOARD
+    rig.tick()
+    assert rig.phase is Phase.STANDBY
+    assert "not at rest" in rig.texts("refused")[-1]
+
+
+def test_defect_in_reading_frames_ends_in_hover_too(
+    cruising: Rig, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full(*_: object) -> None:
+        raise OverflowError
+
+    monkeypatch.setattr(cruising.autonomy.navigator.obstacles, "add", full)
+    cruising.obstacles = [box((cruising.position_ned_m[0] + 30.0, 9.0))]
+    cruising.run(4.0)
+    assert cruising.phase is Phase.HOLD
+    assert cruising.setpoints[-1].vx == pytest.approx(0.0, abs=1e-6)
+
+
+def test_hold_follows_an_estimator_reset_instead_of_flying_back(cruising: Rig) -> None:
+    cruising.now_s += 0.2
+    cruising.run(4.0)
+    assert cruising.phase is Phase.HOLD
+    x_m, y_m, z_m = cruising.position_ned_m
+    cruising.position_ned_m = (x_m - 3.0, y_m, z_m)
+    cruising.tick()
+    assert cruising.position_ned_m[0] == pytest.approx(x_m - 3.0, abs=0.01)
+
+
+def test_hold_is_not_left_because_the_link_came_back(cruising: Rig) -> None:
+    cruising.now_s += 0.2
+    cruising.run(4.0)
+    cruising.speaking = False
+    cruising.run(4.0)
+    cruising.speaking = True
+    cruising.run(4.0)
+    assert cruising.phase is Phase.STANDBY
+    assert "the pilot has to take over first" in cruising.texts("refused")[-1]
+    cruising.mode = POSCTL
+    cruising.run(0.2)
+    cruising.mode = OFFBOARD
+    cruising.run(2.0)
+    assert cruising.phase.value == "cruise"
+
+
+def test_obstacle_that_appears_in_the_way_to_hover_is_answered(cruising: Rig) -> None:
+    cruising.now_s += 0.2
+    cruising.tick()
+    assert cruising.phase is Phase.HOLD
+    cruising.obstacles = [box((cruising.position_ned_m[0] + 1.5, 0.0), side_m=0.5)]
+    cruising.run(0.2)
+    assert "in the way to hover" in cruising.texts("hold_replanned")[0]

@@ -5,6 +5,7 @@ import os
 import pty
 import socket
 from collections.abc import AsyncIterator, Callable
+from pathlib import Path
 
 import pytest
 
@@ -145,3 +146,29 @@ def test_serial_line_carries_raw_bytes() -> None:
     finally:
         os.close(ours)
         os.close(theirs)
+
+
+def test_broken_serial_line_is_opened_again(tmp_path: Path) -> None:
+    device, heard = tmp_path / "tty", bytearray()
+
+    async def replug() -> None:
+        first, terminal = pty.openpty()
+        device.symlink_to(os.ttyname(terminal))
+        os.close(terminal)
+        async with opened(f"serial://{device}:57600", heard.extend) as link:
+            os.close(first)
+            await asyncio.sleep(0.05)
+            link.send(b"into the void")
+            second, terminal = pty.openpty()
+            device.unlink()
+            device.symlink_to(os.ttyname(terminal))
+            for _ in range(500):
+                os.write(second, b"back")
+                await asyncio.sleep(0.01)
+                if heard:
+                    break
+            os.close(second)
+            os.close(terminal)
+
+    asyncio.run(replug())
+    assert heard.startswith(b"back")

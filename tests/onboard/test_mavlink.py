@@ -44,6 +44,10 @@ class Autopilot:
         self.mav.attitude_send(0, 0.1, 0.2, yaw_rad, 0.0, 0.0, 0.0)
         return self.said()
 
+    def target(self) -> bytes:
+        self.mav.position_target_local_ned_send(0, mavlink.MAV_FRAME_LOCAL_NED, 0, *(0.0,) * 11)
+        return self.said()
+
     def landed_state(self, state: int) -> bytes:
         self.mav.extended_sys_state_send(0, state)
         return self.said()
@@ -159,6 +163,7 @@ def test_missing_telemetry_is_asked_for_until_it_comes(
     assert {message.command for message in asked} == {mavlink.MAV_CMD_SET_MESSAGE_INTERVAL}
     assert {int(message.param1) for message in asked} == {30, 32, 85, 245}
     everything = autopilot.attitude() + autopilot.position(0.0) + autopilot.landed_state(1)
+    everything += autopilot.target()
     endpoint.receive(everything, 2.5)
     endpoint.keep_alive(2.6, active=False)
     heard = autopilot.heard(endpoint.bytes_to_send())
@@ -197,3 +202,13 @@ def test_corrupted_message_is_dropped(endpoint: MavlinkEndpoint, autopilot: Auto
     endpoint.receive(bytes(beat), 1.0)
     assert endpoint.status.mode == "unknown"
     assert endpoint.counters.garbage_bytes == len(beat)
+
+
+def test_position_with_an_old_attitude_is_no_pose(
+    endpoint: MavlinkEndpoint, autopilot: Autopilot
+) -> None:
+    endpoint.receive(autopilot.attitude(), 0.0)
+    endpoint.receive(autopilot.position(1.0), 0.1)
+    endpoint.receive(autopilot.position(2.0), 1.0)
+    assert endpoint.pose is not None
+    assert endpoint.pose.position_ned_m[0] == 1.0

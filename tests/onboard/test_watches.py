@@ -199,9 +199,7 @@ def watch_targets(targets_m: list[float]) -> Violation | None:
     """Hear ten targets a second while we ask for the origin; return the first violation."""
     watch, still = RivalWatch(), (0.0, 0.0, 0.0)
     found = (
-        watch.check(
-            number * 0.1, ((north_m, 0.0, -4.0), still), lambda: [((0.0, 0.0, -4.0), still)]
-        )
+        watch.check(number * 0.1, ((north_m, 0.0, -4.0), still), [((0.0, 0.0, -4.0), still)])
         for number, north_m in enumerate(targets_m)
     )
     return next((violation for violation in found if violation is not None), None)
