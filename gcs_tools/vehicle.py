@@ -13,7 +13,7 @@ import json
 import logging
 import math
 from collections.abc import AsyncGenerator, AsyncIterator, Awaitable, Callable
-from contextlib import asynccontextmanager
+from contextlib import aclosing, asynccontextmanager
 from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Any, TypeVar
@@ -46,6 +46,10 @@ _RETRY_S = 0.3
 _LISTEN_S = 0.5
 _HEIGHT_TOLERANCE_M = 0.2
 _STEADY_MPS = 0.1
+
+_AUTOPILOT_COMPONENT = 1
+# MAV_AUTOPILOT -> MAVSDK's own numbers.
+_AUTOPILOTS = MappingProxyType({12: Autopilot.PX4, 3: Autopilot.ARDUPILOT})
 
 _MAV_CMD_DO_SET_MODE = 176
 _MAV_RESULT_ACCEPTED = 0
@@ -299,13 +303,20 @@ async def connected_vehicle(
 
 
 async def _autopilot_of(system: Any) -> Autopilot:
-    """Return which autopilot it is; MAVSDK may not know before it has heard a second heartbeat."""
-    deadline_s = asyncio.get_running_loop().time() + IDENTIFY_TIMEOUT_S
-    while (autopilot := await system.autopilot_type()) is Autopilot.UNKNOWN:
-        if asyncio.get_running_loop().time() > deadline_s:
-            break
-        await asyncio.sleep(_POLL_S)
-    return Autopilot(autopilot)
+    """Return which autopilot it is, by its own heartbeat.
+
+    MAVSDK goes by the first heartbeat of the system, which may be the daemon's.
+    """
+    heartbeats = MavlinkDirectAsync(system).subscribe_message("HEARTBEAT")
+    try:
+        async with aclosing(heartbeats), asyncio.timeout(IDENTIFY_TIMEOUT_S):
+            async for message in heartbeats:
+                if message.component_id == _AUTOPILOT_COMPONENT:
+                    number = json.loads(message.fields_json).get("autopilot")
+                    return _AUTOPILOTS.get(number, Autopilot.GENERIC)
+    except TimeoutError:
+        log.debug("no heartbeat of an autopilot in %g s", IDENTIFY_TIMEOUT_S)
+    return Autopilot.UNKNOWN
 
 
 @asynccontextmanager

@@ -1,0 +1,127 @@
+"""Pre-flight against the bundled SITL in both flavours: processes, UDP, Zenoh."""
+
+from __future__ import annotations
+
+import json
+import struct
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import yaml
+import zenoh
+from pymavlink import mavutil
+
+from gcs_tools.processes import Children, free_ports
+from onboard.config import ZenohEndpoints
+from onboard.daemon import open_session
+from tests.gcs_tools.running import CONFIG, Clearway, Ran, until
+
+CONTRACT, MISSION = CONFIG / "paper_contract.yaml", CONFIG / "paper_mission.yaml"
+PX4 = {"COM_OF_LOSS_T": 0.5, "COM_RC_IN_MODE": 4}
+ARDUPILOT = {"GUID_TIMEOUT": 0.5, "PSC_JERK_XY": 20.0, "FS_THR_ENABLE": 0}
+
+
+class Site:
+    """A vehicle and its daemon, running."""
+
+    def __init__(self, directory: Path, flavour: str, parameters: dict[str, float]) -> None:
+        self.ports = free_ports(5)
+        daemon, operator, tuner, sitl_bus, daemon_bus = self.ports
+        self.endpoints = [f"tcp/127.0.0.1:{port}" for port in (daemon_bus, sitl_bus)]
+        links = [f"udpout://127.0.0.1:{port}" for port in (daemon, operator, tuner)]
+        self.files: dict[str, dict[str, Any]] = {
+            "sitl": {
+                "flavour": flavour, "mavlink": links, "parameters": parameters,
+                "zenoh": {"listen": self.endpoints[1:]},
+            },
+            "onboard": {
+                "contract": str(CONTRACT), "mission": str(MISSION), "require_preflight": True,
+                "mavlink": {"url": f"udpin://127.0.0.1:{daemon}"},
+                "zenoh": {"listen": self.endpoints[:1], "connect": self.endpoints[1:]},
+                "log_file": "flight.mcap",
+            },
+            "bus": {"connect": self.endpoints},
+        }  # fmt: skip
+        for name, document in self.files.items():
+            (directory / f"{name}.yaml").write_text(yaml.safe_dump(document), encoding="utf-8")
+        self.directory = directory
+
+    def start(self, children: Children) -> None:
+        for module in ("sitl", "onboard"):
+            log = self.directory / f"{module}.log"
+            config = str(self.directory / f"{module}.yaml")
+            children.start(module, module, "--config", config, log_path=log)
+        until(lambda: "ready" in (self.directory / "sitl.log").read_text(), timeout_s=60.0)
+        until(lambda: "ready" in (self.directory / "onboard.log").read_text())
+
+    def preflight(self, clearway: Clearway, *more: str) -> tuple[Ran, dict[str, str]]:
+        ran = clearway(
+            "preflight", "--contract", CONTRACT, "--mission", MISSION,
+            "--vehicle", f"udpin://127.0.0.1:{self.ports[1]}",
+            "--zenoh-config", self.directory / "bus.yaml", "--endurance", "900",
+            "--format", "json", *more,
+        )  # fmt: skip
+        found = json.loads(ran.out)["live"]
+        return ran, {f"{each['subject']} {each['name']}": each["verdict"] for each in found}
+
+    def cleared(self) -> bool:
+        with open_session(ZenohEndpoints(connect=(self.endpoints[0],))) as session:
+            statuses = session.declare_subscriber(
+                "clearway/vehicle/status", zenoh.handlers.FifoChannel(1)
+            )
+            status: dict[str, Any] = json.loads(statuses.recv().payload.to_bytes())
+        return bool(status["cleared"])
+
+    def tune(self, name: str, value: int) -> None:
+        """Set an integer parameter as any ground station would."""
+        link = mavutil.mavlink_connection(f"udpin:127.0.0.1:{self.ports[2]}", source_system=200)
+        try:
+            assert link.wait_heartbeat(timeout=10.0)
+            # PX4 takes integers bit by bit, ArduPilot as plain floats.
+            bitwise = self.files["sitl"]["flavour"] == "px4"
+            sent = struct.unpack("<f", struct.pack("<i", value))[0] if bitwise else float(value)
+            kind = mavutil.mavlink.MAV_PARAM_TYPE_INT32
+            link.mav.param_set_send(1, 1, name.encode(), sent, kind)
+            assert link.recv_match(type="PARAM_VALUE", blocking=True, timeout=10.0)
+        finally:
+            link.close()
+
+
+@contextmanager
+def site(directory: Path, flavour: str, parameters: dict[str, float]) -> Iterator[Site]:
+    with Children() as children:
+        running = Site(directory, flavour, parameters)
+        running.start(children)
+        yield running
+
+
+def test_px4_is_cleared_until_a_parameter_is_wrong(clearway: Clearway, tmp_path: Path) -> None:
+    with site(tmp_path, "px4", PX4) as place:
+        assert not place.cleared()
+        ran, found = place.preflight(clearway)
+        assert ran.code == 0, {name: v for name, v in found.items() if v != "holds"}
+        assert found["daemon contract"] == found["daemon clearance"] == "holds"
+        assert place.cleared()
+        place.tune("COM_OBL_RC_ACT", 3)
+        ran, found = place.preflight(clearway)
+        assert ran.code == 1
+        assert found["vehicle COM_OBL_RC_ACT"] == "broken"
+        # What an earlier check granted is withdrawn.
+        assert not place.cleared()
+        ran, found = place.preflight(clearway, "--set", "vehicle.radius_m=0.29")
+        assert found["daemon contract"] == "broken"
+
+
+def test_ardupilot_tells_what_it_lacks(clearway: Clearway, tmp_path: Path) -> None:
+    with site(tmp_path, "ardupilot", ARDUPILOT) as place:
+        ran, found = place.preflight(clearway)
+        assert ran.code == 0, {name: v for name, v in found.items() if v != "holds"}
+        assert found["vehicle PSC_JERK_XY"] == "holds"
+        place.tune("FS_THR_ENABLE", 1)
+        ran, found = place.preflight(clearway)
+        # This SITL has no FS_OPTIONS, which might have excused it.
+        assert ran.code == 2
+        assert found["vehicle FS_THR_ENABLE"] == "could not be checked"
+        assert not place.cleared()
