@@ -216,17 +216,13 @@ def _entered_in_time(evidence: Evidence) -> Iterator[str]:
 def _room_required_m(contract: Contract, width_m: float) -> float:
     """Way made, brakes and swerve at their limits, until past the nearer edge or at a stop.
 
-    With passive safety, the run-on after the setpoint stream has stopped comes on top (theory H).
+    Passive safety adds to what is required; this is what must be there without it.
     """
     vehicle = contract.vehicle
     brake_mps2 = GRAVITY_MPS2 * math.tan(math.radians(vehicle.pitch_max_deg))
     swerve_mps2 = GRAVITY_MPS2 * math.tan(math.radians(vehicle.roll_max_deg))
     ahead_mps, aside_mps = vehicle.cruise_speed_mps + vehicle.velocity_error_mps[0], 0.0
     ahead_m = ahead_mps * (vehicle.reaction_time_s + vehicle.attitude_lag_s)
-    if contract.requirements.passive_safety:
-        coast_m = ahead_mps * vehicle.setpoint_loss_timeout_s + ahead_mps**2 / (2.0 * brake_mps2)
-        measured_m = vehicle.setpoint_loss_run_on_m
-        ahead_m += coast_m if measured_m is None else measured_m
     aside_m = 0.0
     while ahead_mps > 0.0 and aside_m < width_m / 2.0:
         ahead_mps -= brake_mps2 * _STEP_S

@@ -1,0 +1,312 @@
+"""`clearway campaign`: what is drawn, what is judged, and what is counted."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+import yaml
+from distributed import LocalCluster
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.stats import binom
+
+from gcs_tools import campaign_flight
+from gcs_tools.campaign import replay_command, scenario_document
+from gcs_tools.campaign_flight import FlightRow, GeneratedSource, fly_case, fly_numbered
+from gcs_tools.campaign_statistics import failure_rate_bounds, summarise
+from gcs_tools.campaign_table import read_table, write_table
+from gcs_tools.campaign_workers import Order, fly_on_cluster
+from gcs_tools.oracles import ORACLES, Evidence, findings
+from gcs_tools.preflight import check
+from gcs_tools.scenario import load_scenario
+from gcs_tools.scenario_generator import FAULT_KINDS, GENERATORS, generated
+from onboard import region
+from onboard.contract import assess
+from onboard.region import Arithmetic, Encounter
+from sitl.faults import Fault
+from tests.gcs_tools.running import Clearway
+
+NOMINAL = GeneratedSource("nominal")
+SEED = 1
+# Short: one obstacle, and fast.
+SHORT = 3
+# One obstacle, a pointed collision set, and nothing that passive safety adds.
+POINTED = 183
+
+
+@pytest.fixture(scope="module")
+def evidence() -> Evidence:
+    return fly_case(NOMINAL.case(SEED, SHORT))
+
+
+@pytest.fixture(scope="module")
+def row() -> FlightRow:
+    return fly_numbered(NOMINAL, SEED, SHORT)
+
+
+# ---------------------------------------------------------------------------- what is drawn
+
+
+@pytest.mark.parametrize("generator", GENERATORS)
+def test_a_number_determines_the_flight(generator: str) -> None:
+    for number in range(5):
+        once, again = (generated(generator, SEED, number) for _ in range(2))
+        assert scenario_document(once.scenario) == scenario_document(again.scenario)
+        assert once.seed == again.seed
+    seeds = {generated(generator, seed, number).seed for seed in (1, 2) for number in range(10)}
+    assert len(seeds) == 20
+
+
+def test_nominal_fields_keep_their_contract_and_cover_both_shapes() -> None:
+    scenarios = [generated("nominal", SEED, number).scenario for number in range(150)]
+    assert all(check(s.contract, s.obstacles, s.mission).compliant for s in scenarios)
+    shapes = {bool(assess(s.contract).nominal.region.flat) for s in scenarios}
+    assert shapes == {True, False}
+    speeds_mps = [s.contract.vehicle.cruise_speed_mps for s in scenarios]
+    assert min(speeds_mps) < 1.8
+    assert max(speeds_mps) > 4.4
+    assert {len(s.obstacles) for s in scenarios} >= {1, 2, 3}
+    # Up to S_max, and not much farther apart than D_sep.
+    filled = [
+        max(rule.required for rule in _rules(s, "obstacle_size_max"))
+        / s.contract.environment.obstacle_size_max_m
+        for s in scenarios
+    ]
+    assert max(filled) == pytest.approx(1.0, abs=1e-9)
+    spread = [
+        rule.declared / rule.required
+        for s in scenarios
+        for rule in _rules(s, "separation")
+        if math.isfinite(rule.declared)
+    ]
+    assert 1.0 <= min(spread) < 1.1
+
+
+def _rules(scenario: Any, name: str) -> list[Any]:
+    rules = check(scenario.contract, scenario.obstacles, scenario.mission).field_rules
+    return [rule for rule in rules if rule.name == name]
+
+
+def test_violating_scenarios_break_a_rule() -> None:
+    for number in range(60):
+        scenario = generated("violating", SEED, number).scenario
+        assert not check(scenario.contract, scenario.obstacles, scenario.mission).compliant
+
+
+def test_faults_of_every_kind_are_drawn_at_times_and_on_transitions() -> None:
+    faults = [generated("faults", SEED, number).scenario.faults[0] for number in range(500)]
+    assert {fault.kind for fault in faults} == set(FAULT_KINDS)
+    assert {fault.phase for fault in faults} == {None, "cruise", "avoid", "arrived"}
+    assert any(fault.phase == "avoid" and fault.start_s == 0.0 for fault in faults)
+
+
+def test_a_drawn_scenario_is_a_scenario_file(written: Callable[[str, Any], Path]) -> None:
+    drawn = generated("faults", SEED, 0).scenario
+    read = load_scenario(written("drawn.yaml", scenario_document(drawn)))
+    assert read.contract == drawn.contract
+    assert read.mission == drawn.mission
+    assert read.plant == drawn.plant
+    assert read.faults == drawn.faults
+    assert read.obstacles.center_ned_m == pytest.approx(drawn.obstacles.center_ned_m)
+
+
+# ---------------------------------------------------------------------------- what is judged
+
+
+def test_a_nominal_flight_passes_every_oracle(evidence: Evidence) -> None:
+    assert evidence.result.outcome == "arrived"
+    assert evidence.result.obstacles_avoided == 1
+    assert findings(evidence) == {}
+
+
+def _spoilt(evidence: Evidence, topic: str, change: Callable[[dict[str, Any]], Any]) -> Evidence:
+    """Return the evidence with one topic's messages changed; `change` returns the new values."""
+    messages = {**evidence.flight.messages}
+    messages[topic] = [{**message, **change(message)} for message in messages[topic]]
+    return dataclasses.replace(
+        evidence, flight=dataclasses.replace(evidence.flight, messages=messages)
+    )
+
+
+def _moved(key: str, axis: int, by: float) -> Callable[[dict[str, Any]], dict[str, Any]]:
+    def change(state: dict[str, Any]) -> dict[str, Any]:
+        if state[key] is None:
+            return {}
+        vector = list(state[key])
+        vector[axis] += by
+        return {key: vector}
+
+    return change
+
+
+def _jumping(state: dict[str, Any]) -> dict[str, Any]:
+    if state["reference_position_ned_m"] is None:
+        return {}
+    north_m, east_m, down_m = state["reference_position_ned_m"]
+    north_m += 5.0 * (state["time_s"] % 4.0 > 2.0)
+    return {"reference_position_ned_m": [north_m, east_m, down_m]}
+
+
+def _short(plan: dict[str, Any]) -> dict[str, Any]:
+    return {"path_ned_m": [[n + 100.0, e, d] for n, e, d in plan["path_ned_m"]]}
+
+
+BROKEN: dict[str, Callable[[Evidence], Evidence]] = {
+    "no_collision": lambda e: dataclasses.replace(
+        e, result=dataclasses.replace(e.result, collisions=1)
+    ),
+    "defined_end": lambda e: dataclasses.replace(e, at_rest=False),
+    "outcome": lambda e: dataclasses.replace(
+        e, result=dataclasses.replace(e.result, outcome="held")
+    ),
+    "expectation": lambda e: dataclasses.replace(
+        e,
+        case=dataclasses.replace(e.case, expectation=True),
+        result=dataclasses.replace(e.result, outcome="held"),
+    ),
+    "certified_plans": lambda e: _spoilt(e, "/plan", lambda _: {"certificate": {"valid": False}}),
+    "plans_in_region": lambda e: _spoilt(e, "/plan", _short),
+    "tracking": lambda e: _spoilt(e, "/state", _moved("reference_position_ned_m", 1, 0.5)),
+    "setpoints_in_limits": lambda e: _spoilt(
+        e, "/state", _moved("reference_acceleration_ned_mps2", 0, 6.0)
+    ),
+    "continuous_reference": lambda e: _spoilt(e, "/state", _jumping),
+    "entry_condition": lambda e: _spoilt(e, "/state", _moved("reference_velocity_ned_mps", 0, 9.0)),
+    "entered_in_time": lambda e: _spoilt(
+        e, "/plan", lambda plan: {"region_ned_m": plan["keep_out_ned_m"]}
+    ),
+    "exit_condition": lambda e: _spoilt(e, "/state", _moved("reference_velocity_ned_mps", 0, 9.0)),
+    "bounded_memory": lambda e: _spoilt(e, "/state", lambda _: {"obstacles_known": 10_000}),
+    "detected_in_time": lambda e: dataclasses.replace(
+        e,
+        case=dataclasses.replace(
+            e.case,
+            scenario=dataclasses.replace(
+                e.case.scenario, faults=(Fault(kind="detections_off", phase="cruise", start_s=2.0),)
+            ),
+        ),
+    ),
+}
+
+
+@pytest.mark.parametrize("name", ORACLES)
+def test_an_oracle_finds_what_it_is_for(name: str, evidence: Evidence) -> None:
+    assert name in findings(BROKEN[name](evidence))
+
+
+def test_an_exception_is_a_finding(monkeypatch: pytest.MonkeyPatch) -> None:
+    def fail(*_: object) -> None:
+        raise ZeroDivisionError("in the middle of a flight")
+
+    monkeypatch.setattr(campaign_flight, "fly_case", fail)
+    flown = fly_numbered(NOMINAL, SEED, SHORT)
+    assert not flown.good
+    assert "ZeroDivisionError: in the middle of a flight" in flown.findings
+
+
+def test_refusals_are_counted_apart() -> None:
+    refused = next(
+        number for number in range(50) if generated("violating", SEED, number).variant == "range"
+    )
+    flown = fly_numbered(GeneratedSource("violating"), SEED, refused)
+    assert flown.refused
+    assert flown.good
+    (summary,) = summarise([flown])
+    assert (summary.flights, summary.refused) == (1, 1)
+    assert summary.collision_rate == (0.0, 1.0)
+
+
+# ---------------------------------------------------------------------------- what is counted
+
+
+@given(st.integers(1, 400), st.data())
+def test_bounds_are_exact(trials: int, data: st.DataObject) -> None:
+    failures = data.draw(st.integers(0, trials))
+    lower, upper = failure_rate_bounds(failures, trials)
+    assert lower <= failures / trials <= upper
+    tail = 0.05 if failures in (0, trials) else 0.025
+    if failures < trials:
+        assert binom.cdf(failures, trials, upper) == pytest.approx(tail, rel=1e-6)
+    if failures:
+        assert binom.sf(failures - 1, trials, lower) == pytest.approx(tail, rel=1e-6)
+
+
+def test_no_failure_gives_the_rule_of_three() -> None:
+    _, upper = failure_rate_bounds(0, 10_000)
+    assert upper == pytest.approx(3.0 / 10_000, rel=0.002)
+
+
+def test_the_table_gives_back_its_rows(row: FlightRow, tmp_path: Path) -> None:
+    rows = [row, dataclasses.replace(row, number=99, clearance_min_m=None, findings="a\nb")]
+    write_table(rows, tmp_path / "flights.parquet")
+    assert read_table(tmp_path / "flights.parquet") == rows
+
+
+def test_a_campaign_goes_on_where_it_was(
+    clearway: Clearway, row: FlightRow, tmp_path: Path
+) -> None:
+    marked = dataclasses.replace(row, number=0, findings="outcome: marked", reason="flown before")
+    write_table([marked], tmp_path / "flights.parquet")
+    flown = ("campaign", "nominal", "--flights", 2, "--seed", SEED, "--jobs", 1)
+    ran = clearway(*flown, "--out", tmp_path)
+    assert ran.code == 1, ran
+    assert replay_command(marked) in ran.out
+    first, second = read_table(tmp_path / "flights.parquet")
+    assert first == marked
+    assert second.outcome == "arrived"
+    failed = yaml.safe_load((tmp_path / "failed" / "nominal-1-0.yaml").read_text(encoding="utf-8"))
+    assert failed == scenario_document(generated("nominal", SEED, 0).scenario)
+    assert "1 of 2 flights failed" in (tmp_path / "summary.html").read_text(encoding="utf-8")
+    other = clearway("campaign", "nominal", "--flights", 2, "--seed", 7, "--out", tmp_path)
+    assert other.code == 2
+    assert "another campaign" in other.err
+
+
+def test_a_scenario_file_is_held_to_its_expectation(
+    clearway: Clearway, written: Callable[[str, Any], Path], tmp_path: Path
+) -> None:
+    document = scenario_document(generated("nominal", SEED, SHORT).scenario)
+    path = written("wrong.yaml", {**document, "expect": {"outcome": "held"}})
+    ran = clearway("campaign", path, "--flights", 1, "--jobs", 1, "--out", tmp_path / "out")
+    assert ran.code == 1
+    assert "expectation: arrived" in ran.out
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [(("absent",), "neither a scenario file nor"), (("absent.yaml",), "absent.yaml")],
+)
+def test_bad_input_is_one_clear_error(
+    clearway: Clearway, tmp_path: Path, arguments: tuple[str, ...], message: str
+) -> None:
+    ran = clearway("campaign", *arguments, "--out", tmp_path)
+    assert ran.code == 2
+    assert message in ran.err
+
+
+# ---------------------------------------------------------------------------- where it is flown
+
+
+def test_a_cluster_flies_the_same_flights(row: FlightRow) -> None:
+    with LocalCluster(n_workers=1, threads_per_worker=1, dashboard_address=None) as cluster:
+        (flown,) = fly_on_cluster([Order(NOMINAL, SEED, SHORT)], cluster.scheduler_address)
+    assert dataclasses.replace(flown, wall_s=row.wall_s) == row
+
+
+# ---------------------------------------------------------------------------- does it catch bugs?
+
+
+def test_the_printed_eq_9_is_caught(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Erratum 3: without the factor 2 under the root, the region begins too near."""
+
+    def printed(e: Encounter[float], ops: Arithmetic[float]) -> float:
+        return ops.sqrt(e.size_across_m / (e.right_mps2 + e.left_mps2))
+
+    assert fly_numbered(NOMINAL, SEED, POINTED).good
+    monkeypatch.setattr(region, "time_to_clear", printed)
+    assert "entered_in_time" in fly_numbered(NOMINAL, SEED, POINTED).findings
