@@ -29,6 +29,7 @@ from sitl.truth import Vector, VehicleTruth
 _ESTIMATOR_START_S = 1.0
 _ARMING_TILT_MAX_RAD = math.radians(30.0)
 _HEIGHT_MAX_M = 10_000.0
+_UPDATES_PER_CHECK = 5  # failsafes are looked at 20 times a second
 _MODE_OF_REACTION = {
     Reaction.HOLD: Mode.HOLD,
     Reaction.RETURN: Mode.RTL,
@@ -102,6 +103,7 @@ class Commander(ABC):
         self._setpoint: Setpoint | None = None
         self._armed_since_s = 0.0
         self._has_flown = not on_ground
+        self._updates = 0
 
     # --- what others may know -------------------------------------------------------------
 
@@ -278,6 +280,7 @@ class Commander(ABC):
             thrust_share: rotor thrust over weight.
             period_s: time until the next call.
         """
+        self._updates += 1
         self._truth = truth
         self._auto.settings = self.settings
         self._battery_remaining = battery.remaining
@@ -286,7 +289,8 @@ class Commander(ABC):
         if self.armed:
             self._note_landing(was_on_ground)
             self._check_setpoints()
-            self._check_failsafes()
+            if self._updates % _UPDATES_PER_CHECK == 0:
+                self._check_failsafes()
             self._disarm_when_due()
         if not self.armed:
             self._setpoint = None

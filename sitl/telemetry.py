@@ -59,7 +59,7 @@ class StreamSchedule:
     """
 
     def __init__(self, default_rates_hz: Mapping[int, float]) -> None:
-        self._default_rates_hz = default_rates_hz
+        self._default_rates_hz = dict(default_rates_hz)
         self._interval_s: dict[int, float] = {}
         self._next_s: dict[int, float] = {}
         for message_id, rate_hz in default_rates_hz.items():
