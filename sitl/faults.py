@@ -49,7 +49,7 @@ SystemKind = Literal[
     "daemon_dead",
     "operator_takes_over",
 ]
-FaultKind = DetectionKind | SystemKind
+FaultKind = Literal[DetectionKind, SystemKind]
 
 # What each kind's amount means, and what it is unless a scenario says otherwise.
 AMOUNTS: Final[dict[str, tuple[float, str]]] = {

@@ -97,14 +97,12 @@ def test_files_and_their_content_are_the_same(written: Callable[[str, Any], Path
     assert by_content.name == "inline"
 
 
-def test_faults_reach_their_sensor(written: Callable[[str, Any], Path]) -> None:
+def test_faults_are_read_with_their_window_and_amount(written: Callable[[str, Any], Path]) -> None:
     document = inline("paper")
-    document["sitl"]["sensors"].append({"source": "rear", "yaw_deg": 180.0})
-    document["faults"] = [{"kind": "silent", "start_s": 12.0, "source": "rear"}]
-    scenario = load_scenario(written("faulty.yaml", document))
-    front, rear = scenario.plant.sensors
-    assert front.faults == ()
-    assert [(fault.kind, fault.start_s) for fault in rear.faults] == [("silent", 12.0)]
+    document["faults"] = [{"kind": "detections_off", "phase": "avoid", "entry": 2, "start_s": 0.5}]
+    (fault,) = load_scenario(written("faulty.yaml", document)).faults
+    assert (fault.kind, fault.phase, fault.entry) == ("detections_off", "avoid", 2)
+    assert (fault.start_s, fault.duration_s) == (0.5, None)
 
 
 def test_autopilot_follows_mission_and_contract_unless_told_otherwise(

@@ -8,6 +8,7 @@ import copy
 import copyreg
 import struct
 from pathlib import Path
+from types import MappingProxyType
 
 import pytest
 
@@ -20,8 +21,9 @@ CONFIG = Path(__file__).parents[2] / "config"
 AFTERMATH_S = 4.0
 LOSS_TIMEOUT_S = 1.2
 
-# pymavlink keeps its unpackers as objects that do not say how to copy themselves.
+# pymavlink's unpackers and read-only tables do not say how to copy themselves.
 copyreg.pickle(struct.Struct, lambda unpacker: (struct.Struct, (unpacker.format,)))
+copyreg.pickle(MappingProxyType, lambda table: (MappingProxyType, (dict(table),)))
 
 
 def head_on_flight(*, passive_safety: bool) -> SimulatedFlight:
