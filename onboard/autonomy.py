@@ -50,6 +50,8 @@ log = logging.getLogger(__name__)
 # At 20 Hz a tick sees one frame; a burst beyond this is a fault, and the oldest are dropped.
 MAX_PENDING_FRAMES: Final = 32
 AUTOPILOT_SILENCE_S: Final = 3.0
+# Events that nobody fetches are kept this long, the latest of them.
+MAX_EVENTS: Final = 10_000
 # Somebody else's setpoint this recent means that two are flying.
 RIVAL_MEMORY_S: Final = 0.5
 # Setpoints are remembered this long: the autopilot's echo of them lags by up to half a second.
@@ -113,7 +115,9 @@ class Autonomy:
         self._tick_watch, self._rival_watch = TickWatch(), RivalWatch()
         self._poses = PoseHistory()
         self._pending: deque[bytes] = deque()
-        self._events: list[Event] = []
+        # What happened in this tick, and all that nobody has asked for yet.
+        self._news: list[Event] = []
+        self._events: deque[Event] = deque(maxlen=MAX_EVENTS)
         self._reported: set[tuple[Assumption, str]] = set()
         self._hold: Setpoint | None = None
         self._refusal: tuple[str, ...] = ()
@@ -155,7 +159,8 @@ class Autonomy:
 
     def events(self) -> list[Event]:
         """Return and forget what happened since the last call, in order."""
-        happened, self._events = self._events, []
+        happened = list(self._events)
+        self._events.clear()
         return happened
 
     # ------------------------------------------------------------------ the tick
@@ -249,7 +254,7 @@ class Autonomy:
             self.navigator.take_control(pose, now_s)
         elif failures != self._refusal:
             text = "not leaving standby: " + "; ".join(failures)
-            self._events.append(Event(now_s, "refused", Severity.WARNING, text))
+            self._news.append(Event(now_s, "refused", Severity.WARNING, text))
         self._refusal = failures
 
     def _departure_failures(self, pose: Pose, now_s: float) -> list[str]:
@@ -322,7 +327,7 @@ class Autonomy:
             self._reported.add(key)
             limit_m = self.assessment.terms.obstacle_separation_min_m
             broken = Violation(key[0], 0.0, limit_m, "m", obstacle.id)
-            self._events += [
+            self._news += [
                 broken.event(now_s),
                 Event(now_s, "merged", Severity.WARNING, f"avoiding {obstacle.id} as one"),
             ]
@@ -358,7 +363,7 @@ class Autonomy:
             return
         if key not in self._reported:
             self._reported.add(key)
-            self._events.append(violation.event(now_s))
+            self._news.append(violation.event(now_s))
         self.navigator.answer(violation, now_s, measured)
 
     def _stream(self, now_s: float) -> None:
@@ -379,15 +384,17 @@ class Autonomy:
         left, self._left = self._left, blind and not self.navigator.flying
         if self._left and not left and self.navigator.phase is not Phase.STANDBY:
             text = "no position: leaving the vehicle to the autopilot"
-            self._events.append(Event(now_s, "handed_over", Severity.CRITICAL, text))
+            self._news.append(Event(now_s, "handed_over", Severity.CRITICAL, text))
         return self._left
 
     def _collect_events(self) -> None:
-        self._events.extend(self.navigator.events)
+        self._news += self.navigator.events
         self.navigator.events.clear()
-        for event in self._events:
+        for event in self._news:
             if event.severity <= Severity.WARNING or event.name == "phase":
                 self.link.send_text(event.severity, f"Clearway: {event.text}")
+        self._events.extend(self._news)
+        self._news.clear()
 
     # ------------------------------------------------------------------ what others may know
 

@@ -75,6 +75,9 @@ class Rig:
                     self.yaw_rad = message.yaw
         self.events += self.autonomy.events()
 
+    def autopilot_hears(self, data: bytes) -> list[Any]:
+        return list(self._mav.parse_buffer(data) or [])
+
     def _say(self) -> None:
         base_mode = mavlink.MAV_MODE_FLAG_SAFETY_ARMED if self.armed else 0
         self._mav.heartbeat_send(mavlink.MAV_TYPE_QUADROTOR, 12, base_mode, self.mode, 4)
@@ -522,3 +525,14 @@ def test_obstacle_that_appears_in_the_way_to_hover_is_answered(cruising: Rig) ->
     cruising.obstacles = [box((cruising.position_ned_m[0] + 1.5, 0.0), side_m=0.5)]
     cruising.run(0.2)
     assert "in the way to hover" in cruising.texts("hold_replanned")[0]
+
+
+def test_operator_is_told_once_even_if_nobody_fetches_the_events(cruising: Rig) -> None:
+    cruising.now_s += 0.2
+    texts = []
+    for _ in range(20):
+        cruising.now_s += TICK_S
+        cruising.autonomy.tick(cruising.now_s)
+        heard = cruising.autopilot_hears(cruising.autonomy.mavlink_to_send())
+        texts += [message.text for message in heard if message.get_type() == "STATUSTEXT"]
+    assert len(texts) == len(set(texts)) > 0
