@@ -84,8 +84,9 @@ class Feed:
     def snapshot(self) -> tuple[list[Message], int]:
         """Return all that somebody who joins now has missed, and where `wait` goes on from."""
         with self._changed:
-            missed = [Message("trail", {"points_ned_m": list(self._trail)})]
-            missed += [Message(key, payload) for key, payload in self._latest.items()]
+            missed = [Message(key, payload) for key, payload in self._latest.items()]
+            # After the status, whose position it holds already.
+            missed.append(Message("trail", {"points_ned_m": list(self._trail)}))
             missed += [Message("events", event) for event in self._events]
             return missed, self._count
 
