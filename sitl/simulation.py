@@ -205,6 +205,7 @@ def fly(flight: SimulatedFlight, directory: Path) -> SimulationReport:
     metadata = {
         "contract": flight.contract.model_dump_json(),
         "contract_sha256": flight.contract.sha256,
+        "mission": flight.mission.model_dump_json(),
         "seed": str(flight.seed),
     }
     with ExitStack() as stack:
