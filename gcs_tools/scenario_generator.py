@@ -127,9 +127,7 @@ GENERATORS: Final[dict[str, Callable[[random.Random], Case]]] = {
     "faults": _faulty,
 }
 
-FAULT_KINDS: Final[tuple[FaultKind, ...]] = tuple(
-    kind for group in get_args(FaultKind) for kind in get_args(group)
-)
+FAULT_KINDS: Final[tuple[FaultKind, ...]] = get_args(FaultKind)
 # A sensor that claims to have looked, and is wrong beyond its declared error, cannot be found out
 # by anybody who has no other: nothing is promised, and what happens is counted.
 UNDETECTABLE: Final[frozenset[FaultKind]] = frozenset({"detections_hidden"})

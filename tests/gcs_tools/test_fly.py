@@ -165,7 +165,7 @@ def test_ctrl_c_in_flight_leaves_nothing_running(tmp_path: Path) -> None:
 def test_the_autopilot_stops_the_vehicle_when_the_daemon_is_killed(tmp_path: Path) -> None:
     with flying(tmp_path) as flight:
         started = processes_of(flight)
-        wait_for_full_cruise(tmp_path)
+        wait_for_cruise(tmp_path)
         # The daemon's own process, by the id that the flight gave it.
         subprocess.run(["kill", "-KILL", str(started["onboard"])], check=True)  # noqa: S607  POSIX
         out, err = flight.communicate(timeout=60.0)
@@ -182,8 +182,8 @@ def test_the_autopilot_stops_the_vehicle_when_the_daemon_is_killed(tmp_path: Pat
     assert not is_alive(started["sitl"])
 
 
-def wait_for_full_cruise(out: Path) -> None:
-    """Wait until the daemon says that it cruises at full speed, short of the first region."""
+def wait_for_cruise(out: Path) -> None:
+    """Wait until the daemon says that it cruises, fast but still short of the first region."""
     onboard = yaml.safe_load((out / "onboard.yaml").read_text(encoding="utf-8"))
     config = zenoh.Config()
     config.insert_json5("scouting/multicast/enabled", "false")
@@ -197,7 +197,7 @@ def wait_for_full_cruise(out: Path) -> None:
     try:
         session.declare_subscriber("clearway/vehicle/status", receive)
         until(
-            lambda: status.get("phase") == "cruise" and status["velocity_ned_mps"][0] > 2.5,
+            lambda: status.get("phase") == "cruise" and status["velocity_ned_mps"][0] > 1.8,
             timeout_s=60.0,
         )
     finally:
