@@ -229,7 +229,7 @@ class Bus:
     def _put(self, record: Record) -> None:
         publisher = self._publishers.get(record.topic)
         if publisher is not None:
-            publisher.put(json.dumps(record.payload, allow_nan=False).encode())
+            publisher.put(record.as_json())
 
     def _status_is_due(self, record: Record) -> bool:
         if record.time_unix_s < self._status_due_s:

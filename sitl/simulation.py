@@ -140,7 +140,8 @@ class Simulation:
             return
         for frame in frames:
             autonomy.receive_detection(frame, self.now_s)
-        autonomy.receive_mavlink(telemetry, self.now_s)
+        if telemetry:
+            autonomy.receive_mavlink(telemetry, self.now_s)
         if self.at_tick and not faults.present("tick_stall"):
             autonomy.tick(self.now_s)
             vehicle.receive(faults.setpoints(autonomy.mavlink_to_send()), ONBOARD_LINK)
