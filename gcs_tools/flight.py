@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import asdict
 from pathlib import Path
@@ -15,7 +15,6 @@ from rich.table import Table
 from gcs_tools import preflight
 from gcs_tools.errors import CommandError
 from gcs_tools.flight_log import Log, read_log
-from gcs_tools.live_flight import Report, fly_live
 from gcs_tools.preflight import Preflight
 from gcs_tools.report import write_report
 from gcs_tools.report_document import Flight, document_of
@@ -99,6 +98,9 @@ def _prepared(directory: Path) -> Path:
 def _fly_live(
     scenario: Scenario, seed: int, directory: Path, forced: bool, console: Console
 ) -> tuple[Result, tuple[Log, Log]]:
+    # MAVSDK and Zenoh, which a virtual flight does not need.
+    from gcs_tools.live_flight import fly_live  # noqa: PLC0415
+
     with _progress(console) as report:
         aborted = fly_live(scenario, seed=seed, out=directory, forced=forced, report=report)
     flight, truth = _logs(directory)
@@ -142,7 +144,7 @@ def _logs(directory: Path) -> tuple[Log, Log]:
 
 
 @contextmanager
-def _progress(console: Console) -> Iterator[Report]:
+def _progress(console: Console) -> Iterator[Callable[[str], None]]:
     """Yield a function that shows one changing line; silent where there is no terminal."""
     if not sys.stdout.isatty():
         yield lambda _: None

@@ -29,6 +29,7 @@ from sitl.field import ObstacleField
 from sitl.operator import Operator, Step
 from sitl.scene import Scene
 from sitl.truth_log import TruthLog
+from sitl.vehicle import warm_up
 
 STEP_S: Final = 0.01
 STEPS_PER_TICK: Final = 2
@@ -214,6 +215,7 @@ def fly(flight: SimulatedFlight, directory: Path) -> SimulationReport:
     Raises:
         OSError: a log cannot be written.
     """
+    warm_up()  # once per process: loading compiled code is no part of the flight
     began_s = time.perf_counter()
     simulation = Simulation(flight)
     metadata = {

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import math
 import random
 
@@ -169,6 +170,7 @@ class SimulatedVehicle:
         )
 
 
+@functools.cache
 def warm_up() -> None:
     """Load the compiled inner loop, or compile it, so that no vehicle stalls in mid-air.
 
