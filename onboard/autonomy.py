@@ -306,7 +306,8 @@ class Autonomy:
         link = self.link
         if now_s - link.rival_heard_s <= RIVAL_MEMORY_S:
             return Violation(Assumption.SECOND_COMMANDER, 2.0, 1.0, "commanders", link.rival)
-        ours = ((sent.position_ned_m, sent.velocity_ned_mps) for _, sent in self._sent)
+        newest_first = reversed(self._sent)
+        ours = ((sent.position_ned_m, sent.velocity_ned_mps) for _, sent in newest_first)
         return self._rival_watch.check(link.target_heard_s, link.target, ours)
 
     def _environment_violations(self, now_s: float) -> list[Violation]:
