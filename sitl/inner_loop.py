@@ -57,7 +57,7 @@ def fly(
     the controller knows nothing.
     """
     return _named(
-        _fly_plain(
+        _fly(
             tuple(state),
             tuple(memory),
             tuple(setpoint),
@@ -81,7 +81,7 @@ def spin(
 ) -> Flight:
     """Advance the plant alone, rotors at fixed commands: off, or idling on the ground."""
     return _named(
-        _spin_plain(tuple(state), tuple(command), tuple(parameters), tuple(wind), step_s, steps)
+        _spin(tuple(state), tuple(command), tuple(parameters), tuple(wind), step_s, steps)
     )
 
 
@@ -97,100 +97,43 @@ def _named(values: Plain) -> Flight:
 
 
 _ahead = compiled(ahead)
+_UNTRIMMED = (0.0, 0.0, 0.0)
 
 
 @compiled
 def _fly(
-    state: MultirotorState,
-    memory: ControllerMemory,
-    setpoint: Setpoint,
-    gains: ControllerGains,
-    parameters: MultirotorParameters,
-    rotor_shares: RotorSpeeds,
-    wind: Wind,
+    start: Plain,
+    trim: Plain,
+    wanted: Plain,
+    limits: Plain,
+    body: Plain,
+    rotor_shares: Plain,
+    air: Plain,
     step_s: float,
     steps: int,
-) -> Flight:
+) -> Plain:
+    state, memory, setpoint = MultirotorState(*start), ControllerMemory(*trim), Setpoint(*wanted)
+    gains, parameters, wind = ControllerGains(*limits), MultirotorParameters(*body), Wind(*air)
+    shares = RotorSpeeds(*rotor_shares)
     command = RotorSpeeds(0.0, 0.0, 0.0, 0.0)
     for index in range(steps):
-        target = _ahead(setpoint, index * step_s)
-        wanted = control(state, memory, target, gains, parameters)
+        rotors = control(state, memory, _ahead(setpoint, index * step_s), gains, parameters)
         command = RotorSpeeds(
-            wanted.rotor1_rpm * rotor_shares.rotor1_rpm,
-            wanted.rotor2_rpm * rotor_shares.rotor2_rpm,
-            wanted.rotor3_rpm * rotor_shares.rotor3_rpm,
-            wanted.rotor4_rpm * rotor_shares.rotor4_rpm,
+            rotors.rotor1_rpm * shares.rotor1_rpm,
+            rotors.rotor2_rpm * shares.rotor2_rpm,
+            rotors.rotor3_rpm * shares.rotor3_rpm,
+            rotors.rotor4_rpm * shares.rotor4_rpm,
         )
         moved = step(state, command, wind, parameters, step_s)
         memory = trimmed(memory, state, moved, gains, parameters, step_s)
         state = moved
-    rate = derivative(state, command, wind, parameters)
-    return Flight(
-        state,
-        memory,
-        rate.velocity_north_mps,
-        rate.velocity_east_mps,
-        rate.velocity_down_mps,
-    )
+    return state[0:17] + memory[0:3] + derivative(state, command, wind, parameters)[3:6]
 
 
 @compiled
-def _spin(
-    state: MultirotorState,
-    command: RotorSpeeds,
-    parameters: MultirotorParameters,
-    wind: Wind,
-    step_s: float,
-    steps: int,
-) -> Flight:
+def _spin(start: Plain, speeds: Plain, body: Plain, air: Plain, step_s: float, steps: int) -> Plain:
+    state, command = MultirotorState(*start), RotorSpeeds(*speeds)
+    parameters, wind = MultirotorParameters(*body), Wind(*air)
     for _ in range(steps):
         state = step(state, command, wind, parameters, step_s)
-    rate = derivative(state, command, wind, parameters)
-    return Flight(
-        state,
-        ControllerMemory(0.0, 0.0, 0.0),
-        rate.velocity_north_mps,
-        rate.velocity_east_mps,
-        rate.velocity_down_mps,
-    )
-
-
-@compiled
-def _fly_plain(
-    state: Plain,
-    memory: Plain,
-    setpoint: Plain,
-    gains: Plain,
-    parameters: Plain,
-    rotor_shares: Plain,
-    wind: Plain,
-    step_s: float,
-    steps: int,
-) -> Plain:
-    flight = _fly(
-        MultirotorState(*state),
-        ControllerMemory(*memory),
-        Setpoint(*setpoint),
-        ControllerGains(*gains),
-        MultirotorParameters(*parameters),
-        RotorSpeeds(*rotor_shares),
-        Wind(*wind),
-        step_s,
-        steps,
-    )
-    return flight.state[0:17] + flight.memory[0:3] + flight[2:5]
-
-
-@compiled
-def _spin_plain(
-    state: Plain, command: Plain, parameters: Plain, wind: Plain, step_s: float, steps: int
-) -> Plain:
-    flight = _spin(
-        MultirotorState(*state),
-        RotorSpeeds(*command),
-        MultirotorParameters(*parameters),
-        Wind(*wind),
-        step_s,
-        steps,
-    )
-    return flight.state[0:17] + flight.memory[0:3] + flight[2:5]
+    return state[0:17] + _UNTRIMMED + derivative(state, command, wind, parameters)[3:6]
