@@ -37,8 +37,8 @@ STATUS_PERIOD_S: Final = 0.2
 REPEAT_PERIOD_S: Final = 1.0
 # A tick this late means that the computer cannot keep up, or was suspended.
 LATE_TICK_S: Final = 2.0 * TICK_S
-# As `nice` counts: ahead of everything that asks for nothing, behind what the system runs on.
-NICENESS: Final = -10
+# The lowest there is: ahead of everything that asks for nothing, behind the kernel's own threads.
+REALTIME_PRIORITY: Final = 1
 # Key on Zenoh by topic of the journal.
 _KEYS: Final = {
     "state": "status",
@@ -105,14 +105,16 @@ async def run(config: DaemonConfig, contract: Contract, mission: Mission, log_pa
 
 
 def claim_priority() -> None:
-    """Have the computer run this process, all its threads, before others; where that is allowed.
+    """Have Linux run this process, all its threads, before others; where that is allowed.
 
     A tick that waits for somebody else's work is late, and a late tick ends in a hover.
     """
+    if not hasattr(os, "sched_setscheduler"):
+        return
     try:
-        os.setpriority(os.PRIO_PROCESS, 0, NICENESS)
+        os.sched_setscheduler(0, os.SCHED_RR, os.sched_param(REALTIME_PRIORITY))
     except PermissionError:
-        log.info("not allowed to raise the process's priority (needs CAP_SYS_NICE)")
+        log.info("not allowed to run before other processes (needs CAP_SYS_NICE)")
 
 
 def spare_the_collector() -> None:

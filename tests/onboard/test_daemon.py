@@ -21,7 +21,7 @@ from mcap.reader import make_reader
 from pymavlink.dialects.v20 import common as mavlink
 
 from onboard.config import Contract, DaemonConfig, Mission, ZenohEndpoints, load_contract
-from onboard.daemon import NICENESS, open_session, run
+from onboard.daemon import open_session, run
 from onboard.yaml_file import load_yaml
 
 CONFIG = Path(__file__).parents[2] / "config"
@@ -223,6 +223,5 @@ def test_it_runs_before_others_where_that_is_allowed(
     tmp_path: Path, settings: dict[str, Any]
 ) -> None:
     with running(tmp_path, settings) as daemon:
-        niceness = os.getpriority(os.PRIO_PROCESS, daemon.pid)
-    usual = os.getpriority(os.PRIO_PROCESS, 0)
-    assert niceness == (NICENESS if os.geteuid() == 0 else usual)
+        policy = os.sched_getscheduler(daemon.pid)
+    assert policy == (os.SCHED_RR if os.geteuid() == 0 else os.SCHED_OTHER)
