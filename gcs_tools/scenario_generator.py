@@ -174,6 +174,7 @@ def _compliant_contract(
             "reaction_time_s": draw.uniform(*_REACTION_TIME_S),
             "attitude_lag_s": draw.uniform(0.15, 0.2),
             "setpoint_loss_timeout_s": 0.5,
+            "recentring_speed_mps": draw.choice((0.0, 0.0, draw.uniform(0.1, 0.4))),
         },
         "requirements": {"stop": stop, "passive_safety": passive_safety},
         "sensor": {

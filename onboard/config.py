@@ -43,6 +43,9 @@ class VehicleTerms(FileModel):
     setpoint_loss_run_on_m: NonNegative | None = Field(
         None, description="measured forward run after the stream stops; replaces the model"
     )
+    recentring_speed_mps: NonNegative = Field(
+        0.0, description="lateral speed of the way back to the leg line after an avoidance; 0: none"
+    )
 
 
 class Requirements(FileModel):

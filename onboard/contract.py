@@ -13,8 +13,11 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, Generic
 
+import numpy as np
+
 from onboard.agility import GRAVITY_MPS2, AccelerationLimits, Agility, InputSet
 from onboard.config import Contract
+from onboard.recentring import Corridor, Drift, drift_of, required_view
 from onboard.region import (
     SCALAR,
     Arithmetic,
@@ -52,6 +55,7 @@ class Terms(Generic[Q]):
     obstacle_size_max_m: Q
     obstacle_size_min_m: Q
     obstacle_separation_min_m: Q
+    recentring_speed_mps: Q
     setpoint_loss_run_on_m: Q | None = None
     stop: bool = True
     passive_safety: bool = True
@@ -74,6 +78,7 @@ class Terms(Generic[Q]):
             attitude_lag_s=vehicle.attitude_lag_s,
             setpoint_loss_timeout_s=vehicle.setpoint_loss_timeout_s,
             setpoint_loss_run_on_m=vehicle.setpoint_loss_run_on_m,
+            recentring_speed_mps=vehicle.recentring_speed_mps,
             detection_range_m=sensor.detection_range_m,
             field_of_view_rad=math.radians(sensor.field_of_view_deg),
             frame_age_max_s=sensor.frame_age_max_s,
@@ -98,6 +103,7 @@ class Terms(Generic[Q]):
             reaction_time_s=zero,
             attitude_lag_s=zero,
             position_error_m=zero,
+            recentring_speed_mps=zero,
             passive_safety=False,
         )
 
@@ -163,13 +169,14 @@ def worst_encounter(
         left_mps2=y_mps2,
         right_mps2=y_mps2,
         speed_mps=speed_mps,
-        lateral_speed_mps=terms.velocity_error_y_mps,
+        lateral_speed_mps=terms.velocity_error_y_mps + terms.recentring_speed_mps,
         size_along_m=size_along_m,
         size_across_m=size_across_m,
         attitude_lag_s=terms.attitude_lag_s,
         reaction_time_s=terms.reaction_time_s,
         run_on_m=run_on_m,
         coast_time_s=coast_time_s,
+        coast_drift_m=terms.recentring_speed_mps * coast_time_s,
     )
 
 
@@ -249,6 +256,7 @@ def clauses(terms: Terms[Q], derived: Derived[Q], ops: Arithmetic[Q]) -> tuple[C
         + _sensor_clauses(terms, derived, ops)
         + _stopping_clauses(terms, derived)
         + _passive_safety_clauses(terms, derived, ops)
+        + _recentring_clauses(terms, derived, ops)
         + (separation,)
     )
 
@@ -340,6 +348,36 @@ def _passive_safety_clauses(
     )
 
 
+def recentring_drift(terms: Terms[Q], derived: Derived[Q], ops: Arithmetic[Q]) -> Drift[Q]:
+    """Return the drift back to the leg line: its slope, and the room that it needs (theory F)."""
+    silent_s = terms.frame_age_max_s + TICK_S
+    return drift_of(
+        derived.encounter,
+        speed_min_mps=terms.cruise_speed_mps - terms.velocity_error_x_mps,
+        margin_m=derived.margin_m + terms.tracking_error_m,
+        notice_s=ops.maximum(terms.reaction_time_s, silent_s),
+        ops=ops,
+    )
+
+
+def _recentring_clauses(
+    terms: Terms[Q], derived: Derived[Q], ops: Arithmetic[Q]
+) -> tuple[Clause[Q], ...]:
+    wanted = terms.recentring_speed_mps > 0.0
+    if not np.any(wanted):
+        return ()
+    view_rad = required_view(recentring_drift(terms, derived, ops), terms.detection_range_m, ops)
+    return (
+        Clause(
+            "recentring",
+            ops.where(wanted, view_rad, view_rad * 0.0) * (180.0 / math.pi),
+            terms.field_of_view_rad * (180.0 / math.pi),
+            "°",
+            "what the vehicle drifts towards on its way back to the leg must have been seen before",
+        ),
+    )
+
+
 @dataclass(frozen=True)
 class Assessment:
     """A contract's verdict and everything behind it.
@@ -376,6 +414,14 @@ class Assessment:
         return Agility(
             self.terms.roll_max_rad, self.terms.pitch_max_rad, self.terms.thrust_to_weight
         )
+
+    @cached_property
+    def corridor(self) -> Corridor | None:
+        """What has to be free for a drift back to the leg line; None where none is to be flown."""
+        if not (self.compliant and self.terms.recentring_speed_mps > 0.0):
+            return None
+        drift = recentring_drift(self.terms, self.inflated, SCALAR)
+        return Corridor.of(drift, self.terms.field_of_view_rad)
 
     def region_around(self, obstacle: Box, position_error_m: float) -> RegionOfInfluence:
         """Region of Influence of a measured obstacle, inflated as a plan needs it (theory B).

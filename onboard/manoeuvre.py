@@ -100,10 +100,19 @@ def stop_at(
     speed_mps: float,
     *,
     z_m: float | None = None,
+    recentring_mps: float = 0.0,
 ) -> Trajectory | None:
     """Fly along the leg at up to ``speed_mps`` and come to rest at ``x_m``, then hover.
 
-    The other arguments are those of `cruise`.
+    Args:
+        start: state to continue.
+        start_s: absolute time of ``start``.
+        envelope: what the vehicle can be asked to fly.
+        x_m: where to stop.
+        speed_mps: highest speed along the leg.
+        z_m: height to settle at, as for `cruise`.
+        recentring_mps: highest lateral speed of a drift back to the leg line; 0 to come to rest
+            sideways instead.
 
     Returns:
         None if the vehicle cannot stop before it has passed ``x_m``.
@@ -113,7 +122,7 @@ def stop_at(
     if x.after(speed_change(x, 0.0, limits)).position_m > x_m:
         return None
     along = displacement(x, x_m, speed_mps, limits)
-    return _from_segments(start, start_s, envelope, along, vertical)
+    return _from_segments(start, start_s, envelope, along, vertical, recentring_mps)
 
 
 def _cruise_limits(envelope: Envelope, box_share: float) -> AxisLimits:
@@ -133,14 +142,21 @@ def _from_segments(
     envelope: Envelope,
     along: tuple[Segment, ...],
     vertical: Profile,
+    recentring_mps: float = 0.0,
 ) -> Trajectory:
-    """Put a motion along the leg together with coming to rest sideways."""
-    y = start.axis(Y)
-    across = envelope.across.scaled(_share_of_box(vertical))
+    """Put a motion along the leg together with coming to rest sideways, on the line or anywhere.
+
+    A drift uses half the lateral limits, as speeding up does and for the same reason.
+    """
+    y, across = start.axis(Y), envelope.across.scaled(_share_of_box(vertical))
+    if recentring_mps > 0.0:
+        sideways = displacement(y, 0.0, recentring_mps, across.scaled(0.5))
+    else:
+        sideways = speed_change(y, 0.0, across)
     return Trajectory.from_profiles(
         start_s,
         Profile(*start.axis(X)[:2], (*along, Segment(_HOVER_S, 0.0))),
-        Profile(*y[:2], speed_change(y, 0.0, across)),
+        Profile(*y[:2], sideways),
         vertical,
     )
 

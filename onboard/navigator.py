@@ -102,6 +102,8 @@ class Navigator:
         self._upcoming: Trajectory | None = None
         self._aligned_since_s: float | None = None
         self._aligning = False
+        # Theory F: whether the cruise drifts back to the leg line, else since where it is straight.
+        self._drifting, self._straight_from_x_m = False, 0.0
 
     # ------------------------------------------------------------------ what is flown
 
@@ -323,12 +325,31 @@ class Navigator:
         (x_m, y_m, _), soon_m = here.position_leg_m, soon.position_leg_m[0]
         obstacle = self.obstacles.obstacle_of_interest(x_m, y_m, horizon_m=soon_m - x_m)
         if obstacle is None or self._goal_x_m < obstacle.region.keep_out.x_min_m:
+            self._recentre(here, now_s)
             return
         if self._goal_x_m <= obstacle.region.x_pob_m:
             short_m = obstacle.region.x_pob_m - self._goal_x_m
             self._break(Violation(Assumption.LEG_END_CLEAR, short_m, 0.0, "m", obstacle.id), now_s)
             return
         self._avoid(obstacle, now_s)
+
+    def _recentre(self, here: State, now_s: float) -> None:
+        """Begin or end the drift back to the leg line (theory F)."""
+        corridor = self.assessment.corridor
+        if corridor is None or self._reference is None:
+            return
+        x_m, y_m, _ = here.position_leg_m
+        soon = self._reference.sample(now_s + corridor.ending_s)
+        steady = corridor.steady(here.velocity_leg_mps[X], soon.velocity_leg_mps[X])
+        free = steady and not any(
+            corridor.meets(y_m, obstacle.region.keep_out)
+            for obstacle in self.obstacles.between(x_m, x_m + corridor.reach_m)
+        )
+        if self._drifting:
+            if not free:
+                self._cruise_from(here, now_s)
+        elif free and corridor.seen(y_m, straight_m=x_m - self._straight_from_x_m):
+            self._cruise_from(here, now_s, drifting=True)
 
     def _await_alignment(self, pose: Pose, now_s: float) -> None:
         error_rad = abs(wrap_angle(pose.yaw_rad - self.leg.heading_rad))
@@ -372,11 +393,18 @@ class Navigator:
         self._reference = brake_to_hover(state, now_s, self._envelope)
         self._aligned_since_s, self._aligning = None, True
 
-    def _cruise_from(self, state: State, start_s: float) -> None:
+    def _cruise_from(self, state: State, start_s: float, *, drifting: bool = False) -> None:
         """Fly on along the leg and stop at its end, or beyond it if that is too near."""
-        speed_mps = self.assessment.terms.cruise_speed_mps
+        self._drifting, self._straight_from_x_m = drifting, state.position_leg_m[X]
+        terms = self.assessment.terms
         stopping = stop_at(
-            state, start_s, self._envelope, self._goal_x_m, speed_mps=speed_mps, z_m=0.0
+            state,
+            start_s,
+            self._envelope,
+            self._goal_x_m,
+            speed_mps=terms.cruise_speed_mps,
+            z_m=0.0,
+            recentring_mps=terms.recentring_speed_mps if drifting else 0.0,
         )
         self._reference = stopping or brake_to_hover(state, start_s, self._envelope)
         envelope = self._envelope_from(state)

@@ -124,6 +124,7 @@ class Encounter(Generic[Q]):
         reaction_time_s: from being in range to a changed setpoint (theory C).
         run_on_m: forward run after the setpoint stream stops; 0 without passive safety (theory H).
         coast_time_s: time for which the autopilot keeps its velocity then; 0 without it.
+        coast_drift_m: way that a recentring drift makes in that time; 0 without it (theory F).
     """
 
     brake_mps2: Q
@@ -138,6 +139,7 @@ class Encounter(Generic[Q]):
     reaction_time_s: Q
     run_on_m: Q
     coast_time_s: Q
+    coast_drift_m: Q
 
     @classmethod
     def ideal(
@@ -152,6 +154,7 @@ class Encounter(Generic[Q]):
             speed_mps,
             0.0,
             *size_m,
+            0.0,
             0.0,
             0.0,
             0.0,
@@ -245,9 +248,9 @@ def _time_to_clear_against_drift(u: Q, d: Q, t: Q, e: Encounter[Q], ops: Arithme
 
 
 def _drift(u: Q, e: Encounter[Q]) -> Q:
-    """Way made sideways at the entry drift before the limit ``u`` has stopped it (theory A, D)."""
+    """Way made sideways at the entry drift before ``u`` has stopped it (theory A, D, F)."""
     w = e.lateral_speed_mps
-    return w * e.attitude_lag_s + w * w / (2.0 * u)
+    return e.coast_drift_m + w * e.attitude_lag_s + w * w / (2.0 * u)
 
 
 def _overhang(u: Q, d: Q, t_m: Q, e: Encounter[Q], ops: Arithmetic[Q]) -> tuple[Q, Q]:

@@ -143,15 +143,16 @@ class TrackingWatch:
             abs(velocity_leg_mps[0] - reference_velocity_leg_mps[0]),
             abs(velocity_leg_mps[1] - reference_velocity_leg_mps[1]),
         )
-        # Along the leg, what endangers is flying faster than the contract's speed.
         bounds = [
             (Assumption.TRACKING_ERROR, "", self.position_error_m, terms.tracking_error_m, "m")
         ]
         if cruising:
+            # What endangers is flying faster than the contract's speed, or drifting faster than it
+            # allows for; a velocity that only lags behind its reference does neither.
             excess_mps = velocity_leg_mps[0] - max(
                 terms.cruise_speed_mps, reference_velocity_leg_mps[0]
             )
-            sideways_mps = self.velocity_error_mps[1]
+            sideways_mps = abs(velocity_leg_mps[1]) - terms.recentring_speed_mps
             bounds += [
                 (Assumption.VELOCITY_ERROR, "x", excess_mps, terms.velocity_error_x_mps, "m/s"),
                 (Assumption.VELOCITY_ERROR, "y", sideways_mps, terms.velocity_error_y_mps, "m/s"),

@@ -52,6 +52,7 @@ def draw(rng: Random, variety: Variety) -> AvoidanceProblem:
         reaction_time_s=rng.uniform(0.0, 0.3),
         run_on_m=run_on_m if variety.passive_safety else 0.0,
         coast_time_s=coast_s,
+        coast_drift_m=0.0,
     )
     half_m = encounter.size_across_m / 2.0
     region = RegionOfInfluence.around(Box(0.0, encounter.size_along_m, -half_m, half_m), encounter)

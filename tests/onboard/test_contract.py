@@ -36,6 +36,7 @@ DOCUMENT: dict[str, dict[str, Any]] = {
         "reaction_time_s": 0.15,
         "attitude_lag_s": 0.15,
         "setpoint_loss_timeout_s": 0.5,
+        "recentring_speed_mps": 0.0,
     },
     "requirements": {"stop": True, "passive_safety": True},
     "sensor": {

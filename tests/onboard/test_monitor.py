@@ -22,6 +22,7 @@ TERMS = Terms[float](
     detection_range_m=12.0,
     field_of_view_rad=math.radians(120.0),
     frame_age_max_s=0.3,
+    recentring_speed_mps=0.0,
     position_error_m=0.05,
     obstacle_size_max_m=4.0,
     obstacle_size_min_m=0.0,
@@ -71,7 +72,7 @@ def test_frame_that_sees_less_than_assumed_is_a_violation(
 
 def obstacle(size_m: float) -> Obstacle:
     box = Box(10.0, 10.0 + size_m, -0.5, 0.5)
-    encounter = Encounter(2.6, 2.6, 2.6, 2.6, 3.0, 0.1, *box.size_m, 0.15, 0.15, 0.0, 0.0)
+    encounter = Encounter(2.6, 2.6, 2.6, 2.6, 3.0, 0.1, *box.size_m, 0.15, 0.15, 0.0, 0.0, 0.0)
     return Obstacle("front/1", ("front/1",), box, 0.05, RegionOfInfluence.around(box, encounter))
 
 

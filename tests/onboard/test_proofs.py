@@ -409,3 +409,36 @@ def test_theory_b_a_misplaced_face_moves_the_border() -> None:
         error >= 0,
         body >= 0,
     )
+
+
+# --- recentring: what a drift of slope k meets the room beside it was on the edge of the view
+
+slope, view, ago, room, far = z3.Reals("slope view ago room far")
+RECENTRING = [
+    *(v > 0, slope > 0, view > slope, ago > 0, room > 0, far > 0),
+    room + slope * v * ago == view * v * ago,
+]
+
+
+def test_theory_f_what_is_met_was_within_range_and_view() -> None:
+    """With view = tan β, slope = w/v: sin β - k cos β >= s/D, squared and times 1 + tan² β."""
+    beyond = (view - slope) * far
+    condition = beyond * beyond >= room * room * (1 + view * view)
+    ahead, beside = v * ago, room + slope * v * ago
+    within = ahead * ahead + beside * beside <= far * far
+    assert_theorem(within, *RECENTRING, condition)
+    assert_theorem(condition, *RECENTRING, within)
+
+
+def test_theory_f_a_drift_ends_short_of_the_face() -> None:
+    """Notice after n, lag and coasting at w, then full input: s is enough, and nothing less is."""
+    n, coast, gap = z3.Reals("n coast gap")
+    covered = w * (n + lag) + coast + w * w / (2 * d)
+    assumptions = [*LIMITS, w > 0, lag >= 0, n >= 0, coast >= 0]
+    assert_theorem(gap - covered > 0, *assumptions, gap > covered)
+    assert_refuted(gap - covered > 0, *assumptions, gap > w * (n + lag) + coast)
+
+
+def test_theory_f_a_view_no_wider_than_the_slope_sees_nothing_in_time() -> None:
+    narrow = [v > 0, slope > 0, view > 0, view <= slope, ago > 0, room > 0]
+    assert solution(*narrow, room + slope * v * ago == view * v * ago) is None

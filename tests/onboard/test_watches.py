@@ -34,6 +34,7 @@ TERMS = Terms[float](
     detection_range_m=12.0,
     field_of_view_rad=math.radians(120.0),
     frame_age_max_s=0.3,
+    recentring_speed_mps=0.0,
     position_error_m=0.05,
     obstacle_size_max_m=4.0,
     obstacle_size_min_m=0.0,
