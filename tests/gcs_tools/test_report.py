@@ -96,6 +96,36 @@ def test_the_log_holds_scenes_in_published_schemas(flown: Path) -> None:
     assert counts.keys() >= SCHEMAS.keys()
 
 
+def test_the_layout_for_viewers_shows_what_the_log_has(flown: Path) -> None:
+    layout = json.loads((CONFIG / "layout.json").read_text(encoding="utf-8"))
+    panels = layout["configById"]
+    assert set(panels) == set(re.findall(r"\w+!\w+", json.dumps(layout["layout"])))
+    with (flown / "flight.mcap").open("rb") as file:
+        reader = make_reader(file)
+        logged = {channel.topic: json.loads(m.data) for _, channel, m in reader.iter_messages()}
+    topics = [*panels["3D!flight"]["topics"], panels["RawMessages!events"]["topicPath"]]
+    assert set(topics) <= logged.keys()
+    for path in (path["value"] for panel in panels.values() for path in panel.get("paths", ())):
+        topic, *names = path.partition("[")[0].split(".")
+        found = logged[topic]
+        for name in names:
+            found = found[name]
+
+
+def test_viewers_can_parse_every_schema() -> None:
+    """An array without the type of its items loses Lichtblick the whole topic."""
+
+    def check(schema: dict[str, Any]) -> None:
+        assert schema["type"] in {"object", "array", "string", "number", "integer", "boolean"}
+        for child in schema.get("properties", {}).values():
+            check(child)
+        if schema["type"] == "array":
+            check(schema["items"])
+
+    for schema in SCHEMAS.values():
+        check(schema)
+
+
 # ---------------------------------------------------------------------------- bad input
 
 
