@@ -87,7 +87,7 @@ def _margins(margins: dict[str, Any]) -> RenderableType:
     for clause in margins.get("clauses", ()):
         margin = f"{clause['margin']:+.2f} {clause['unit']}"
         style = "green" if clause["holds"] else "bold red"
-        table.add_row(clause["name"], Text(margin, style=style))
+        table.add_row(clause["name"].replace("_", " "), Text(margin, style=style))
     return table
 
 
