@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import struct
 from collections import defaultdict
 from collections.abc import Iterator, Mapping
@@ -13,6 +12,7 @@ from typing import IO, Any
 from mcap.exceptions import McapError
 from mcap.records import Channel, McapRecord, Message, Metadata, Schema
 from mcap.stream_reader import StreamReader
+from pydantic_core import from_json
 from zstandard import ZstdError
 
 from gcs_tools.errors import CommandError
@@ -85,7 +85,7 @@ class _Reading:
             case Message():
                 topic = self._topics[record.channel_id]
                 if topic is not None:
-                    self.messages[topic].append(json.loads(record.data))
+                    self.messages[topic].append(from_json(record.data, cache_strings="keys"))
             case Schema():
                 if record.name.startswith(f"{_OURS}."):
                     self._our_schemas.add(record.id)

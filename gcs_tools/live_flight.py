@@ -8,12 +8,12 @@ from __future__ import annotations
 import asyncio
 import json
 import math
-from collections.abc import AsyncIterator, Callable, Sequence
+from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 import yaml
 import zenoh
@@ -24,6 +24,7 @@ from gcs_tools.interruption import Interruption, interruptible
 from gcs_tools.live_check_bus import BusCheck
 from gcs_tools.live_flight_check import check_before_flight
 from gcs_tools.processes import Children, free_ports
+from gcs_tools.progress import Report
 from gcs_tools.scenario import Scenario, obstacle_list
 from gcs_tools.vehicle import Vehicle, VehicleError, connected_vehicle
 from onboard.config import DaemonConfig, MavlinkLink, Mission, ZenohEndpoints
@@ -44,13 +45,6 @@ LINGER_S = 1.0
 
 # How often it is said where the vehicle is.
 REPORT_PERIOD_S = 0.2
-
-
-class Report(Protocol):
-    """Takes what is being done, and where the vehicle is once it flies."""
-
-    def __call__(self, text: str, position_ned_m: Sequence[float] | None = None) -> None:
-        """Show it."""
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,7 @@ import time
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from itertools import pairwise
-from typing import Final, TypeVar
+from typing import Final, Protocol, TypeVar
 
 from rich.console import Console
 from rich.markup import escape
@@ -29,6 +29,13 @@ Item = TypeVar("Item")
 _PERIOD_S: Final = 0.1
 # Leaves room for words in a terminal of 80 columns.
 _BAR_WIDTH: Final = 16
+
+
+class Report(Protocol):
+    """Takes what is being done, and where the vehicle is once it flies."""
+
+    def __call__(self, text: str, position_ned_m: Sequence[float] | None = None) -> None:
+        """Show it."""
 
 
 class Bar:

@@ -22,7 +22,7 @@ from onboard.config import Contract, Mission
 from onboard.contract import Assessment, assess
 from onboard.events import Event, Severity
 from onboard.guidance import Phase
-from onboard.mavlink import MavlinkEndpoint, Pose, Setpoint
+from onboard.mavlink import TELEMETRY_RATE_HZ, MavlinkEndpoint, Pose, Setpoint
 from onboard.monitor import Assumption, Violation, check_frame, check_obstacle
 from onboard.navigator import Navigator
 from onboard.obstacles import (
@@ -56,6 +56,8 @@ MAX_EVENTS: Final = 10_000
 RIVAL_MEMORY_S: Final = 0.5
 # Setpoints are remembered this long: the autopilot's echo of them lags by up to half a second.
 SENT_MEMORY_S: Final = 0.6
+# How far apart the times of a pose and of a frame from the body may be: one telemetry period.
+POSE_TIMING_S: Final = 1.0 / TELEMETRY_RATE_HZ
 # Holding without knowing where for longer than this is left to the autopilot.
 HANDOVER_AFTER_S: Final = 2.0
 
@@ -208,19 +210,46 @@ class Autonomy:
             self.detections.unplaced_frames += 1
             return
         terms = self.assessment.terms
+        blurred = set() if pose is None else self._blurred(frame, stamp_s)
+        if self._moving and any(map(self._is_new, blurred)):
+            self.detections.unplaced_frames += 1
+            return
         lateness = self._detection_watch.on_frame(frame.source, stamp_s, now_s, terms)
         for violation in lateness + check_frame(frame, terms):
             self._broken(violation, now_s)
         if ahead:
             return
         for detection in frame.obstacles:
-            self._take_detection(frame.source, detection, pose, now_s)
+            track_id = _track_id(frame, detection)
+            if track_id not in blurred:
+                self._take_detection(track_id, detection, pose, now_s)
+
+    def _blurred(self, frame: DetectionFrame, stamp_s: float) -> set[str]:
+        """Tracks that a turning body sees too far off for what the contract says of their faces.
+
+        Pose and frame belong together only as exactly as their times do.  What is known already
+        has been seen better; what is new makes the frame as good as none, unless the vehicle is at
+        rest: turning on the spot it looks again before it departs.
+        """
+        turn_rad = abs(self._poses.yaw_rate_radps(stamp_s)) * POSE_TIMING_S
+        error_max_m = self.assessment.terms.position_error_m
+        return {
+            _track_id(frame, detection)
+            for detection in frame.obstacles
+            if math.hypot(*detection.center_m) * turn_rad > error_max_m
+        }
+
+    @property
+    def _moving(self) -> bool:
+        return self.navigator.cruising_freely or self.navigator.phase is Phase.AVOID
+
+    def _is_new(self, track_id: str) -> bool:
+        return self.navigator.obstacles.of_track(track_id) is None
 
     def _take_detection(
-        self, source: str, detection: Detection, pose: Pose | None, now_s: float
+        self, obstacle_id: str, detection: Detection, pose: Pose | None, now_s: float
     ) -> None:
         obstacles = self.navigator.obstacles
-        obstacle_id = f"{source}/{detection.id}"
         corners = corners_ned(detection, pose)
         if not obstacles.add(obstacle_id, corners, detection.uncertainty_m):
             return
@@ -306,7 +335,8 @@ class Autonomy:
         link = self.link
         if now_s - link.rival_heard_s <= RIVAL_MEMORY_S:
             return Violation(Assumption.SECOND_COMMANDER, 2.0, 1.0, "commanders", link.rival)
-        ours = [(sent.position_ned_m, sent.velocity_ned_mps) for _, sent in self._sent]
+        newest_first = reversed(self._sent)
+        ours = ((sent.position_ned_m, sent.velocity_ned_mps) for _, sent in newest_first)
         return self._rival_watch.check(link.target_heard_s, link.target, ours)
 
     def _environment_violations(self, now_s: float) -> list[Violation]:
@@ -435,6 +465,10 @@ class Autonomy:
                 "clearances_malformed": self.clearance.malformed,
             },
         }
+
+
+def _track_id(frame: DetectionFrame, detection: Detection) -> str:
+    return f"{frame.source}/{detection.id}"
 
 
 def _in_heading(vector_ned: tuple[float, float, float], yaw_rad: float) -> tuple[float, float]:

@@ -17,7 +17,7 @@ from typing import Annotated, Final, Literal
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
-from onboard.frames import FloatArray, LegFrame, rotation_about_down
+from onboard.frames import FloatArray, LegFrame, wrap_angle
 from onboard.mavlink import Pose
 from onboard.region import Box, RegionOfInfluence
 
@@ -90,14 +90,39 @@ class PoseHistory:
             self._poses.popleft()
 
     def at(self, time_s: float, tolerance_s: float = 0.1) -> Pose | None:
-        """Return the pose nearest to ``time_s``, moved on to that time; None if none is near."""
-        nearest = min(self._poses, key=lambda pose: abs(pose.time_s - time_s), default=None)
+        """Return the pose nearest to ``time_s``, moved on to that time; None if none is near.
+
+        The heading moves on too: a hundredth of a second in a turn displaces what is seen at the
+        end of the range by more than a sensor's error.
+        """
+        poses = self._poses
+        after = bisect.bisect_left(poses, time_s, key=_time_of)
+        around = [poses[i] for i in (after - 1, after) if 0 <= i < len(poses)]
+        nearest = min(around, key=lambda pose: abs(pose.time_s - time_s), default=None)
         if nearest is None or abs(nearest.time_s - time_s) > tolerance_s:
             return None
         later_s = time_s - nearest.time_s
         (north_m, east_m, down_m), (vn, ve, vd) = nearest.position_ned_m, nearest.velocity_ned_mps
-        moved_m = (north_m + vn * later_s, east_m + ve * later_s, down_m + vd * later_s)
-        return replace(nearest, time_s=time_s, position_ned_m=moved_m)
+        return replace(
+            nearest,
+            time_s=time_s,
+            position_ned_m=(north_m + vn * later_s, east_m + ve * later_s, down_m + vd * later_s),
+            yaw_rad=nearest.yaw_rad + self.yaw_rate_radps(time_s) * later_s,
+        )
+
+    def yaw_rate_radps(self, time_s: float) -> float:
+        """Return how fast the body turned at a time, from the two poses around it; 0 if unknown."""
+        after = bisect.bisect_left(self._poses, time_s, key=_time_of)
+        second = min(max(after, 1), len(self._poses) - 1)
+        if second < 1:
+            return 0.0
+        begin, end = self._poses[second - 1], self._poses[second]
+        lasting_s = end.time_s - begin.time_s
+        return wrap_angle(end.yaw_rad - begin.yaw_rad) / lasting_s if lasting_s > 0.0 else 0.0
+
+
+def _time_of(pose: Pose) -> float:
+    return pose.time_s
 
 
 def corners_ned(detection: Detection, pose: Pose | None) -> FloatArray:
@@ -108,15 +133,13 @@ def corners_ned(detection: Detection, pose: Pose | None) -> FloatArray:
         pose: where the body was, for a box in FRD; None for one in local NED.  A sensor levels
             what it reports (pillars have no tilt), so that only the heading turns it.
     """
-    half_m = np.array(detection.size_m) / 2.0
-    signs = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
-    turn = rotation_about_down(np.deg2rad(detection.yaw_deg))[:2, :2]
-    corners = np.array(detection.center_m) + signs * half_m @ turn.T
-    if pose is None:
-        return corners
-    heading = rotation_about_down(pose.yaw_rad)[:2, :2]
-    placed: FloatArray = corners @ heading.T + np.array(pose.position_ned_m[:2])
-    return placed
+    center_m, yaw_rad = (*detection.center_m, 0.0), math.radians(detection.yaw_deg)
+    if pose is not None:
+        center_m = LegFrame(pose.position_ned_m, pose.yaw_rad).position_ned(center_m)
+        yaw_rad += pose.yaw_rad
+    box, (x_m, y_m) = LegFrame(center_m, yaw_rad), (side_m / 2.0 for side_m in detection.size_m)
+    corners = ((-x_m, -y_m), (x_m, -y_m), (x_m, y_m), (-x_m, y_m))
+    return np.array([box.position_ned((*corner, 0.0))[:2] for corner in corners])
 
 
 @dataclass(frozen=True)
@@ -320,9 +343,9 @@ class ObstacleMap:
             yield self._strips[strip]
 
     def _leg_box(self, corners_ned_m: FloatArray) -> Box:
-        flat = np.column_stack((corners_ned_m, np.zeros(len(corners_ned_m))))
-        x_m, y_m = self._leg.position_leg_from_ned(flat).T[:2]
-        return Box(float(x_m.min()), float(x_m.max()), float(y_m.min()), float(y_m.max()))
+        points = [self._leg.position_leg((*corner, 0.0)) for corner in corners_ned_m.tolist()]
+        x_m, y_m, _ = zip(*points, strict=True)
+        return Box(min(x_m), max(x_m), min(y_m), max(y_m))
 
     def _corners_of(self, box: Box) -> FloatArray:
         x_m = [box.x_min_m, box.x_max_m, box.x_max_m, box.x_min_m]

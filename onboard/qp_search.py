@@ -7,6 +7,7 @@ certifies.
 
 from __future__ import annotations
 
+import functools
 import math
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -80,6 +81,12 @@ class _Bank:
         self.estimates = CostEstimates(splines)
 
 
+@functools.cache
+def _bank(growth: float) -> _Bank:
+    """Return the bank of a growth: one for all planners, since solvers remember nothing."""
+    return _Bank(growth)
+
+
 class _Candidate(NamedTuple):
     """One side, crossing time and ratio, and what it should cost, in all and along x."""
 
@@ -94,7 +101,7 @@ class QpPlanner:
     """Holds the solvers' factorisations, and nothing else from plan to plan."""
 
     def __init__(self) -> None:
-        self._even, self._front_loaded = _Bank(1.0), _Bank(_GROWTH)
+        self._even, self._front_loaded = _bank(1.0), _bank(_GROWTH)
         self._climbs: dict[tuple[spline.TwoPhaseSpline, Coupling], ClimbProgram] = {}
 
     def plan(

@@ -5,6 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
+# Seven times as fast as `json`, and pydantic brings it anyway: logs are written every tick.
+from pydantic_core import to_json
+
 
 @dataclass(frozen=True)
 class Record:
@@ -21,3 +24,7 @@ class Record:
     time_unix_s: float
     payload: dict[str, Any]
     schema: str = ""
+
+    def as_json(self) -> bytes:
+        """Return the payload in UTF-8; a number that is not finite is null, as JSON has none."""
+        return to_json(self.payload, inf_nan_mode="null")

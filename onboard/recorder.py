@@ -117,8 +117,7 @@ class FlightLog:
     def _write(self, record: Record) -> None:
         if record.topic not in self._channels:
             self._channels[record.topic] = self._register(record)
-        data = json.dumps(record.payload, separators=(",", ":"), allow_nan=False).encode()
-        self._add(record.topic, record.time_unix_s, data)
+        self._add(record.topic, record.time_unix_s, record.as_json())
 
     def _register(self, record: Record) -> int:
         name = record.schema or f"clearway.{record.topic}"

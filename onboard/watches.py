@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Iterable
 from typing import Final
 
 from onboard.agility import GRAVITY_MPS2
@@ -239,19 +239,21 @@ class RivalWatch:
         return age_s < HEARTBEAT_WAIT_S and (another or age_s > ECHO_PATIENCE_S)
 
     def check(
-        self, target_heard_s: float, target: Target, ours: Sequence[Target]
+        self, target_heard_s: float, target: Target, ours: Iterable[Target]
     ) -> Violation | None:
         """Hold the autopilot's target against what we have asked for of late.
 
         Args:
             target_heard_s: when the autopilot said where it is going.
             target: where that is, and how fast.
-            ours: our setpoints until now, as far back as the echo may lag.
+            ours: our setpoints until now, the newest first, as far back as the echo may lag.
         """
-        if target_heard_s <= self._heard_s or not ours:
+        if target_heard_s <= self._heard_s:
+            return None
+        away_m = _nearest(target, ours)
+        if away_m is None:
             return None
         self._heard_s = target_heard_s
-        away_m = min(_away(target, asked) for asked in ours)
         if not away_m <= TARGET_TOLERANCE_M:  # a target without numbers is not ours either
             self._mismatches_s.append(target_heard_s)
         while self._mismatches_s and target_heard_s - self._mismatches_s[0] > MISMATCH_MEMORY_S:
@@ -262,6 +264,17 @@ class RivalWatch:
         if not lasting:
             return None
         return Violation(Assumption.SECOND_COMMANDER, away_m, TARGET_TOLERANCE_M, "m")
+
+
+def _nearest(target: Target, ours: Iterable[Target]) -> float | None:
+    """Return how far the target is from the nearest of ours, or from the first that is near."""
+    nearest_m = None
+    for asked in ours:
+        away_m = _away(target, asked)
+        if away_m <= TARGET_TOLERANCE_M:
+            return away_m
+        nearest_m = away_m if nearest_m is None else min(nearest_m, away_m)
+    return nearest_m
 
 
 def _away(target: Target, asked: Target) -> float:

@@ -34,11 +34,8 @@ from sitl.multirotor import (
     MultirotorParameters,
     MultirotorState,
     RotorSpeeds,
-    Wind,
-    derivative,
     rotate_frd_from_ned,
     rotate_ned_from_frd,
-    step,
 )
 
 Vector = tuple[float, float, float]
@@ -126,16 +123,6 @@ class ControllerMemory(NamedTuple):
     trim_down_mps2: float = 0.0
 
 
-class Flight(NamedTuple):
-    """Result of :func:`fly`."""
-
-    state: MultirotorState
-    memory: ControllerMemory
-    acceleration_north_mps2: float
-    acceleration_east_mps2: float
-    acceleration_down_mps2: float
-
-
 @compiled
 def _clipped(value: float, limit: float) -> float:
     return min(max(value, -limit), limit)
@@ -180,7 +167,6 @@ def _feedback(
     return _clipped(error, gains.feedback_max_mps2) + trim_mps2
 
 
-@compiled
 def ahead(setpoint: Setpoint, age_s: float) -> Setpoint:
     """Return the setpoint moved along its own derivatives by ``age_s``; ``nan`` stays ``nan``."""
     t, t2, t3 = age_s, 0.5 * age_s * age_s, age_s * age_s * age_s / 6.0
@@ -377,7 +363,7 @@ def control(
 
 
 @compiled
-def _trim(
+def trimmed(
     memory: ControllerMemory,
     before: MultirotorState,
     after: MultirotorState,
@@ -404,66 +390,4 @@ def _trim(
         _clipped(kept * memory.trim_north_mps2 + share * (force_north - drag_north - north), limit),
         _clipped(kept * memory.trim_east_mps2 + share * (force_east - drag_east - east), limit),
         _clipped(kept * memory.trim_down_mps2 + share * (force_down - drag_down - down), limit),
-    )
-
-
-@compiled
-def fly(
-    state: MultirotorState,
-    memory: ControllerMemory,
-    setpoint: Setpoint,
-    gains: ControllerGains,
-    parameters: MultirotorParameters,
-    rotor_shares: RotorSpeeds,
-    wind: Wind,
-    step_s: float,
-    steps: int,
-) -> Flight:
-    """Advance plant and controller by ``steps`` steps of ``step_s`` under one moving setpoint.
-
-    ``rotor_shares`` is what each rotor makes of its command: 1, or 0 when it has failed, of which
-    the controller knows nothing.
-    """
-    command = RotorSpeeds(0.0, 0.0, 0.0, 0.0)
-    for index in range(steps):
-        target = ahead(setpoint, index * step_s)
-        wanted = control(state, memory, target, gains, parameters)
-        command = RotorSpeeds(
-            wanted.rotor1_rpm * rotor_shares.rotor1_rpm,
-            wanted.rotor2_rpm * rotor_shares.rotor2_rpm,
-            wanted.rotor3_rpm * rotor_shares.rotor3_rpm,
-            wanted.rotor4_rpm * rotor_shares.rotor4_rpm,
-        )
-        moved = step(state, command, wind, parameters, step_s)
-        memory = _trim(memory, state, moved, gains, parameters, step_s)
-        state = moved
-    rate = derivative(state, command, wind, parameters)
-    return Flight(
-        state,
-        memory,
-        rate.velocity_north_mps,
-        rate.velocity_east_mps,
-        rate.velocity_down_mps,
-    )
-
-
-@compiled
-def spin(
-    state: MultirotorState,
-    command: RotorSpeeds,
-    parameters: MultirotorParameters,
-    wind: Wind,
-    step_s: float,
-    steps: int,
-) -> Flight:
-    """Advance the plant alone, rotors at fixed commands: off, or idling on the ground."""
-    for _ in range(steps):
-        state = step(state, command, wind, parameters, step_s)
-    rate = derivative(state, command, wind, parameters)
-    return Flight(
-        state,
-        ControllerMemory(0.0, 0.0, 0.0),
-        rate.velocity_north_mps,
-        rate.velocity_east_mps,
-        rate.velocity_down_mps,
     )

@@ -11,6 +11,7 @@ from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 
 import zenoh
+from pydantic_core import to_json
 
 from sitl.config import SitlConfig, ZenohEndpoints
 from sitl.field import ObstacleField, load_field
@@ -89,7 +90,7 @@ class LiveSimulator:
             time_s = scene.vehicle.truth.time_s
             if (due := int(time_s * _TRUTH_RATE_HZ + 1e-6)) > published:
                 published = due
-                bus.publish_truth(json.dumps(scene.truth_record()).encode())
+                bus.publish_truth(to_json(scene.truth_record()))
             if truth_log is not None and (due := int(time_s * TRUTH_LOG_RATE_HZ + 1e-6)) > logged:
                 logged = due
                 truth_log.write(scene.vehicle.truth, scene.world)

@@ -7,13 +7,13 @@ within range and field of view is reported whole, even where another obstacle hi
 
 from __future__ import annotations
 
-import json
 import math
 import random
 from collections import deque
 from typing import Annotated, Any, Literal
 
 from pydantic import Field
+from pydantic_core import to_json
 
 from onboard.yaml_file import FileModel
 from sitl.field import ObstacleField
@@ -113,7 +113,7 @@ class ObstacleSensor:
         if "stuck" in faults:
             return self._last_payload
         range_m = min(self.config.range_m, *(f.range_m for f in faults.values()), math.inf)
-        self._last_payload = json.dumps(
+        self._last_payload = to_json(
             {
                 "version": 1,
                 "source": self.config.source,
@@ -123,9 +123,8 @@ class ObstacleSensor:
                 "range_m": range_m,
                 "field_of_view_deg": self.config.field_of_view_deg,
                 "obstacles": [self._reported(box, truth) for box in self._boxes(truth, range_m)],
-            },
-            separators=(",", ":"),
-        ).encode()
+            }
+        )
         self._sequence += 1
         return self._last_payload
 

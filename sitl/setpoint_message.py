@@ -118,6 +118,8 @@ def _ned_from_global(message: Any, frame: int, origin: HomeConfig, home_ned_m: V
 
 def _given(mask: int, first_bit: int, values: Vector) -> Vector:
     """Replace masked values by ``nan``."""
+    if not mask >> first_bit & 0b111:
+        return values
     x, y, z = (
         math.nan if mask >> (first_bit + axis) & 1 else value for axis, value in enumerate(values)
     )

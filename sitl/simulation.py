@@ -29,6 +29,7 @@ from sitl.field import ObstacleField
 from sitl.operator import Operator, Step
 from sitl.scene import Scene
 from sitl.truth_log import TruthLog
+from sitl.vehicle import warm_up
 
 STEP_S: Final = 0.01
 STEPS_PER_TICK: Final = 2
@@ -140,7 +141,8 @@ class Simulation:
             return
         for frame in frames:
             autonomy.receive_detection(frame, self.now_s)
-        autonomy.receive_mavlink(telemetry, self.now_s)
+        if telemetry:
+            autonomy.receive_mavlink(telemetry, self.now_s)
         if self.at_tick and not faults.present("tick_stall"):
             autonomy.tick(self.now_s)
             vehicle.receive(faults.setpoints(autonomy.mavlink_to_send()), ONBOARD_LINK)
@@ -182,19 +184,6 @@ def _start_service(flight: SimulatedFlight) -> Autonomy:
     )
 
 
-def ticks(simulation: Simulation) -> Iterator[list[Record]]:
-    """Advance a flight to its end, or its time limit; yield what each tick leaves behind."""
-    service = simulation.autonomy
-    journal = Journal(service, timed=False)
-    while not simulation.over and simulation.now_s < simulation.flight.time_limit_s:
-        simulation.advance()
-        if service is not simulation.autonomy:  # it died, and was started again
-            service = simulation.autonomy
-            journal = Journal(service, timed=False)
-        if simulation.at_tick:
-            yield journal.collect(simulation.now_s)
-
-
 @contextmanager
 def _without_cycle_collection() -> Iterator[None]:
     """Leave cyclic garbage until after the flight: looking for it costs a tenth of the time."""
@@ -205,6 +194,20 @@ def _without_cycle_collection() -> Iterator[None]:
     finally:
         if enabled:
             gc.enable()
+
+
+def ticks(simulation: Simulation) -> Iterator[list[Record]]:
+    """Advance a flight to its end, or its time limit; yield what each tick leaves behind."""
+    service = simulation.autonomy
+    journal = Journal(service, timed=False)
+    with _without_cycle_collection():
+        while not simulation.over and simulation.now_s < simulation.flight.time_limit_s:
+            simulation.advance()
+            if service is not simulation.autonomy:  # it died, and was started again
+                service = simulation.autonomy
+                journal = Journal(service, timed=False)
+            if simulation.at_tick:
+                yield journal.collect(simulation.now_s)
 
 
 def fly(
@@ -220,6 +223,7 @@ def fly(
     Raises:
         OSError: a log cannot be written.
     """
+    warm_up()  # once per process: loading compiled code is no part of the flight
     began_s = time.perf_counter()
     simulation = Simulation(flight)
     metadata = {
@@ -231,7 +235,6 @@ def fly(
     with ExitStack() as stack:
         flight_log = stack.enter_context(FlightLog(directory / "flight.mcap", metadata))
         truth_log = stack.enter_context(TruthLog(directory / "truth.mcap", EPOCH_UNIX_S))
-        stack.enter_context(_without_cycle_collection())
         for records in ticks(simulation):
             flight_log.write(records)
             truth_log.write(simulation.scene.vehicle.truth, simulation.scene.world)

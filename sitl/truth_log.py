@@ -9,6 +9,7 @@ from types import TracebackType
 from typing import Any, Self
 
 from mcap.writer import Writer
+from pydantic_core import to_json
 
 from sitl.truth import VehicleTruth
 from sitl.world import World
@@ -71,7 +72,7 @@ class TruthLog:
             self._channel,
             log_time=time_ns,
             publish_time=time_ns,
-            data=json.dumps(record, separators=(",", ":"), allow_nan=False).encode(),
+            data=to_json(record),
         )
 
     def close(self) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import math
 import random
 
@@ -9,15 +10,8 @@ from sitl.autopilot import Autopilot
 from sitl.battery import Battery
 from sitl.commander import Actuation, Drive
 from sitl.config import StartConfig, VehicleConfig
-from sitl.controller import (
-    ControllerGains,
-    ControllerMemory,
-    Flight,
-    Setpoint,
-    ahead,
-    fly,
-    spin,
-)
+from sitl.controller import ControllerGains, ControllerMemory, Setpoint
+from sitl.inner_loop import Flight, fly, spin
 from sitl.multirotor import (
     GRAVITY_MPS2,
     MultirotorState,
@@ -176,6 +170,7 @@ class SimulatedVehicle:
         )
 
 
+@functools.cache
 def warm_up() -> None:
     """Load the compiled inner loop, or compile it, so that no vehicle stalls in mid-air.
 
@@ -184,4 +179,4 @@ def warm_up() -> None:
     for down_m in (0.0, -1.0):
         start = StartConfig(position_ned_m=(0.0, 0.0, down_m))
         SimulatedVehicle(VehicleConfig(start=start)).advance(2.0 * _AUTOPILOT_PERIOD_S)
-    rotate_frd_from_ned(*ahead(Setpoint(), 0.0)[:7])
+    rotate_frd_from_ned(1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)

@@ -5,7 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 
 from gcs_tools.scenario import load_scenario
-from sitl.controller import ControllerGains, ControllerMemory, Setpoint, fly
+from sitl.controller import ControllerGains, ControllerMemory, Setpoint
+from sitl.inner_loop import fly
 from sitl.multirotor import (
     INTACT,
     RotorSpeeds,

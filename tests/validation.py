@@ -20,7 +20,8 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from gcs_tools.scenario import load_scenario
-from sitl.controller import ControllerGains, ControllerMemory, Setpoint, fly
+from sitl.controller import ControllerGains, ControllerMemory, Setpoint
+from sitl.inner_loop import fly
 from sitl.modes import Mode
 from sitl.multirotor import (
     GRAVITY_MPS2,

@@ -393,6 +393,31 @@ def test_body_frame_needs_a_pose_at_its_stamp(cruising: Rig) -> None:
     assert known.measured.x_min_m == pytest.approx(seen_from.position_ned_m[0] + 10.5, abs=1e-3)
 
 
+def test_a_body_that_turns_fast_places_nothing_new(cruising: Rig) -> None:
+    autonomy, counters = cruising.autonomy, cruising.autonomy.detections
+    known, new = box((11.0, 5.0), name="known"), box((11.0, -5.0), name="new")
+
+    def look(*boxes: dict[str, Any], yaw_rate_radps: float) -> None:
+        for _ in range(2):
+            cruising.now_s += TICK_S
+            cruising.yaw_rad += yaw_rate_radps * TICK_S
+            cruising._say()
+        frame = cruising.frame(frame="body_frd", obstacles=list(boxes))
+        autonomy.receive_detection(frame, cruising.now_s)
+        autonomy.tick(cruising.now_s)
+
+    look(known, yaw_rate_radps=0.0)
+    (before,) = autonomy.navigator.obstacles
+    look(known, yaw_rate_radps=1.0)
+    assert counters.unplaced_frames == 0  # it has been seen better
+    assert list(autonomy.navigator.obstacles) == [before]
+    look(known, new, yaw_rate_radps=1.0)
+    assert counters.unplaced_frames == 1
+    assert list(autonomy.navigator.obstacles) == [before]
+    look(known, new, yaw_rate_radps=0.0)
+    assert len(autonomy.navigator.obstacles) == 2
+
+
 def test_state_is_json_from_the_first_tick(rig: Rig) -> None:
     journal = Journal(rig.autonomy, timed=False)
     rig.autonomy.tick(0.0)

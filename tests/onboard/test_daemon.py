@@ -1,6 +1,9 @@
 """`clearway-onboard` as a process: files and signals in, MAVLink and Zenoh out."""
 
+import asyncio
+import gc
 import json
+import os
 import signal
 import socket
 import subprocess
@@ -17,8 +20,9 @@ import zenoh
 from mcap.reader import make_reader
 from pymavlink.dialects.v20 import common as mavlink
 
-from onboard.config import ZenohEndpoints, load_contract
-from onboard.daemon import open_session
+from onboard.config import Contract, DaemonConfig, Mission, ZenohEndpoints, load_contract
+from onboard.daemon import open_session, run
+from onboard.yaml_file import load_yaml
 
 CONFIG = Path(__file__).parents[2] / "config"
 COMMAND = [sys.executable, "-m", "onboard", "--config"]
@@ -194,3 +198,30 @@ def test_autopilot_hears_a_heartbeat_of_component_196(
     (message,) = mavlink.MAVLink(None).parse_buffer(data)
     assert message.get_type() == "HEARTBEAT"
     assert message.get_srcComponent() == mavlink.MAV_COMP_ID_OBSTACLE_AVOIDANCE
+
+
+def test_collections_walk_nothing_that_start_up_left(
+    tmp_path: Path, settings: dict[str, Any], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    frozen = []
+
+    async def serve(*_: object) -> None:
+        frozen.append(gc.get_freeze_count())
+
+    monkeypatch.setattr("onboard.daemon._serve", serve)
+    config = load_yaml(write(tmp_path, settings), DaemonConfig)
+    contract = load_yaml(Path(settings["contract"]), Contract)
+    mission = load_yaml(Path(settings["mission"]), Mission)
+    try:
+        asyncio.run(run(config, contract, mission, tmp_path / "flight.mcap"))
+    finally:
+        gc.unfreeze()
+    assert frozen[0] > 10_000
+
+
+def test_it_runs_before_others_where_that_is_allowed(
+    tmp_path: Path, settings: dict[str, Any]
+) -> None:
+    with running(tmp_path, settings) as daemon:
+        policy = os.sched_getscheduler(daemon.pid)
+    assert policy == (os.SCHED_RR if os.geteuid() == 0 else os.SCHED_OTHER)

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from onboard.agility import Agility
-from onboard.frames import LegFrame
+from onboard.frames import LegFrame, wrap_angle
 from onboard.mavlink import Pose
 from onboard.obstacles import (
     Detection,
@@ -132,6 +132,17 @@ def test_pose_history_moves_the_nearest_pose_to_the_time() -> None:
     assert found is not None
     assert found.position_ned_m[0] == pytest.approx(50.25)
     assert history.at(3.0) is None
+
+
+def test_a_turning_body_is_placed_with_the_heading_of_that_instant() -> None:
+    history = PoseHistory()
+    for step in range(50):
+        yaw_rad = math.remainder(3.0 + 0.02 * step, 2.0 * math.pi)  # 1 rad/s, past the half turn
+        history.add(Pose(step * 0.02, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), 0.0, 0.0, yaw_rad))
+    for time_s in (0.005, 0.13, 0.151, 0.97, 0.99, 1.02):  # between poses, and after the last
+        found = history.at(time_s)
+        assert found is not None
+        assert wrap_angle(found.yaw_rad - (3.0 + time_s)) == pytest.approx(0.0, abs=1e-9)
 
 
 def test_obstacle_is_remembered_and_only_grows(obstacle_map: ObstacleMap) -> None:

@@ -6,7 +6,8 @@ from dataclasses import dataclass
 
 import pytest
 
-from sitl.controller import ControllerGains, ControllerMemory, Setpoint, fly
+from sitl.controller import ControllerGains, ControllerMemory, Setpoint
+from sitl.inner_loop import fly
 from sitl.multirotor import (
     GRAVITY_MPS2,
     INTACT,

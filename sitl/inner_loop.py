@@ -1,0 +1,139 @@
+"""Plant and controller together: what happens between two decisions of the autopilot.
+
+The loop is compiled where Numba is installed.  Named tuples take ten times as long as plain ones on
+their way into compiled code and out of it, longer than what happens there: so they are unnamed at
+the border and named again behind it.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from sitl.controller import (
+    ControllerGains,
+    ControllerMemory,
+    Setpoint,
+    ahead,
+    control,
+    trimmed,
+)
+from sitl.jit import compiled
+from sitl.multirotor import (
+    MultirotorParameters,
+    MultirotorState,
+    RotorSpeeds,
+    Wind,
+    derivative,
+    step,
+)
+
+Plain = tuple[float, ...]
+
+
+class Flight(NamedTuple):
+    """State of plant and controller, and the acceleration at that instant, NED."""
+
+    state: MultirotorState
+    memory: ControllerMemory
+    acceleration_north_mps2: float
+    acceleration_east_mps2: float
+    acceleration_down_mps2: float
+
+
+def fly(
+    state: MultirotorState,
+    memory: ControllerMemory,
+    setpoint: Setpoint,
+    gains: ControllerGains,
+    parameters: MultirotorParameters,
+    rotor_shares: RotorSpeeds,
+    wind: Wind,
+    step_s: float,
+    steps: int,
+) -> Flight:
+    """Advance plant and controller by ``steps`` steps of ``step_s`` under one moving setpoint.
+
+    ``rotor_shares`` is what each rotor makes of its command: 1, or 0 when it has failed, of which
+    the controller knows nothing.
+    """
+    return _named(
+        _fly(
+            tuple(state),
+            tuple(memory),
+            tuple(setpoint),
+            tuple(gains),
+            tuple(parameters),
+            tuple(rotor_shares),
+            tuple(wind),
+            step_s,
+            steps,
+        )
+    )
+
+
+def spin(
+    state: MultirotorState,
+    command: RotorSpeeds,
+    parameters: MultirotorParameters,
+    wind: Wind,
+    step_s: float,
+    steps: int,
+) -> Flight:
+    """Advance the plant alone, rotors at fixed commands: off, or idling on the ground."""
+    return _named(
+        _spin(tuple(state), tuple(command), tuple(parameters), tuple(wind), step_s, steps)
+    )
+
+
+def _named(values: Plain) -> Flight:
+    north_mps2, east_mps2, down_mps2 = values[20:]
+    return Flight(
+        MultirotorState._make(values[:17]),
+        ControllerMemory._make(values[17:20]),
+        north_mps2,
+        east_mps2,
+        down_mps2,
+    )
+
+
+_ahead = compiled(ahead)
+_UNTRIMMED = (0.0, 0.0, 0.0)
+
+
+@compiled
+def _fly(
+    start: Plain,
+    trim: Plain,
+    wanted: Plain,
+    limits: Plain,
+    body: Plain,
+    rotor_shares: Plain,
+    air: Plain,
+    step_s: float,
+    steps: int,
+) -> Plain:
+    state, memory, setpoint = MultirotorState(*start), ControllerMemory(*trim), Setpoint(*wanted)
+    gains, parameters, wind = ControllerGains(*limits), MultirotorParameters(*body), Wind(*air)
+    shares = RotorSpeeds(*rotor_shares)
+    command = RotorSpeeds(0.0, 0.0, 0.0, 0.0)
+    for index in range(steps):
+        rotors = control(state, memory, _ahead(setpoint, index * step_s), gains, parameters)
+        command = RotorSpeeds(
+            rotors.rotor1_rpm * shares.rotor1_rpm,
+            rotors.rotor2_rpm * shares.rotor2_rpm,
+            rotors.rotor3_rpm * shares.rotor3_rpm,
+            rotors.rotor4_rpm * shares.rotor4_rpm,
+        )
+        moved = step(state, command, wind, parameters, step_s)
+        memory = trimmed(memory, state, moved, gains, parameters, step_s)
+        state = moved
+    return state[0:17] + memory[0:3] + derivative(state, command, wind, parameters)[3:6]
+
+
+@compiled
+def _spin(start: Plain, speeds: Plain, body: Plain, air: Plain, step_s: float, steps: int) -> Plain:
+    state, command = MultirotorState(*start), RotorSpeeds(*speeds)
+    parameters, wind = MultirotorParameters(*body), Wind(*air)
+    for _ in range(steps):
+        state = step(state, command, wind, parameters, step_s)
+    return state[0:17] + _UNTRIMMED + derivative(state, command, wind, parameters)[3:6]
