@@ -24,6 +24,8 @@ from tests.measurement import Measurement
 # The most that logging may cost of a tick's time, in per cent.
 BOUND_PERCENT = 5.0
 TEN_MINUTES_S = 600.0
+# In virtual time ticks come faster than a log's thread can follow, which it need not.
+_PAUSE_S = 0.002
 
 
 @dataclass
@@ -144,6 +146,7 @@ def _log(journal: Journal, here: FlightLog, there: Logs, costs: Costs, now_s: fl
     costs.logging_s += logged_s - began_s
     costs.crossed.clear()
     costs.ticks += 1
+    time.sleep(_PAUSE_S)
 
 
 def _ten_minutes() -> SimulatedFlight:

@@ -69,7 +69,20 @@ def test_the_document_tells_the_paper_s_flight(flown: Path) -> None:
     path = document["path"]
     errors_m = [error for error in path["tracking_error_m"] if error is not None]
     assert max(errors_m) == pytest.approx(result["tracking_error_max_m"], abs=1e-4)
-    assert max(height for height in path["height_m"] if height is not None) > 3.5
+    heights_m = [height for height in path["height_m"] if height is not None]
+    assert (heights_m[0], heights_m[-1]) == pytest.approx((0.0, 0.0), abs=0.1)
+    assert max(heights_m) > 3.5
+    along_mps, across_mps = (
+        [error for error in path[f"velocity_error_{way}_mps"] if error is not None]
+        for way in ("along", "across")
+    )
+    assert [max(along_mps), max(across_mps)] == pytest.approx(
+        result["velocity_error_max_mps"], abs=1e-4
+    )
+    # Detections come every 0.1 s at the latest: the tops of the saw-tooth.
+    ages_s = [age for age in path["detection_age_s"][100:] if age is not None]
+    assert 0.03 < min(ages_s) <= max(ages_s) < 0.15
+    assert max(document["known"]["clearance_m"]) > 5.0
     assert len(document["truth"]["rpm"]) == 4
     assert {clause["name"] for clause in document["clauses"]} >= {"thrust", "separation"}
     assert all(value < 100.0 for c in document["clauses"] for value in c["values"])
@@ -315,7 +328,17 @@ def test_the_slider_moves_the_vehicle_along_the_log(
     assert page.evaluate("document.querySelectorAll('#steps tbody tr').length") == 3
     assert page.evaluate("document.querySelectorAll('#map .region').length") == 3
     charts = page.evaluate("[...document.querySelectorAll('svg.chart')].map((c) => c.ariaLabel)")
-    assert {"Altitude", "Tracking error", "Tilt", "Velocity north"} <= set(charts)
+    # Every quantity of the paper's Fig. 15 to 17, and the margins.
+    assert set(charts) >= {
+        "Position north", "Position east", "Altitude",
+        "Velocity north", "Velocity east", "Velocity upwards",
+        "Tilt", "Heading", "Rotor speeds, ground truth", "Tracking error",
+        "Contract used: required as a share of declared",
+    }  # fmt: skip
+    band = page.evaluate("document.getElementById('band').textContent")
+    assert all(f"front/{number}" in band for number in (1, 2, 3))
+    assert band.count("✓") == 6
+    assert "✗" not in band
     assert page.evaluate(
         "[...document.querySelectorAll('svg.chart')].every((c) => c.querySelector('.cursor'))"
     )
@@ -372,6 +395,11 @@ def test_two_flights_are_laid_over_each_other(
     assert place(page, "other-vehicle")[0] == pytest.approx(10.0 / 0.02 * 0.05, abs=0.2)
     assert place(page)[0] > 1.0
     assert page.evaluate("document.querySelector('#map .other').getAttribute('d').length") > 100
+    outcomes = "[...document.querySelectorAll('#facts tbody tr')][0].textContent"
+    assert page.evaluate(outcomes) == "outcomearrivedaborted"
+    # To be replayed to the end of the one that took longer.
+    ends_s = [document["span_s"][1] for document in data_in(tmp_path / "both.html")]
+    assert page.evaluate("Number(document.getElementById('time').max)") == max(ends_s)
     assert page.complaints == []
 
 
