@@ -20,6 +20,7 @@ from pydantic import ValidationError
 from gcs_tools.errors import CommandError
 from gcs_tools.flight_log import Log, read_log
 from gcs_tools.report_columns import Columns, Record
+from gcs_tools.report_records import understood
 from gcs_tools.result import Result, result_of
 from onboard.config import Contract, Mission
 
@@ -61,16 +62,25 @@ def read_flight(path: Path) -> Flight:
     """
     if path.is_dir():
         path /= "flight.mcap"
-    log = read_log(path)
+    log = understood(read_log(path))
     if not log.topic("/state"):
         began = "clearway" in log.metadata
         reason = "nothing was recorded" if began else "it is not a log of Clearway"
         raise CommandError(f"{path}: there is no flight in it: {reason}")
-    truth_path = path.with_name("truth.mcap")
-    beside = truth_path.exists() and path.name == "flight.mcap"
-    truth = read_log(truth_path) if beside else Log(log.messages, {}, complete=True)
+    truth = _truth_beside(path) or Log(log.messages, {}, complete=True)
     name = path.resolve().parent.name if path.name == "flight.mcap" else path.stem
     return Flight(name, log, truth, _written_result(path.with_name("result.json"), log))
+
+
+def _truth_beside(path: Path) -> Log | None:
+    """Read the simulation's log, if there is one; a report without it still tells most."""
+    truth_path = path.with_name("truth.mcap")
+    if path.name != "flight.mcap" or not truth_path.exists():
+        return None
+    try:
+        return understood(read_log(truth_path))
+    except CommandError as error:
+        return Log({}, {}, complete=False, problems=(str(error),))
 
 
 def _written_result(path: Path, log: Log) -> Document | None:
@@ -142,7 +152,7 @@ def _result(flight: Flight) -> tuple[Document, list[str]]:
     seed = flight.log.metadata.get("clearway", {}).get("seed", "")
     try:
         result = result_of(flight.log, flight.truth, seed=int(seed) if seed.isdecimal() else 0)
-    except (KeyError, TypeError, ValueError) as error:
+    except (KeyError, TypeError, ValueError, AttributeError) as error:
         return {}, [f"there is no verdict: the log does not say {error}"]
     return {name: getattr(result, name) for name in Result.__dataclass_fields__}, []
 
@@ -197,7 +207,8 @@ def _around_the_flight(states: Sequence[Record]) -> Sequence[Record]:
     if not flown:
         return states
     begin_s, end_s = flown[0]["time_s"] - _GROUND_S, flown[-1]["time_s"] + _GROUND_S
-    return [state for state in states if begin_s <= state["time_s"] <= end_s]
+    # Times that run backwards leave nothing between.
+    return [state for state in states if begin_s <= state["time_s"] <= end_s] or states
 
 
 def _between(records: Sequence[Record], key: str, states: Sequence[Record]) -> list[Record]:
@@ -404,6 +415,7 @@ def _clauses(margins: Sequence[Document], end_s: float) -> Document:
         found = {
             clause["name"]: round(100.0 * clause["required"] / clause["declared"], 2)
             for clause in record["clauses"]
+            if clause["declared"]
         }
         for name in found.keys() - values.keys():
             values[name] = [None] * len(times_s)

@@ -253,6 +253,44 @@ def test_a_log_from_the_future_is_shown_as_far_as_it_is_understood(
     assert document["path"]["tracking_error_m"] == [None] * 100
 
 
+def test_records_that_make_no_sense_are_left_out_and_counted(
+    clearway: Clearway, tmp_path: Path
+) -> None:
+    path = tmp_path / "odd.mcap"
+    odd: list[dict[str, Any]] = [
+        {"phase": "cruise"},
+        {"time_s": "noon"},
+        {"time_s": EPOCH_S, "position_ned_m": [1.0, "x", 2.0]},
+        {"time_s": EPOCH_S, "position_ned_m": [1.0]},
+    ]
+    with FlightLog(path, {}) as log:
+        log.write(states(50))
+        log.write(Record("state", EPOCH_S + 1.0, payload) for payload in odd)
+        log.write([Record("margins", EPOCH_S, {"time_s": EPOCH_S, "clauses": {"stop": 3}})])
+        log.write([Record("obstacles", EPOCH_S, {"time_s": EPOCH_S, "obstacles": [{}]})])
+    ran = clearway("report", path)
+    assert ran.code == 0
+    assert "4 of 54 records of /state are not understood" in ran.err
+    assert "1 of 1 records of /margins are not understood" in ran.err
+    (document,) = data_in(tmp_path / "report.html")
+    assert len(document["path"]["time_s"]) == 50
+    assert (document["margins"], document["obstacles"]) == ([], [])
+
+
+@pytest.mark.parametrize("truth", [b"", b"no log at all"])
+def test_a_broken_ground_truth_costs_only_itself(
+    clearway: Clearway, flown: Path, tmp_path: Path, truth: bytes
+) -> None:
+    shutil.copy(flown / "flight.mcap", tmp_path)
+    (tmp_path / "truth.mcap").write_bytes(truth)
+    ran = clearway("report", tmp_path)
+    assert ran.code == 0
+    assert "truth.mcap: is not a flight log" in ran.err
+    (document,) = data_in(tmp_path / "report.html")
+    assert document["truth"]["rpm"] == []
+    assert len(document["path"]["time_s"]) > 1000
+
+
 def test_ten_minutes_fit_and_keep_their_peak(
     clearway: Clearway, logged: Callable[..., Path], tmp_path: Path
 ) -> None:
