@@ -51,34 +51,42 @@ class Flight:
     result: Document | None
 
 
-def read_flight(path: Path) -> Flight:
+def read_flight(path: Path, watch: Callable[[int], None] = lambda _: None) -> Flight:
     """Read a flight log, and ground truth and result beside it.
 
     Args:
         path: the log, or the directory that `clearway fly` left.
+        watch: told now and then how many bytes of `logs_of` have been read.
 
     Raises:
         CommandError: there is no flight in it.
     """
-    if path.is_dir():
-        path /= "flight.mcap"
-    log = understood(read_log(path))
+    path, *beside = logs_of(path)
+    log = understood(read_log(path, watch))
     if not log.topic("/state"):
         began = "clearway" in log.metadata
         reason = "nothing was recorded" if began else "it is not a log of Clearway"
         raise CommandError(f"{path}: there is no flight in it: {reason}")
-    truth = _truth_beside(path) or Log(log.messages, {}, complete=True)
+    if beside:
+        before = path.stat().st_size
+        truth = _ground_truth(beside[0], lambda read: watch(before + read))
+    else:
+        truth = Log(log.messages, {}, complete=True)
     name = path.resolve().parent.name if path.name == "flight.mcap" else path.stem
     return Flight(name, log, truth, _written_result(path.with_name("result.json"), log))
 
 
-def _truth_beside(path: Path) -> Log | None:
-    """Read the simulation's log, if there is one; a report without it still tells most."""
-    truth_path = path.with_name("truth.mcap")
-    if path.name != "flight.mcap" or not truth_path.exists():
-        return None
+def logs_of(path: Path) -> list[Path]:
+    """Return the log that is meant, and after it the simulation's, if that lies beside it."""
+    log = path / "flight.mcap" if path.is_dir() else path
+    truth = log.with_name("truth.mcap")
+    return [log, truth] if log.name == "flight.mcap" and truth.exists() else [log]
+
+
+def _ground_truth(path: Path, watch: Callable[[int], None]) -> Log:
+    """Read the simulation's log; a report without it still tells most."""
     try:
-        return understood(read_log(truth_path))
+        return understood(read_log(path, watch))
     except CommandError as error:
         return Log({}, {}, complete=False, problems=(str(error),))
 

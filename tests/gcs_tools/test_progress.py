@@ -13,6 +13,8 @@ import pytest
 
 from gcs_tools.progress import FlightProgress
 from onboard.config import Leg, Mission
+from onboard.record import Record
+from onboard.recorder import FlightLog
 from tests.gcs_tools.running import CONFIG
 from tests.gcs_tools.terminal import Terminal, terminal
 from tests.gcs_tools.test_fly import short_scenario
@@ -58,6 +60,19 @@ def test_a_virtual_flight_shows_how_far_it_is(
     assert screen.shares == sorted(screen.shares)
     assert screen.estimates
     assert any("avoid" in line for line in screen.lines)
+
+
+def test_a_report_shows_how_much_of_the_log_is_read(tmp_path: Path) -> None:
+    path = tmp_path / "long.mcap"
+    with FlightLog(path, {}) as log:
+        for number in range(20_000):
+            time_s = 1_790_000_000.0 + 0.02 * number
+            log.write([Record("state", time_s, {"time_s": time_s, "phase": "cruise"})])
+    ran, screen = run("report", str(path))
+    assert ran.stdout == f"{tmp_path / 'report.html'}\n"
+    assert screen.shares[0] == 0
+    assert len(set(screen.shares)) > 2
+    assert screen.shares == sorted(screen.shares)
 
 
 def test_it_is_quiet_where_nobody_watches() -> None:
