@@ -61,7 +61,7 @@ fillTable(byId("steps"), columns.map(([name]) => name),
   flight.steps.map((step) => ({ time_s: step.time_s, values: columns.map(([, cell]) => cell(step)) })));
 fillTable(byId("margins"), ["since", "clause", "required", "declared", "margin", ""],
   flight.margins.flatMap(({ time_s, clauses }) => clauses.map((clause) => ({ time_s, values: [
-    seconds(time_s), clause.name, clause.required.toFixed(2), `${clause.declared.toFixed(2)} ${clause.unit}`,
+    seconds(time_s), clause.name.replaceAll("_", " "), clause.required.toFixed(2), `${clause.declared.toFixed(2)} ${clause.unit}`,
     { text: `${clause.margin.toFixed(2)} ${clause.unit}`, kind: clause.holds ? "good" : "bad" }, held(clause.holds)] }))));
 fillTable(byId("events"), ["time", "", "what"], flight.events.map(({ time_s, severity, text }) => ({ time_s, values: [
   seconds(time_s), { text: severity, kind: { critical: "bad", error: "bad", warning: "warn" }[severity] ?? "faint" }, text] })));
