@@ -278,8 +278,13 @@ def _nearest(target: Target, ours: Iterable[Target]) -> float | None:
 
 
 def _away(target: Target, asked: Target) -> float:
-    """Return how far apart two targets are: horizontal metres, or m/s where that is more."""
-    return max(math.dist(a[:2], b[:2]) for a, b in zip(target, asked, strict=True))
+    """Return how far apart two targets are: horizontal metres, or m/s where that is more.
+
+    Infinite where one of them has no numbers: whoever asked for no velocity, we did not.
+    """
+    position_m, velocity_mps = (math.dist(a[:2], b[:2]) for a, b in zip(target, asked, strict=True))
+    away = max(position_m, velocity_mps)
+    return away if math.isfinite(position_m + velocity_mps) else math.inf
 
 
 class TickWatch:

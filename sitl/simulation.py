@@ -185,7 +185,7 @@ def _start_service(flight: SimulatedFlight) -> Autonomy:
 
 
 @contextmanager
-def _without_cycle_collection() -> Iterator[None]:
+def without_cycle_collection() -> Iterator[None]:
     """Leave cyclic garbage until after the flight: looking for it costs a tenth of the time."""
     enabled = gc.isenabled()
     gc.disable()
@@ -200,7 +200,7 @@ def ticks(simulation: Simulation) -> Iterator[list[Record]]:
     """Advance a flight to its end, or its time limit; yield what each tick leaves behind."""
     service = simulation.autonomy
     journal = Journal(service, timed=False)
-    with _without_cycle_collection():
+    with without_cycle_collection():
         while not simulation.over and simulation.now_s < simulation.flight.time_limit_s:
             simulation.advance()
             if service is not simulation.autonomy:  # it died, and was started again

@@ -213,6 +213,15 @@ def test_pilot_who_has_just_taken_over_is_no_second_commander() -> None:
     assert watch_targets([0.0] * 10 + [5.0] * 11) is None
 
 
+def test_target_at_our_place_but_without_a_velocity_is_anothers() -> None:
+    watch, here, nowhere = RivalWatch(), (0.0, 0.0, -4.0), (math.nan, math.nan, math.nan)
+    found = [
+        watch.check(number * 0.1, (here, nowhere), [(here, (0.0, 0.0, 0.0))])
+        for number in range(20)
+    ]
+    assert any(found)
+
+
 @pytest.mark.parametrize("targets_m", [[5.0] * 20, [0.0, 5.0] * 10, [0.0, 0.0, 0.0, 5.0] * 5])
 def test_target_that_keeps_being_anothers_is_a_second_commander(targets_m: list[float]) -> None:
     found = watch_targets(targets_m)
