@@ -20,6 +20,7 @@ from rich.console import Console
 
 from gcs_tools.contract_keys import ContractKey, contract_key
 from gcs_tools.output import Format, write_document
+from gcs_tools.progress import tracked
 from onboard.agility import InputSet
 from onboard.config import Contract, load_contract
 from onboard.contract import Clause, assess
@@ -132,7 +133,9 @@ def solve(contract: Contract, path: str, input_set: InputSet = "inner") -> Solut
     key = contract_key(path)
     declared = key.value_in(contract)
     tried = partial(_try, contract, key, input_set)
-    trials = _refined([tried(value) for value in _samples(key, declared)], tried)
+    samples = _samples(key, declared)
+    each = tracked(samples, len(samples), f"trying values of {key.path}")
+    trials = _refined([tried(value) for value in each], tried)
     intervals = tuple(_intervals(trials, tried))
     closest = None if intervals else max(trials, key=lambda trial: trial.score)
     return Solution(key, declared, intervals, closest, tuple(_notes(contract, key)))

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict
 from pathlib import Path
@@ -16,6 +15,7 @@ from gcs_tools import preflight
 from gcs_tools.errors import CommandError
 from gcs_tools.flight_log import Log, read_log
 from gcs_tools.preflight import Preflight
+from gcs_tools.progress import FlightProgress, Report, progress_bar
 from gcs_tools.report import write_report
 from gcs_tools.report_document import Flight, document_of
 from gcs_tools.result import Result, result_of
@@ -64,7 +64,7 @@ def fly(path: Path | None, *, virtual: bool, seed: int, out: Path | None, force:
     if virtual:
         result, logs = _fly_virtual(scenario, seed, directory, forced, console)
     else:
-        result, logs = _fly_live(scenario, seed, directory, forced, console)
+        result, logs = _fly_live(scenario, seed, directory, forced)
     result.write(directory / "result.json")
     _draw(scenario, logs, result, directory / "flight.png")
     if logs[0].topic("/state"):  # a daemon that died at once left nothing to show
@@ -96,12 +96,12 @@ def _prepared(directory: Path) -> Path:
 
 
 def _fly_live(
-    scenario: Scenario, seed: int, directory: Path, forced: bool, console: Console
+    scenario: Scenario, seed: int, directory: Path, forced: bool
 ) -> tuple[Result, tuple[Log, Log]]:
     # MAVSDK and Zenoh, which a virtual flight does not need.
     from gcs_tools.live_flight import fly_live  # noqa: PLC0415
 
-    with _progress(console) as report:
+    with _progress(scenario, "preparing") as report:
         aborted = fly_live(scenario, seed=seed, out=directory, forced=forced, report=report)
     flight, truth = _logs(directory)
     return result_of(flight, truth, seed=seed, aborted=aborted), (flight, truth)
@@ -112,7 +112,7 @@ def _fly_virtual(
 ) -> tuple[Result, tuple[Log, Log]]:
     # The live flight leaves the simulation to a process of its own; only this one needs it here.
     from sitl.parameters import ParameterError  # noqa: PLC0415
-    from sitl.simulation import SimulatedFlight  # noqa: PLC0415
+    from sitl.simulation import SimulatedFlight, Simulation  # noqa: PLC0415
     from sitl.simulation import fly as simulate  # noqa: PLC0415
 
     planned = SimulatedFlight(
@@ -125,7 +125,13 @@ def _fly_virtual(
         fly_outside_contract=forced,
     )
     try:
-        report = simulate(planned, directory)
+        with _progress(scenario, "flying in virtual time") as show:
+
+            def watch(simulation: Simulation) -> None:
+                vehicle, phase = simulation.scene.vehicle, simulation.autonomy.navigator.phase
+                show(f"{phase.value:<7} {simulation.now_s:5.0f} s", vehicle.truth.position_ned_m)
+
+            report = simulate(planned, directory, watch)
     except (OSError, ParameterError) as error:
         raise CommandError(f"{directory}: {error}") from error
     console.print(
@@ -144,13 +150,18 @@ def _logs(directory: Path) -> tuple[Log, Log]:
 
 
 @contextmanager
-def _progress(console: Console) -> Iterator[Callable[[str], None]]:
+def _progress(scenario: Scenario, text: str) -> Iterator[Report]:
     """Yield a function that shows one changing line; silent where there is no terminal."""
-    if not sys.stdout.isatty():
-        yield lambda _: None
-        return
-    with console.status("…") as line:
-        yield lambda text: line.update(escape(text))
+    way = FlightProgress(scenario.mission)
+    with progress_bar(text, way.total_m) as bar:
+
+        def report(text: str, position_ned_m: Sequence[float] | None = None) -> None:
+            if position_ned_m is None:
+                bar.show(text=text)
+            elif bar.due:
+                bar.show(way.travelled_m(position_ned_m), text)
+
+        yield report
 
 
 def _draw(scenario: Scenario, logs: tuple[Log, Log], result: Result, path: Path) -> None:

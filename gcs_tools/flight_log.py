@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import json
 import struct
 from collections import defaultdict
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import IO, Any
@@ -13,6 +12,7 @@ from typing import IO, Any
 from mcap.exceptions import McapError
 from mcap.records import Channel, McapRecord, Message, Metadata, Schema
 from mcap.stream_reader import StreamReader
+from pydantic_core import from_json
 from zstandard import ZstdError
 
 from gcs_tools.errors import CommandError
@@ -42,10 +42,14 @@ class Log:
         return self.messages.get(name, [])
 
 
-def read_log(path: Path) -> Log:
+def read_log(path: Path, watch: Callable[[int], None] = lambda _: None) -> Log:
     """Read everything of ours in a log; of a file that breaks off, what is before the break.
 
     Messages in Foxglove's schemas and raw MAVLink repeat what our own topics say, and are left out.
+
+    Args:
+        path: the file.
+        watch: told now and then how many bytes have been read.
 
     Raises:
         CommandError: the file is missing, or no MCAP file at all.
@@ -56,6 +60,7 @@ def read_log(path: Path) -> Log:
         with path.open("rb") as file:
             for record in _records(file):
                 reading.take(record)
+                watch(file.tell())
     except OSError as error:
         raise CommandError(f"{path}: cannot be read: {error.strerror or error}") from error
     except (McapError, ZstdError, struct.error, ValueError, KeyError) as error:
@@ -85,7 +90,7 @@ class _Reading:
             case Message():
                 topic = self._topics[record.channel_id]
                 if topic is not None:
-                    self.messages[topic].append(json.loads(record.data))
+                    self.messages[topic].append(from_json(record.data, cache_strings="keys"))
             case Schema():
                 if record.name.startswith(f"{_OURS}."):
                     self._our_schemas.add(record.id)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+from collections.abc import Callable
 from contextlib import ExitStack
 from dataclasses import dataclass
 
@@ -17,6 +18,10 @@ from gcs_tools.vehicle import CONNECT_TIMEOUT_S, UrlError, Vehicle, VehicleError
 from onboard.config import Mission
 from onboard.contract import Assessment
 from onboard.daemon import open_session
+
+# Of a look at everything: seven of `survey`, and connecting, the bus, clearing the daemon.
+STEPS = 10
+Report = Callable[[str], None]
 
 
 @dataclass(frozen=True)
@@ -37,7 +42,12 @@ class LiveRequest:
 
 
 def check_live(
-    request: LiveRequest, assessment: Assessment, mission: Mission | None, *, paper_compliant: bool
+    request: LiveRequest,
+    assessment: Assessment,
+    mission: Mission | None,
+    *,
+    paper_compliant: bool,
+    report: Report = lambda _: None,
 ) -> tuple[Finding, ...]:
     """Look at everything that was asked for; clear the daemon if all of it holds.
 
@@ -48,6 +58,7 @@ def check_live(
         assessment: the contract.
         mission: what is to be flown.
         paper_compliant: whether the check on paper has passed.
+        report: told of every step before it is taken.
 
     Raises:
         CommandError: no Zenoh session, or not this connection, can be opened.
@@ -63,21 +74,32 @@ def check_live(
             bus = BusCheck(session, request.bus.vehicle)
         findings = []
         if request.vehicle_url is not None:
-            findings += asyncio.run(_look_at(request.vehicle_url, request, assessment, mission))
+            findings += asyncio.run(
+                _look_at(request.vehicle_url, request, assessment, mission, report)
+            )
         if bus is not None:
+            report("detections and daemon")
             findings += bus.run(assessment)
         if bus is not None and request.vehicle_url is not None and mission is not None:
+            report("clearing the daemon")
             findings.append(bus.clear(assessment.contract, findings, compliant=paper_compliant))
     return tuple(findings)
 
 
 async def _look_at(
-    url: str, request: LiveRequest, assessment: Assessment, mission: Mission | None
+    url: str,
+    request: LiveRequest,
+    assessment: Assessment,
+    mission: Mission | None,
+    report: Report,
 ) -> list[Finding]:
+    report("connecting")
     with interruptible() as interruption:
         try:
             async with connected_vehicle(url, interruption, request.connect_timeout_s) as vehicle:
-                return await check_vehicle(vehicle, assessment, mission, request.endurance_s)
+                return await check_vehicle(
+                    vehicle, assessment, mission, request.endurance_s, report
+                )
         except UrlError:
             raise
         except VehicleError as error:
@@ -85,11 +107,15 @@ async def _look_at(
 
 
 async def check_vehicle(
-    vehicle: Vehicle, assessment: Assessment, mission: Mission | None, endurance_s: float | None
+    vehicle: Vehicle,
+    assessment: Assessment,
+    mission: Mission | None,
+    endurance_s: float | None,
+    report: Report = lambda _: None,
 ) -> list[Finding]:
     """Look at a vehicle that is connected already.
 
     Raises:
         Interrupted: the operator gave up.
     """
-    return judge(await survey(vehicle), assessment, mission, endurance_s)
+    return judge(await survey(vehicle, report), assessment, mission, endurance_s)

@@ -10,7 +10,7 @@ import asyncio
 import json
 import math
 import time
-from collections.abc import AsyncGenerator, Mapping
+from collections.abc import AsyncGenerator, Callable, Mapping
 from contextlib import aclosing
 from dataclasses import dataclass, field
 from itertools import pairwise
@@ -80,22 +80,28 @@ class VehicleFacts:
 # ---------------------------------------------------------------------- what is learnt
 
 
-async def survey(vehicle: Vehicle) -> VehicleFacts:
+async def survey(vehicle: Vehicle, report: Callable[[str], None] = lambda _: None) -> VehicleFacts:
     """Ask a connected vehicle for everything; takes up to a minute of a silent one.
+
+    Args:
+        vehicle: to be asked.
+        report: told of every step before it is taken.
 
     Raises:
         Interrupted: the operator gave up.
     """
     facts = VehicleFacts(FLAVOURS.get(vehicle.autopilot))
+    report("health")
     try:
         await vehicle.wait_healthy()
     except VehicleError:
         facts.unhealthy = vehicle.state.unhealthy
-    await _ask_version(vehicle, facts)
-    await _ask_parameters(vehicle, facts)
-    await _ask_battery(vehicle, facts)
-    await _ask_home(vehicle, facts)
+    for step, ask in _QUESTIONS.items():
+        report(step)
+        await ask(vehicle, facts)
+    report("telemetry rates")
     facts.rates_hz = await _count_messages(vehicle)
+    report("link delay")
     facts.round_trip_s = await _ping(vehicle)
     # Last: by now it has been streamed for a while.
     if all(map(math.isfinite, vehicle.state.position_ned_m)):
@@ -150,6 +156,14 @@ async def _rate_asked(call: Any) -> None:
         await call
     except MavsdkError:
         return
+
+
+_QUESTIONS = {
+    "firmware": _ask_version,
+    "parameters": _ask_parameters,
+    "battery": _ask_battery,
+    "home": _ask_home,
+}
 
 
 async def _first(values: AsyncGenerator[Any, None]) -> Any | None:

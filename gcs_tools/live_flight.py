@@ -8,7 +8,8 @@ from __future__ import annotations
 import asyncio
 import json
 import math
-from collections.abc import Callable
+from collections.abc import AsyncIterator, Callable
+from contextlib import asynccontextmanager
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
@@ -23,6 +24,7 @@ from gcs_tools.interruption import Interruption, interruptible
 from gcs_tools.live_check_bus import BusCheck
 from gcs_tools.live_flight_check import check_before_flight
 from gcs_tools.processes import Children, free_ports
+from gcs_tools.progress import Report
 from gcs_tools.scenario import Scenario, obstacle_list
 from gcs_tools.vehicle import Vehicle, VehicleError, connected_vehicle
 from onboard.config import DaemonConfig, MavlinkLink, Mission, ZenohEndpoints
@@ -41,7 +43,8 @@ STILL_MPS = 0.1
 # How long the vehicle hovers after its mission before it lands.
 LINGER_S = 1.0
 
-Report = Callable[[str], None]
+# How often it is said where the vehicle is.
+REPORT_PERIOD_S = 0.2
 
 
 @dataclass(frozen=True)
@@ -265,14 +268,15 @@ class Operator:
         report("arming")
         await vehicle.arm()
         mishap = None
-        try:
-            await self._fly_mission()
-        except Interrupted:
-            raise
-        except CommandError as error:
-            mishap = str(error)
-        if vehicle.state.in_air:
-            await self._come_down()
+        async with self._reporting():
+            try:
+                await self._fly_mission()
+            except Interrupted:
+                raise
+            except CommandError as error:
+                mishap = str(error)
+            if vehicle.state.in_air:
+                await self._come_down()
         return mishap
 
     async def _fly_mission(self) -> None:
@@ -302,7 +306,6 @@ class Operator:
     async def _until(self, condition: Callable[[], bool], timeout_s: float, what: str) -> None:
         def holds() -> bool:
             self._children.check()
-            self._show_progress()
             return condition()
 
         await self._vehicle.until(holds, timeout_s, lambda: what)
@@ -321,11 +324,23 @@ class Operator:
         length_m = sum(math.dist(*leg) for leg in pairwise(points))
         return MISSION_TIMEOUT_S + length_m / PROGRESS_MIN_MPS
 
-    def _show_progress(self) -> None:
-        state = self._vehicle.state
-        if self._status.phase and state.in_air:
-            north_m, east_m, down_m = state.position_ned_m
-            self._report(
-                f"{self._status.phase:<8} north {north_m:6.1f} m  east {east_m:6.1f} m  "
-                f"height {-down_m:4.1f} m  {state.speed_mps:4.1f} m/s"
-            )
+    @asynccontextmanager
+    async def _reporting(self) -> AsyncIterator[None]:
+        """Say now and then where the vehicle is."""
+        task = asyncio.create_task(self._report_position())
+        try:
+            yield
+        finally:
+            task.cancel()  # it only sleeps
+
+    async def _report_position(self) -> None:
+        while True:
+            state = self._vehicle.state
+            if state.in_air:
+                north_m, east_m, down_m = state.position_ned_m
+                self._report(
+                    f"{self._status.phase:<7} N {north_m:5.1f} E {east_m:5.1f} "
+                    f"up {-down_m:4.1f} m, {state.speed_mps:3.1f} m/s",
+                    state.position_ned_m,
+                )
+            await asyncio.sleep(REPORT_PERIOD_S)

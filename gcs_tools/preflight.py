@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from pathlib import Path
@@ -17,6 +18,7 @@ from gcs_tools.output import Format, write_document
 from gcs_tools.preflight_finding import Finding, Verdict
 from gcs_tools.preflight_remedy import Remedy, remedies
 from gcs_tools.preflight_speed import fastest_speed_mps
+from gcs_tools.progress import progress_bar
 from onboard.agility import InputSet
 from onboard.config import Contract, Mission, load_contract
 from onboard.contract import Assessment, assess
@@ -164,12 +166,20 @@ def _look(
     endurance_s: float | None,
 ) -> tuple[Finding, ...]:
     # MAVSDK and Zenoh are large native libraries: load them for those who have a vehicle.
-    from gcs_tools.live_check import LiveRequest, check_live  # noqa: PLC0415
+    from gcs_tools.live_check import STEPS, LiveRequest, check_live  # noqa: PLC0415
     from gcs_tools.live_check_bus import BusConfig  # noqa: PLC0415
 
     bus = None if zenoh_config is None else load_yaml(zenoh_config, BusConfig)
     request = LiveRequest(vehicle_url, bus, endurance_s)
-    return check_live(request, result.assessment, mission, paper_compliant=result.compliant)
+    done = itertools.count()
+    with progress_bar("looking", STEPS) as bar:
+        return check_live(
+            request,
+            result.assessment,
+            mission,
+            paper_compliant=result.compliant,
+            report=lambda step: bar.show(next(done), f"looking: {step}"),
+        )
 
 
 def _draw(path: Path, result: Preflight, obstacles: ObstacleField, mission: Mission | None) -> None:

@@ -11,7 +11,8 @@ from rich.console import Console
 
 from gcs_tools.output import write_text
 from gcs_tools.page import asset
-from gcs_tools.report_document import Document, document_of, read_flight
+from gcs_tools.progress import progress_bar
+from gcs_tools.report_document import Document, document_of, logs_of, read_flight
 
 _SCRIPTS = ("map.js", "charts.js", "space.js", "report.js")
 
@@ -29,13 +30,25 @@ def run_report(logs: Sequence[Path], output: Path | None) -> None:
     first = logs[0]
     path = output or (first if first.is_dir() else first.parent) / "report.html"
     console = Console(stderr=True, highlight=False)
-    with console.status("reading the log"):
-        flights = [document_of(read_flight(log)) for log in logs]
-        write_report(flights, path)
+    flights = [_document(log) for log in logs]
+    write_report(flights, path)
     for flight in flights:
         for problem in flight["problems"]:
             console.print(f"note: {problem}", style="yellow", markup=False, soft_wrap=True)
     sys.stdout.write(f"{path}\n")
+
+
+def _document(path: Path) -> Document:
+    size = sum(log.stat().st_size for log in logs_of(path) if log.exists())
+    with progress_bar(f"reading {path.name}", size) as bar:
+
+        def watch(read: int) -> None:
+            if bar.due:
+                bar.show(read)
+
+        flight = read_flight(path, watch)
+        bar.show(size, "making sense of it")
+        return document_of(flight)
 
 
 def write_report(flights: Sequence[Document], path: Path) -> None:

@@ -32,12 +32,22 @@ class Columns:
         """Return what ``read`` finds in every record that is kept."""
         return _rounded(self._numbers(read)[:: self._stride], digits)
 
-    def peaks(self, read: Callable[[Record], float | None], digits: int = 3) -> Column:
-        """Return the largest value of each stretch that is thinned to one: no peak is lost."""
+    def peaks(
+        self, read: Callable[[Record], float | None], digits: int = 3, *, back: int = 0
+    ) -> Column:
+        """Return the largest value of each stretch that is thinned to one: no peak is lost.
+
+        Args:
+            read: finds a value in a record.
+            digits: to keep.
+            back: so many records before the stretch count with it; a saw-tooth turns into its top.
+        """
         values = self._numbers(read)
-        padded = np.append(values, np.full(-len(values) % self._stride, math.nan))
-        stretches = padded.reshape(-1, self._stride)
-        peaks = np.where(np.isnan(stretches), -math.inf, stretches).max(axis=1, initial=-math.inf)
+        known = np.where(np.isnan(values), -math.inf, values)
+        before = np.append(np.full(back, -math.inf), known)
+        tops = np.lib.stride_tricks.sliding_window_view(before, back + 1).max(axis=1)
+        padded = np.append(tops, np.full(-len(tops) % self._stride, -math.inf))
+        peaks = padded.reshape(-1, self._stride).max(axis=1)
         return _rounded(np.where(np.isneginf(peaks), math.nan, peaks), digits)
 
     def vector(self, key: str, axis: int, *, scale: float = 1.0) -> Column:

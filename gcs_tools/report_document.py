@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from itertools import groupby
@@ -20,13 +20,16 @@ from pydantic import ValidationError
 from gcs_tools.errors import CommandError
 from gcs_tools.flight_log import Log, read_log
 from gcs_tools.report_columns import Columns, Record
+from gcs_tools.report_records import understood
 from gcs_tools.result import Result, result_of
 from onboard.config import Contract, Mission
 
 Document = dict[str, Any]
 
-# Before take-off and after landing, this much is shown.
-_GROUND_S = 2.0
+# Before arming and after disarming, this much is shown.
+_GROUND_S = 1.0
+# Detections age from one to the next: shown is the oldest of this many ticks, 0.4 s.
+_AGE_TICKS = 20
 _PARTS = ("measured_ned_m", "keep_out_ned_m", "region_ned_m", "lane_ned_m", "boundary_ned_m")
 _CORNER_DIGITS = 3
 
@@ -48,27 +51,44 @@ class Flight:
     result: Document | None
 
 
-def read_flight(path: Path) -> Flight:
+def read_flight(path: Path, watch: Callable[[int], None] = lambda _: None) -> Flight:
     """Read a flight log, and ground truth and result beside it.
 
     Args:
         path: the log, or the directory that `clearway fly` left.
+        watch: told now and then how many bytes of `logs_of` have been read.
 
     Raises:
         CommandError: there is no flight in it.
     """
-    if path.is_dir():
-        path /= "flight.mcap"
-    log = read_log(path)
+    path, *beside = logs_of(path)
+    log = understood(read_log(path, watch))
     if not log.topic("/state"):
         began = "clearway" in log.metadata
         reason = "nothing was recorded" if began else "it is not a log of Clearway"
         raise CommandError(f"{path}: there is no flight in it: {reason}")
-    truth_path = path.with_name("truth.mcap")
-    beside = truth_path.exists() and path.name == "flight.mcap"
-    truth = read_log(truth_path) if beside else Log(log.messages, {}, complete=True)
+    if beside:
+        before = path.stat().st_size
+        truth = _ground_truth(beside[0], lambda read: watch(before + read))
+    else:
+        truth = Log(log.messages, {}, complete=True)
     name = path.resolve().parent.name if path.name == "flight.mcap" else path.stem
     return Flight(name, log, truth, _written_result(path.with_name("result.json"), log))
+
+
+def logs_of(path: Path) -> list[Path]:
+    """Return the log that is meant, and after it the simulation's, if that lies beside it."""
+    log = path / "flight.mcap" if path.is_dir() else path
+    truth = log.with_name("truth.mcap")
+    return [log, truth] if log.name == "flight.mcap" and truth.exists() else [log]
+
+
+def _ground_truth(path: Path, watch: Callable[[int], None]) -> Log:
+    """Read the simulation's log; a report without it still tells most."""
+    try:
+        return understood(read_log(path, watch))
+    except CommandError as error:
+        return Log({}, {}, complete=False, problems=(str(error),))
 
 
 def _written_result(path: Path, log: Log) -> Document | None:
@@ -91,11 +111,12 @@ def document_of(flight: Flight) -> Document:
     contract, mission = _contract(flight.log), _mission(flight.log)
     truths = _between(flight.truth.topic("/truth"), "time_unix_s", states)
     result, problems = _result(flight)
+    span_s = (_since(states[0], start_s), _since(states[-1], start_s))
     margins = [
-        {"time_s": _since(record, start_s), "clauses": record["clauses"]}
+        # What was said before the time that is shown holds from its beginning.
+        {"time_s": max(_since(record, start_s), span_s[0]), "clauses": record["clauses"]}
         for record in flight.log.topic("/margins")
     ]
-    span_s = (_since(states[0], start_s), _since(states[-1], start_s))
     vehicle = None if contract is None else contract.vehicle
     return {
         "name": flight.name,
@@ -111,6 +132,7 @@ def document_of(flight: Flight) -> Document:
         "legs_ned_m": _legs(mission),
         "path": _path(states, start_s),
         "truth": _truth(truths, start_s),
+        "known": _known(_between(flight.log.topic("/monitors"), "time_s", states), start_s),
         "phases": _phases(states, start_s),
         "obstacles": _obstacles(flight.log.topic("/obstacles"), start_s),
         "plans": _plans(flight.log.topic("/plan"), start_s),
@@ -138,7 +160,7 @@ def _result(flight: Flight) -> tuple[Document, list[str]]:
     seed = flight.log.metadata.get("clearway", {}).get("seed", "")
     try:
         result = result_of(flight.log, flight.truth, seed=int(seed) if seed.isdecimal() else 0)
-    except (KeyError, TypeError, ValueError) as error:
+    except (KeyError, TypeError, ValueError, AttributeError) as error:
         return {}, [f"there is no verdict: the log does not say {error}"]
     return {name: getattr(result, name) for name in Result.__dataclass_fields__}, []
 
@@ -188,12 +210,13 @@ def _since(record: Record, start_s: float) -> float:
 
 def _around_the_flight(states: Sequence[Record]) -> Sequence[Record]:
     """Leave out the waiting on the ground; all of it where the vehicle never left."""
-    airborne = [index for index, state in enumerate(states) if state.get("airborne")]
-    if not airborne:
+    # Autopilots call themselves airborne only once they have climbed.
+    flown = [state for state in states if state.get("armed") or state.get("airborne")]
+    if not flown:
         return states
-    begin_s = states[airborne[0]]["time_s"] - _GROUND_S
-    end_s = states[airborne[-1]]["time_s"] + _GROUND_S
-    return [state for state in states if begin_s <= state["time_s"] <= end_s]
+    begin_s, end_s = flown[0]["time_s"] - _GROUND_S, flown[-1]["time_s"] + _GROUND_S
+    # Times that run backwards leave nothing between.
+    return [state for state in states if begin_s <= state["time_s"] <= end_s] or states
 
 
 def _between(records: Sequence[Record], key: str, states: Sequence[Record]) -> list[Record]:
@@ -222,13 +245,18 @@ def _path(states: Sequence[Record], start_s: float) -> Document:
         "yaw_rad": columns.of(lambda state: state.get("yaw_rad")),
         "north_mps": columns.vector("velocity_ned_mps", 0),
         "east_mps": columns.vector("velocity_ned_mps", 1),
+        "up_mps": columns.vector("velocity_ned_mps", 2, scale=-1.0),
         "roll_deg": columns.angle_deg("roll_rad"),
         "pitch_deg": columns.angle_deg("pitch_rad"),
+        "yaw_deg": columns.angle_deg("yaw_rad"),
         "reference_north_m": columns.vector("reference_position_ned_m", 0),
         "reference_east_m": columns.vector("reference_position_ned_m", 1),
         "reference_height_m": columns.vector("reference_position_ned_m", 2, scale=-1.0),
         "reference_north_mps": columns.vector("reference_velocity_ned_mps", 0),
         "reference_east_mps": columns.vector("reference_velocity_ned_mps", 1),
+        "reference_up_mps": columns.vector("reference_velocity_ned_mps", 2, scale=-1.0),
+        "velocity_error_along_mps": columns.peaks(_velocity_error(0), 4),
+        "velocity_error_across_mps": columns.peaks(_velocity_error(1), 4),
         # Outside the flight it is what it last was.
         "tracking_error_m": columns.peaks(
             lambda state: (
@@ -236,7 +264,27 @@ def _path(states: Sequence[Record], start_s: float) -> Document:
             ),
             4,
         ),
-        "detection_age_s": columns.peaks(lambda state: state.get("detection_age_s")),
+        "detection_age_s": columns.peaks(
+            lambda state: state.get("detection_age_s"), back=_AGE_TICKS
+        ),
+    }
+
+
+def _velocity_error(axis: int) -> Callable[[Record], float | None]:
+    def read(state: Record) -> float | None:
+        # The contract limits it where a vehicle may meet its next obstacle, not while it avoids.
+        error_mps = state.get("velocity_error_mps") if state.get("cruising") else None
+        return None if error_mps is None else abs(error_mps[axis])
+
+    return read
+
+
+def _known(monitors: Sequence[Record], start_s: float) -> Document:
+    """Return what the daemon itself made of its clearance."""
+    columns = Columns(monitors)
+    return {
+        "time_s": columns.of(lambda record: record["time_s"] - start_s, 2),
+        "clearance_m": columns.of(lambda record: record.get("clearance", {}).get("measured")),
     }
 
 
@@ -249,7 +297,7 @@ def _truth(truths: Sequence[Record], start_s: float) -> Document:
     }
 
 
-def _rotor(index: int) -> Any:
+def _rotor(index: int) -> Callable[[Record], float | None]:
     def read(truth: Record) -> float | None:
         rpm = truth.get("rpm", ())
         return rpm[index] if index < len(rpm) else None
@@ -375,6 +423,7 @@ def _clauses(margins: Sequence[Document], end_s: float) -> Document:
         found = {
             clause["name"]: round(100.0 * clause["required"] / clause["declared"], 2)
             for clause in record["clauses"]
+            if clause["declared"]
         }
         for name in found.keys() - values.keys():
             values[name] = [None] * len(times_s)
@@ -414,11 +463,17 @@ def _legs(mission: Mission | None) -> list[tuple[float, float]]:
 
 def _limits(contract: Contract | None) -> dict[str, float | None]:
     if contract is None:
-        names = ("tracking_error_m", "cruise_speed_mps", "roll_max_deg", "frame_age_max_s")
+        names = (
+            *("tracking_error_m", "velocity_error_along_mps", "velocity_error_across_mps"),
+            *("cruise_speed_mps", "roll_max_deg", "frame_age_max_s"),
+        )
         return dict.fromkeys(names)
     vehicle = contract.vehicle
+    along_mps, across_mps = vehicle.velocity_error_mps
     return {
         "tracking_error_m": vehicle.tracking_error_m,
+        "velocity_error_along_mps": along_mps,
+        "velocity_error_across_mps": across_mps,
         "cruise_speed_mps": vehicle.cruise_speed_mps,
         "roll_max_deg": vehicle.roll_max_deg,
         "frame_age_max_s": contract.sensor.frame_age_max_s,

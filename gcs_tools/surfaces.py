@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from gcs_tools.contract_keys import ContractKey, contract_key
 from gcs_tools.errors import CommandError
+from gcs_tools.progress import tracked
 from onboard.agility import InputSet
 from onboard.config import Contract
 from onboard.contract import Clause, Derived, Terms, clauses, derive
@@ -193,7 +194,10 @@ def evaluate(
     shape = len(y.values), len(x.values)
     values, margin, compliant = np.empty(shape), np.empty(shape), np.empty(shape, dtype=bool)
     declared: set[float] = set()
-    for rows, block in _blocks(terms, x, y):
+    steps = range(0, len(y.values), max(1, _BLOCK_POINTS // len(x.values)))
+    for start in tracked(steps, len(steps), "evaluating the contract"):
+        rows = slice(start, start + steps.step)
+        block = _block(terms, x, y, rows)
         derived = derive(block, ARRAY)
         found = clauses(block, derived, ARRAY)
         values[rows] = quantity.of(derived, found)
@@ -240,17 +244,12 @@ def _as_arrays(terms: Terms[float]) -> Terms[FloatArray]:
     return Terms(**numbers)
 
 
-def _blocks(
-    terms: Terms[FloatArray], x: Axis, y: Axis
-) -> Iterator[tuple[slice, Terms[FloatArray]]]:
-    """Yield some rows of the grid at a time; what varies with x alone stays one row."""
+def _block(terms: Terms[FloatArray], x: Axis, y: Axis, rows: slice) -> Terms[FloatArray]:
+    """Return the terms in some rows of the grid; what varies with x alone stays one row."""
     across = {key.term: x.values[np.newaxis, :] * key.term_per_unit for key in x.keys}
-    step = max(1, _BLOCK_POINTS // len(x.values))
-    for start in range(0, len(y.values), step):
-        rows = slice(start, start + step)
-        down = {key.term: y.values[rows, np.newaxis] * key.term_per_unit for key in y.keys}
-        changes: dict[str, Any] = across | down
-        yield rows, replace(terms, **changes)
+    down = {key.term: y.values[rows, np.newaxis] * key.term_per_unit for key in y.keys}
+    changes: dict[str, Any] = across | down
+    return replace(terms, **changes)
 
 
 def _clause_of(found: tuple[Clause[FloatArray], ...], name: str) -> Clause[FloatArray]:

@@ -50,9 +50,16 @@ def _state(status: dict[str, Any], now_unix_s: float) -> RenderableType:
     table.add_row("position", _vector(status["position_ned_m"], "m north, east, down"))
     table.add_row("velocity", _vector(status["velocity_ned_mps"], "m/s"))
     table.add_row("obstacles", str(status["obstacles_known"]))
+    table.add_row("dropped", _dropped(status.get("dropped", {})))
     if silent_s > SILENCE_S:
         return Group(Text(f"no contact for {silent_s:.0f} s", style="bold red"), table)
     return table
+
+
+def _dropped(counts: dict[str, int]) -> str:
+    """Say what of the link was of no use."""
+    lost = [f"{count} {name.replace('_', ' ')}" for name, count in counts.items() if count]
+    return ", ".join(lost) or "nothing"
 
 
 def _vector(vector: list[float] | None, unit: str) -> str:
@@ -87,7 +94,7 @@ def _margins(margins: dict[str, Any]) -> RenderableType:
     for clause in margins.get("clauses", ()):
         margin = f"{clause['margin']:+.2f} {clause['unit']}"
         style = "green" if clause["holds"] else "bold red"
-        table.add_row(clause["name"], Text(margin, style=style))
+        table.add_row(clause["name"].replace("_", " "), Text(margin, style=style))
     return table
 
 

@@ -192,8 +192,12 @@ class Logs:
 
     def write_mavlink(self, direction: Direction, time_unix_s: float, data: bytes) -> None:
         """Log bytes of the MAVLink link."""
-        self._thread.submit(lambda: self._flight.write_mavlink(direction, time_unix_s, data))
-        self._thread.submit(lambda: self._telemetry.write(direction, time_unix_s, data))
+
+        def write() -> None:
+            self._flight.write_mavlink(direction, time_unix_s, data)
+            self._telemetry.write(direction, time_unix_s, data)
+
+        self._thread.submit(write)
 
 
 class Bus:

@@ -196,8 +196,9 @@ _TEXT: Final = _object(
     color=_COLOUR,
     text=_STRING,
 )
-# Kinds of primitives that we never draw are empty arrays.
-_UNUSED: Final[Message] = {"type": "array", "maxItems": 0}
+# Kinds of primitives that we never draw are empty arrays.  Viewers refuse a topic with an array
+# that does not say of what.
+_UNUSED: Final[Message] = {"type": "array", "maxItems": 0, "items": {"type": "object"}}
 _ENTITY: Final = _object(
     timestamp=_TIME,
     frame_id=_STRING,

@@ -29,7 +29,8 @@ class LogThread:
 
     def __init__(self, capacity: int = CAPACITY) -> None:
         self.dropped = 0
-        self._jobs: queue.Queue[Job | None] = queue.Queue(capacity)
+        self._jobs: queue.SimpleQueue[Job | None] = queue.SimpleQueue()
+        self._capacity = capacity
         self._broken = False
         self._thread = threading.Thread(target=self._work, name="log", daemon=True)
         self._thread.start()
@@ -47,9 +48,9 @@ class LogThread:
 
     def submit(self, job: Job) -> None:
         """Have a job done soon; never waits."""
-        try:
-            self._jobs.put_nowait(job)
-        except queue.Full:
+        if self._jobs.qsize() < self._capacity:
+            self._jobs.put(job)
+        else:
             self.dropped += 1
             if self.dropped == 1:
                 log.warning("the disk is too slow: dropping log lines")

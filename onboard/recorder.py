@@ -97,7 +97,13 @@ class FlightLog:
 
     def _open_part(self) -> None:
         self._file = self._parts.next().open("wb")
-        self._writer = Writer(self._file, chunk_size=_CHUNK_BYTES, compression=CompressionType.ZSTD)
+        self._writer = Writer(
+            self._file,
+            chunk_size=_CHUNK_BYTES,
+            compression=CompressionType.ZSTD,
+            # This writer also writes offsets of groups that are empty, which is not in the format.
+            use_summary_offsets=False,
+        )
         self._writer.start(profile="clearway", library="clearway")
         self._writer.add_metadata("clearway", self._metadata)
         self._channels = {}

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import gc
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -210,8 +210,15 @@ def ticks(simulation: Simulation) -> Iterator[list[Record]]:
                 yield journal.collect(simulation.now_s)
 
 
-def fly(flight: SimulatedFlight, directory: Path) -> SimulationReport:
+def fly(
+    flight: SimulatedFlight, directory: Path, watch: Callable[[Simulation], None] = lambda _: None
+) -> SimulationReport:
     """Fly in virtual time; write ``flight.mcap`` and ``truth.mcap``, the same for the same seed.
+
+    Args:
+        flight: what is to be flown.
+        directory: for the logs.
+        watch: called after every tick, to show how far the flight is.
 
     Raises:
         OSError: a log cannot be written.
@@ -231,6 +238,7 @@ def fly(flight: SimulatedFlight, directory: Path) -> SimulationReport:
         for records in ticks(simulation):
             flight_log.write(records)
             truth_log.write(simulation.scene.vehicle.truth, simulation.scene.world)
+            watch(simulation)
     return SimulationReport(
         virtual_s=simulation.now_s,
         wall_s=time.perf_counter() - began_s,

@@ -15,6 +15,7 @@ from sitl.truth import VehicleTruth
 from sitl.world import World
 
 TRUTH_LOG_RATE_HZ = 50
+# Not `clearance_m` and `clearance_min_m`: they may be null, and viewers refuse a topic for that.
 _SCHEMA = {
     "title": "clearway.truth",
     "type": "object",
@@ -25,8 +26,6 @@ _SCHEMA = {
         "acceleration_ned_mps2": {"type": "array", "items": {"type": "number"}},
         "attitude_quaternion": {"type": "array", "items": {"type": "number"}},
         "rpm": {"type": "array", "items": {"type": "number"}},
-        "clearance_m": {"type": ["number", "null"]},
-        "clearance_min_m": {"type": ["number", "null"]},
         "collisions": {"type": "integer"},
     },
 }
@@ -46,7 +45,8 @@ class TruthLog:
     def __init__(self, path: Path, start_unix_s: float) -> None:
         self._start_unix_s = start_unix_s
         self._file = path.open("wb")
-        self._writer = Writer(self._file)
+        # This writer also writes offsets of groups that are empty, which is not in the format.
+        self._writer = Writer(self._file, use_summary_offsets=False)
         self._writer.start(profile="clearway", library="clearway")
         schema = self._writer.register_schema(
             "clearway.truth", "jsonschema", json.dumps(_SCHEMA).encode()

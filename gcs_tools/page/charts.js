@@ -23,9 +23,10 @@ function indexAt(times, time) {
 }
 
 class Chart {
-  // series: {label, time, values, colour, dashed}; limits: {label, value}; phases: {start_s, end_s, phase}
-  constructor(parent, { title, unit, series, limits = [], phases = [], span, zero = false, height = 150, seek }) {
-    Object.assign(this, { unit, limits, phases, span, zero, height });
+  // series: {label, time, values, colour, dashed}; limits: {label, value}; phases: {start_s, end_s, phase};
+  // zero: the scale begins there; least: it spans at least so much.
+  constructor(parent, { title, unit, series, limits = [], phases = [], span, zero = false, least = 0, height = 150, seek }) {
+    Object.assign(this, { unit, limits, phases, span, zero, least, height });
     this.series = series.filter(({ values }) => values?.some((value) => value !== null));
     if (!this.series.length) return;
     const panel = parent.appendChild(document.createElement("section"));
@@ -60,9 +61,15 @@ class Chart {
     const take = (value) => { if (value !== null) { low = Math.min(low, value); high = Math.max(high, value); } };
     for (const { values } of this.series) values.forEach(take);
     for (const { value } of this.limits) take(value);
+    // A quantity that hardly changes is not blown up to look as if it did.
+    const lacking = Math.max(this.least - (high - low), 0) / 2;
+    low -= lacking;
+    high += lacking;
     const margin = (high - low || Math.abs(high) || 1) * 0.08;
     this.low = this.zero && low >= 0 ? 0 : low - margin;
     this.high = high + margin;
+    // Three digits that tell something on this scale.
+    this.digits = Math.min(Math.max(2 - Math.floor(Math.log10(this.high - this.low)), 0), 3);
   }
 
   #x(time) { return PAD.left + (time - this.span[0]) / (this.span[1] - this.span[0] || 1) * this.width; }
@@ -124,15 +131,16 @@ class Chart {
     this.cursor.setAttribute("d", `M${this.#x(time)} ${PAD.top}V${this.height - PAD.bottom}`);
     this.series.forEach(({ time: times, values, dots }, i) => {
       const value = dots ? null : values[indexAt(times, time)];
-      this.readouts[i].textContent = value === null ? "" : value.toFixed(Math.abs(value) < 100 ? 2 : 0);
+      this.readouts[i].textContent = value === null ? "" : value.toFixed(this.digits).replace(/^-(0\.?0*)$/, "$1");
     });
   }
 }
 
-// One band of named stretches of time, such as phases.
+// One band of phases, and in them the steps of the induction: which obstacle, and whether pre- and
+// post-condition held.
 class Band {
-  constructor(svg, phases, span, seek) {
-    Object.assign(this, { svg, phases, span });
+  constructor(svg, phases, steps, span, seek) {
+    Object.assign(this, { svg, phases, steps, span });
     new ResizeObserver(() => this.draw()).observe(svg);
     svg.addEventListener("pointerdown", (event) => {
       const share = (event.clientX - svg.getBoundingClientRect().left) / svg.clientWidth;
@@ -144,14 +152,24 @@ class Band {
     const x = (time) => (time - this.span[0]) / (this.span[1] - this.span[0] || 1) * this.svg.clientWidth;
     const parts = this.phases.flatMap(({ start_s, end_s, phase }) => {
       const width = Math.max(x(end_s) - x(start_s), 1);
+      const step = phase === "avoid" ? this.steps.find(({ time_s }) => Math.abs(time_s - start_s) < 0.05) : null;
+      const words = step ? [`avoid ${step.obstacle}`, step.obstacle, phase] : [phase];
       const rect = svgElement("rect", { x: x(start_s), width, y: 0, height: 28, stroke: "var(--rule)", style: `fill: var(--phase-${phase})` });
-      rect.append(svgElement("title", {}, `${phase}, ${start_s.toFixed(1)} to ${end_s.toFixed(1)} s`));
-      const label = svgElement("text", { x: x(start_s) + 5, y: 18 }, width > 8 * phase.length + 10 ? phase : "");
-      return [rect, label];
+      rect.append(svgElement("title", {}, `${words[0]}, ${start_s.toFixed(1)} to ${end_s.toFixed(1)} s`));
+      // As much of it as there is room for.
+      const label = svgElement("text", { x: x(start_s) + width / 2, y: 18, "text-anchor": "middle" }, words.find((word) => width > 6.5 * word.length + 34) ?? "");
+      const marks = step && width > 34 ? [this.#mark(x(start_s) + 9, "pre-condition", step.pre_condition), this.#mark(x(end_s) - 9, "post-condition", step.post_condition)] : [];
+      return [rect, label, ...marks];
     });
     this.cursor = svgElement("path", { stroke: "var(--ink)" });
     this.svg.replaceChildren(...parts, this.cursor);
     this.at(this.time ?? this.span[0]);
+  }
+
+  #mark(x, what, holds) {
+    const mark = svgElement("text", { x, y: 18, "text-anchor": "middle", style: `fill: var(--${holds ? "good" : "bad"})` }, holds ? "✓" : "✗");
+    mark.append(svgElement("title", {}, `${what} ${holds ? "held" : "failed"}`));
+    return mark;
   }
 
   at(time) {

@@ -104,29 +104,41 @@ class FlightMap {
 
   #watchPointer() {
     const { svg } = this;
-    let last = null;
-    svg.addEventListener("pointerdown", (event) => { last = event; svg.setPointerCapture(event.pointerId); });
-    svg.addEventListener("pointerup", () => { last = null; });
+    // Every finger that is down, by where it was last.
+    const down = new Map();
+    svg.addEventListener("pointerdown", (event) => { down.set(event.pointerId, event); svg.setPointerCapture(event.pointerId); });
+    for (const end of ["pointerup", "pointercancel"]) svg.addEventListener(end, (event) => down.delete(event.pointerId));
     svg.addEventListener("pointermove", (event) => {
+      const last = down.get(event.pointerId);
       if (!last || !this.view) return;
       this.held = true;
-      const scale = this.view[2] / svg.clientWidth;
-      this.view[0] -= (event.clientX - last.clientX) * scale;
-      this.view[1] -= (event.clientY - last.clientY) * scale;
-      last = event;
-      this.#look();
+      const other = [...down.values()].find(({ pointerId }) => pointerId !== event.pointerId);
+      if (other) {
+        const apart = ({ clientX, clientY }) => Math.hypot(clientX - other.clientX, clientY - other.clientY) || 1;
+        this.#zoom(other, apart(last) / apart(event));
+      } else {
+        const scale = this.view[2] / svg.clientWidth;
+        this.view[0] -= (event.clientX - last.clientX) * scale;
+        this.view[1] -= (event.clientY - last.clientY) * scale;
+        this.#look();
+      }
+      down.set(event.pointerId, event);
     });
     svg.addEventListener("wheel", (event) => {
       if (!this.view) return;
       event.preventDefault();
       this.held = true;
-      const factor = Math.exp(event.deltaY * 0.0015);
-      const box = svg.getBoundingClientRect();
-      const at = [(event.clientX - box.left) / box.width, (event.clientY - box.top) / box.height];
-      this.view[0] += this.view[2] * at[0] * (1 - factor);
-      this.view[1] += this.view[3] * at[1] * (1 - factor);
-      this.view[2] *= factor; this.view[3] *= factor;
-      this.#look();
+      this.#zoom(event, Math.exp(event.deltaY * 0.0015));
     }, { passive: false });
+  }
+
+  // Show `factor` times as much, and leave what is under the pointer where it is.
+  #zoom({ clientX, clientY }, factor) {
+    const box = this.svg.getBoundingClientRect();
+    const at = [(clientX - box.left) / box.width, (clientY - box.top) / box.height];
+    this.view[0] += this.view[2] * at[0] * (1 - factor);
+    this.view[1] += this.view[3] * at[1] * (1 - factor);
+    this.view[2] *= factor; this.view[3] *= factor;
+    this.#look();
   }
 }

@@ -39,20 +39,29 @@ byId("name").textContent = other ? `${flight.name} and ${other.name}` : flight.n
 byId("verdict").textContent = flight.outcome.toUpperCase();
 byId("verdict").classList.add(flight.succeeded ? "good" : flight.outcome === "held" || flight.outcome === "arrived" ? "warn" : "bad");
 byId("reason").textContent = flight.reason;
+byId("began").textContent = flight.origin[0][1];
 for (const { problems } of flights) for (const problem of problems) {
   byId("problems").append(Object.assign(document.createElement("p"), { className: "problem", textContent: problem }));
 }
 fillTable(byId("facts"), other && ["", flight.name, other.name],
-  flight.facts.map(([name, value], i) => ({ values: other ? [name, value, other.facts[i]?.[1] ?? ""] : [name, value] })));
-fillTable(byId("steps"), ["time", "obstacle", "plan", "side", "planned in", "pre-condition", "post-condition", "least clearance"],
-  flight.steps.map((step) => ({ time_s: step.time_s, values: [
-    step.end_s === null ? seconds(step.time_s) : `${seconds(step.time_s)} to ${seconds(step.end_s)}`,
-    step.obstacle, step.kind, step.side ?? "", step.plan_time_ms === null ? "" : `${step.plan_time_ms.toFixed(1)} ms`,
-    held(step.pre_condition), step.end_s === null ? { text: "never reached", kind: "bad" } : held(step.post_condition),
-    step.clearance_m === null ? "" : `${step.clearance_m.toFixed(2)} m`] })));
+  [...(other ? [["outcome", flight.outcome]] : []), ...flight.facts].map(([name, value]) => ({
+    values: other ? [name, value, name === "outcome" ? other.outcome : new Map(other.facts).get(name) ?? ""] : [name, value] })));
+// What nobody measured in any step has no column.
+const columns = [
+  ["time", (step) => (step.end_s === null ? seconds(step.time_s) : `${seconds(step.time_s)} to ${seconds(step.end_s)}`)],
+  ["obstacle", (step) => step.obstacle],
+  ["plan", (step) => step.kind],
+  ["side", (step) => step.side ?? ""],
+  ["planned in", (step) => (step.plan_time_ms == null ? "" : `${step.plan_time_ms.toFixed(1)} ms`)],
+  ["pre-condition", (step) => held(step.pre_condition)],
+  ["post-condition", (step) => (step.end_s === null ? { text: "never reached", kind: "bad" } : held(step.post_condition))],
+  ["least clearance", (step) => (step.clearance_m == null ? "" : `${step.clearance_m.toFixed(2)} m`)],
+].filter(([, cell]) => !flight.steps.length || flight.steps.some((step) => cell(step) !== ""));
+fillTable(byId("steps"), columns.map(([name]) => name),
+  flight.steps.map((step) => ({ time_s: step.time_s, values: columns.map(([, cell]) => cell(step)) })));
 fillTable(byId("margins"), ["since", "clause", "required", "declared", "margin", ""],
   flight.margins.flatMap(({ time_s, clauses }) => clauses.map((clause) => ({ time_s, values: [
-    seconds(time_s), clause.name, clause.required.toFixed(2), `${clause.declared.toFixed(2)} ${clause.unit}`,
+    seconds(time_s), clause.name.replaceAll("_", " "), clause.required.toFixed(2), `${clause.declared.toFixed(2)} ${clause.unit}`,
     { text: `${clause.margin.toFixed(2)} ${clause.unit}`, kind: clause.holds ? "good" : "bad" }, held(clause.holds)] }))));
 fillTable(byId("events"), ["time", "", "what"], flight.events.map(({ time_s, severity, text }) => ({ time_s, values: [
   seconds(time_s), { text: severity, kind: { critical: "bad", error: "bad", warning: "warn" }[severity] ?? "faint" }, text] })));
@@ -61,7 +70,7 @@ fillTable(byId("origin"), null, flight.origin.map((values) => ({ values })));
 // ---------------------------------------------------------------- pictures
 
 const { path: own, truth } = flight;
-const span = flight.span_s;
+const span = [Math.min(...flights.map(({ span_s }) => span_s[0])), Math.max(...flights.map(({ span_s }) => span_s[1]))];
 const pairs = ({ north_m, east_m }) => north_m.map((north, i) => [north, east_m[i]]).filter(([north]) => north !== null);
 const triples = ({ north_m, east_m, height_m }) => north_m.map((north, i) => [north, east_m[i], height_m[i]]).filter(([north]) => north !== null);
 const reference = { north_m: own.reference_north_m, east_m: own.reference_east_m, height_m: own.reference_height_m };
@@ -78,7 +87,7 @@ if (other) {
 const latest = flight.obstacles.filter(({ until_s }) => until_s === null);
 map.frame([...pairs(own), ...flight.legs_ned_m, ...latest.flatMap(({ region_ned_m }) => region_ned_m), ...(other ? pairs(other.path) : [])]);
 
-const everything = [...triples(own), ...latest.flatMap(({ region_ned_m }) => region_ned_m.map(([n, e]) => [n, e, 0]))];
+const everything = [...flights.flatMap(({ path }) => triples(path)), ...latest.flatMap(({ region_ned_m }) => region_ned_m.map(([n, e]) => [n, e, 0]))];
 const bounds = [Infinity, -Infinity].map((start, i) => [0, 1, 2].map((axis) => everything.reduce((found, point) => Math[i ? "max" : "min"](found, point[axis]), start)));
 const space = new Space(byId("space"), everything.length ? bounds : [[0, 0, 0], [1, 1, 1]]);
 for (const { measured_ned_m, region_ned_m } of latest) {
@@ -86,33 +95,44 @@ for (const { measured_ned_m, region_ned_m } of latest) {
   space.lines.push({ points: [...region_ned_m, region_ned_m[0]].map(([n, e]) => [n, e, 0]), kind: "region", dash: [6, 4] });
 }
 for (const { path_ned_m } of flight.plans) space.lines.push({ points: path_ned_m.map(([n, e, d]) => [n, e, -d]), kind: "reference", width: 4 });
-space.lines.push({ points: triples(own), kind: "flown", width: 1.5 });
+space.lines.push({ points: triples(own).map(([n, e]) => [n, e, 0]), kind: "rule", width: 3 });
+space.lines.push({ points: triples(own), kind: "flown", width: 2 });
 if (other) space.lines.push({ points: triples(other.path), kind: "fourth", dash: [5, 3] });
 
-// The same quantity of both flights, the second one dashed.
+// The same quantity of both flights, the second one dashed and in a colour of its own.
+const ofOther = { flown: "fourth", third: "reference", reference: "obstacle" };
 function both(label, colour, values, time = (one) => one.path.time_s) {
   return flights.map((one, i) => ({
-    label: other ? `${label} (${one.name})` : label, colour: i ? "fourth" : colour, dashed: i > 0,
+    label: other ? `${label} (${one.name})` : label, colour: i ? ofOther[colour] : colour, dashed: i > 0,
     time: time(one), values: values(one) ?? [] }));
 }
 const limit = (label, value) => (value === null ? [] : [{ label, value }]);
 const { limits } = flight;
-const common = { phases: flight.phases, span: other ? [Math.min(span[0], other.span_s[0]), Math.max(span[1], other.span_s[1])] : span, seek };
+const common = { phases: flight.phases, span, seek };
 const ofTruth = (one) => one.truth.time_s;
+// Two flights are held against each other, one against what it should have been.
+const flownAndReference = (key) => [...(other ? [] : both("reference", "reference", (f) => f.path[`reference_${key}`])), ...both("flown", "flown", (f) => f.path[key])];
+const clauseColours = ["flown", "reference", "third", "fourth", "lane", "obstacle", "faint", "ink"];
 const charts = [
-  { title: "Altitude", unit: "m", series: [...both("reference", "reference", (f) => f.path.reference_height_m), ...both("flown", "flown", (f) => f.path.height_m)] },
   { title: "Tracking error", unit: "m", zero: true, series: both("horizontal", "flown", (f) => f.path.tracking_error_m), limits: limit("E_tr of the contract", limits.tracking_error_m) },
-  { title: "Clearance, ground truth", unit: "m", zero: true, series: both("to the nearest obstacle", "flown", (f) => f.truth.clearance_m, ofTruth) },
-  { title: "Velocity north", unit: "m/s", series: [...both("reference", "reference", (f) => f.path.reference_north_mps), ...both("flown", "flown", (f) => f.path.north_mps)], limits: limit("cruise", limits.cruise_speed_mps) },
-  { title: "Velocity east", unit: "m/s", series: [...both("reference", "reference", (f) => f.path.reference_east_mps), ...both("flown", "flown", (f) => f.path.east_mps)] },
+  { title: "Clearance to the nearest obstacle", unit: "m", zero: true, series: [...both("as the daemon knew", "reference", (f) => f.known.clearance_m, (f) => f.known.time_s), ...both("ground truth", "flown", (f) => f.truth.clearance_m, ofTruth)] },
+  { title: "Contract used: required as a share of declared", unit: "%", zero: true, series: flight.clauses.map(({ name, values }, i) => ({ label: name.replaceAll("_", " "), colour: clauseColours[i % clauseColours.length], time: flight.clause_times_s, values })), limits: [{ label: "all of it", value: 100 }] },
+  { title: "Position north", unit: "m", series: flownAndReference("north_m") },
+  { title: "Position east", unit: "m", series: flownAndReference("east_m") },
+  { title: "Altitude", unit: "m", series: flownAndReference("height_m") },
+  { title: "Velocity north", unit: "m/s", series: flownAndReference("north_mps"), limits: limit("cruise", limits.cruise_speed_mps) },
+  { title: "Velocity east", unit: "m/s", series: flownAndReference("east_mps") },
+  { title: "Velocity upwards", unit: "m/s", series: flownAndReference("up_mps") },
   { title: "Tilt", unit: "°", series: [...both("roll", "flown", (f) => f.path.roll_deg), ...both("pitch", "third", (f) => f.path.pitch_deg)],
-    limits: [...limit("roll, pitch available to the planner", limits.roll_max_deg), ...limit("", limits.roll_max_deg === null ? null : -limits.roll_max_deg)] },
+    limits: [...limit("largest in a plan", limits.roll_max_deg), ...limit("", limits.roll_max_deg === null ? null : -limits.roll_max_deg)] },
+  { title: "Heading", unit: "°", series: both("yaw", "flown", (f) => f.path.yaw_deg), least: 10 },
   { title: "Rotor speeds, ground truth", unit: "RPM", series: ["flown", "reference", "third", "fourth"].map((colour, i) => ({ label: `${i + 1}`, colour, time: truth.time_s, values: truth.rpm[i] ?? [] })) },
-  { title: "Age of the newest detections", unit: "s", zero: true, series: both("age", "flown", (f) => f.path.detection_age_s), limits: limit("allowed", limits.frame_age_max_s) },
+  { title: "Velocity error along the leg, in cruise", unit: "m/s", zero: true, series: both("largest", "flown", (f) => f.path.velocity_error_along_mps), limits: limit("allowed", limits.velocity_error_along_mps) },
+  { title: "Velocity error across the leg, in cruise", unit: "m/s", zero: true, series: both("largest", "flown", (f) => f.path.velocity_error_across_mps), limits: limit("allowed", limits.velocity_error_across_mps) },
+  { title: "Age of the newest detections", unit: "s", zero: true, series: both("oldest in 0.4 s", "flown", (f) => f.path.detection_age_s), limits: limit("allowed", limits.frame_age_max_s) },
   { title: "Time to plan", unit: "ms", zero: true, series: [{ label: "each plan", colour: "flown", dots: true, time: flight.plans.map((p) => p.time_s), values: flight.plans.map((p) => p.plan_time_ms) }] },
-  { title: "Contract used: required as a share of declared", unit: "%", zero: true, series: flight.clauses.map(({ name, values }, i) => ({ label: name, colour: ["flown", "reference", "third", "fourth", "lane", "obstacle", "region", "faint"][i % 8], time: flight.clause_times_s, values })), limits: [{ label: "all of it", value: 100 }] },
 ].map((options) => new Chart(byId("charts"), { ...common, ...options }));
-const band = new Band(byId("band"), flight.phases, span, seek);
+const band = new Band(byId("band"), flight.phases, flight.steps, span, seek);
 
 // ---------------------------------------------------------------- replay
 

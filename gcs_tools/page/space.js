@@ -8,7 +8,7 @@ class Space {
     this.tilt = 0.55;
     this.zoom = 1;
     this.center = [0, 1, 2].map((axis) => (bounds[0][axis] + bounds[1][axis]) / 2);
-    this.extent = Math.hypot(...[0, 1, 2].map((axis) => bounds[1][axis] - bounds[0][axis])) || 1;
+    this.half = [0, 1, 2].map((axis) => (bounds[1][axis] - bounds[0][axis]) / 2);
     this.lines = [];
     this.marks = [];
     let last = null;
@@ -26,14 +26,22 @@ class Space {
     matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => this.draw());
   }
 
-  // north, east, height -> pixels
+  // Pixels per metre: everything is to be seen, however it is turned.
+  #scale() {
+    const { canvas, turn, tilt, half: [n, e, h] } = this;
+    const [cosine, sine] = [Math.abs(Math.cos(turn)), Math.abs(Math.sin(turn))];
+    const across = n * cosine + e * sine;
+    const up = h * Math.cos(tilt) + (n * sine + e * cosine) * Math.sin(tilt);
+    return this.zoom * 0.46 * Math.min(canvas.clientWidth / (across || 1), canvas.clientHeight / (up || 1));
+  }
+
+  // north, east, height -> pixels; east is to the right of north, as seen from above.
   #project([north, east, height]) {
     const n = north - this.center[0], e = east - this.center[1], h = height - this.center[2];
     const across = n * Math.cos(this.turn) + e * Math.sin(this.turn);
-    const away = -n * Math.sin(this.turn) + e * Math.cos(this.turn);
-    const scale = this.zoom * 0.95 * this.canvas.clientWidth / this.extent;
-    const up = h * Math.cos(this.tilt) - away * Math.sin(this.tilt);
-    return [this.canvas.clientWidth / 2 + across * scale, this.canvas.clientHeight / 2 - up * scale];
+    const towards = -n * Math.sin(this.turn) + e * Math.cos(this.turn);
+    const up = h * Math.cos(this.tilt) - towards * Math.sin(this.tilt);
+    return [this.canvas.clientWidth / 2 + across * this.scale, this.canvas.clientHeight / 2 - up * this.scale];
   }
 
   draw() {
@@ -43,6 +51,7 @@ class Space {
     canvas.height = canvas.clientHeight * ratio;
     const context = canvas.getContext("2d");
     context.scale(ratio, ratio);
+    this.scale = this.#scale();
     const style = getComputedStyle(document.documentElement);
     const colour = (name) => style.getPropertyValue(`--${name}`).trim();
     for (const { points, kind, width = 1.5, dash = [] } of this.lines) {
@@ -54,6 +63,7 @@ class Space {
       context.stroke();
     }
     context.setLineDash([]);
+    this.#north(context, colour("faint"));
     for (const { point, kind } of this.marks) {
       const [x, y] = this.#project(point);
       const [groundX, groundY] = this.#project([point[0], point[1], 0]);
@@ -62,6 +72,22 @@ class Space {
       context.beginPath(); context.moveTo(x, y); context.lineTo(groundX, groundY); context.stroke();
       context.beginPath(); context.arc(x, y, 6, 0, 2 * Math.PI); context.fill();
     }
+  }
+
+  #north(context, colour) {
+    const [x, y] = this.#project([0, 0, 0]), [toX, toY] = this.#project([1, 0, 0]);
+    const length = Math.hypot(toX - x, toY - y) || 1;
+    const [dx, dy] = [(toX - x) / length, (toY - y) / length];
+    context.strokeStyle = context.fillStyle = colour;
+    context.lineWidth = 2;
+    context.font = "12px sans-serif";
+    context.textAlign = "center";
+    context.textBaseline = "middle";
+    context.beginPath();
+    context.moveTo(28 - 14 * dx, 28 - 14 * dy);
+    context.lineTo(28 + 8 * dx, 28 + 8 * dy);
+    context.stroke();
+    context.fillText("N", 28 + 18 * dx, 28 + 18 * dy);
   }
 
   // A prism over these corners (north, east), from the ground up.

@@ -56,8 +56,9 @@ const show = {
       meter.value = Math.min(measured ?? 0, meter.max);
       if (least) { meter.low = 0.2; meter.optimum = meter.max; } else { meter.high = limit ?? meter.max; meter.optimum = 0; }
       const broken = measured !== null && limit !== null && (least ? measured <= limit : measured > limit);
-      const reading = Object.assign(document.createElement("output"), { textContent: `${number(measured)} ${unit}`, className: broken ? "bad" : "" });
-      reading.title = limit === null ? "no limit stated" : `limit ${number(limit)} ${unit}`;
+      const allowed = least || limit === null ? "" : ` of ${number(limit)}`;
+      const reading = Object.assign(document.createElement("output"), { textContent: `${number(measured)}${allowed} ${unit}`, className: broken ? "bad" : "" });
+      if (limit === null) reading.title = "no limit stated";
       gauge.append(words, meter, reading);
       return gauge;
     }));
@@ -66,7 +67,7 @@ const show = {
   margins({ clauses }) {
     const table = byId("margins");
     table.replaceChildren();
-    for (const { name, margin, unit, holds } of clauses) row(table, [name, `${number(margin)} ${unit}`], ["", holds ? "good" : "bad"]);
+    for (const { name, margin, unit, holds } of clauses) row(table, [name.replaceAll("_", " "), `${number(margin)} ${unit}`], ["", holds ? "good" : "bad"]);
   },
 
   map({ obstacles }) {

@@ -17,6 +17,7 @@ import zenoh
 
 from gcs_tools.flight_log import read_log
 from tests.gcs_tools.running import CONFIG, Clearway, children_of, is_alive, until
+from tests.gcs_tools.terminal import terminal
 
 CHILDREN = {"sitl", "onboard"}
 LEFT_BEHIND = ("flight.mcap", "truth.mcap", "result.json", "flight.png", "report.html")
@@ -110,11 +111,11 @@ def with_absolute_paths(scenario: dict[str, Any]) -> dict[str, Any]:
 
 
 @contextmanager
-def flying(out: Path, *arguments: str) -> Iterator[subprocess.Popen[str]]:
+def flying(out: Path, stderr: int = subprocess.PIPE) -> Iterator[subprocess.Popen[str]]:
     """Start `clearway fly` and have nothing left of it afterwards, whatever the test does."""
-    command = [sys.executable, "-m", "gcs_tools", "fly", *arguments, "--out", str(out)]
+    command = [sys.executable, "-m", "gcs_tools", "fly", "--out", str(out)]
     process = subprocess.Popen(
-        command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True
+        command, stdout=subprocess.PIPE, stderr=stderr, text=True, start_new_session=True
     )
     with process:
         try:
@@ -132,11 +133,17 @@ def processes_of(flight: subprocess.Popen[str]) -> dict[str, int]:
 
 
 def test_live_flight_of_the_paper(tmp_path: Path) -> None:
-    with flying(tmp_path) as flight:
+    with terminal() as screen, flying(tmp_path, screen.written_to) as flight:
         started = processes_of(flight)
-        out, err = flight.communicate(timeout=120.0)
-    assert flight.returncode == 0, (out, err)
-    assert err == ""
+        out, _ = flight.communicate(timeout=120.0)
+    assert flight.returncode == 0, (out, screen.lines)
+    # What somebody at a terminal saw of it, and nothing else was said.
+    assert screen.shares == sorted(screen.shares)
+    assert max(screen.shares) > 90
+    assert len(screen.estimates) > 20
+    assert all("left" in line for line in screen.lines)
+    assert any("checking vehicle" in line for line in screen.lines)
+    assert any(line.startswith("avoid   N ") and "m/s" in line for line in screen.lines)
     assert not any(is_alive(pid) for pid in started.values())
     result = result_in(tmp_path)
     assert result["outcome"] == "arrived"

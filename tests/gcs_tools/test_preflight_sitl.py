@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 import struct
+import subprocess
+import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -17,6 +19,7 @@ from gcs_tools.processes import Children, free_ports
 from onboard.config import ZenohEndpoints
 from onboard.daemon import open_session
 from tests.gcs_tools.running import CONFIG, Clearway, Ran, until
+from tests.gcs_tools.terminal import terminal
 
 CONTRACT, MISSION = CONFIG / "paper_contract.yaml", CONFIG / "paper_mission.yaml"
 PX4 = {"COM_OF_LOSS_T": 0.5, "COM_RC_IN_MODE": 4}
@@ -56,13 +59,16 @@ class Site:
         until(lambda: "ready" in (self.directory / "sitl.log").read_text(), timeout_s=60.0)
         until(lambda: "ready" in (self.directory / "onboard.log").read_text())
 
-    def preflight(self, clearway: Clearway, *more: str) -> tuple[Ran, dict[str, str]]:
-        ran = clearway(
-            "preflight", "--contract", CONTRACT, "--mission", MISSION,
+    def arguments(self, *more: str) -> list[str]:
+        return [
+            "preflight", "--contract", str(CONTRACT), "--mission", str(MISSION),
             "--vehicle", f"udpin://127.0.0.1:{self.ports[1]}",
-            "--zenoh-config", self.directory / "bus.yaml", "--endurance", "900",
+            "--zenoh-config", str(self.directory / "bus.yaml"), "--endurance", "900",
             "--format", "json", *more,
-        )  # fmt: skip
+        ]  # fmt: skip
+
+    def preflight(self, clearway: Clearway, *more: str) -> tuple[Ran, dict[str, str]]:
+        ran = clearway(*self.arguments(*more))
         found = json.loads(ran.out)["live"]
         return ran, {f"{each['subject']} {each['name']}": each["verdict"] for each in found}
 
@@ -112,6 +118,19 @@ def test_px4_is_cleared_until_a_parameter_is_wrong(clearway: Clearway, tmp_path:
         assert not place.cleared()
         ran, found = place.preflight(clearway, "--set", "vehicle.radius_m=0.29")
         assert found["daemon contract"] == "broken"
+        with terminal() as screen:
+            command = [sys.executable, "-m", "gcs_tools", *place.arguments()]
+            subprocess.run(  # its exit code was looked at above
+                command,
+                stdout=subprocess.DEVNULL,
+                stderr=screen.written_to,
+                timeout=60,
+                check=False,
+            )
+        assert screen.shares == sorted(screen.shares)
+        assert max(screen.shares) == 90  # the last of ten steps was begun
+        assert screen.estimates
+        assert any("looking: telemetry rates" in line for line in screen.lines)
 
 
 def test_ardupilot_tells_what_it_lacks(clearway: Clearway, tmp_path: Path) -> None:

@@ -69,7 +69,20 @@ def test_the_document_tells_the_paper_s_flight(flown: Path) -> None:
     path = document["path"]
     errors_m = [error for error in path["tracking_error_m"] if error is not None]
     assert max(errors_m) == pytest.approx(result["tracking_error_max_m"], abs=1e-4)
-    assert max(height for height in path["height_m"] if height is not None) > 3.5
+    heights_m = [height for height in path["height_m"] if height is not None]
+    assert (heights_m[0], heights_m[-1]) == pytest.approx((0.0, 0.0), abs=0.1)
+    assert max(heights_m) > 3.5
+    along_mps, across_mps = (
+        [error for error in path[f"velocity_error_{way}_mps"] if error is not None]
+        for way in ("along", "across")
+    )
+    assert [max(along_mps), max(across_mps)] == pytest.approx(
+        result["velocity_error_max_mps"], abs=1e-4
+    )
+    # Detections come every 0.1 s at the latest: the tops of the saw-tooth.
+    ages_s = [age for age in path["detection_age_s"][100:] if age is not None]
+    assert 0.03 < min(ages_s) <= max(ages_s) < 0.15
+    assert max(document["known"]["clearance_m"]) > 5.0
     assert len(document["truth"]["rpm"]) == 4
     assert {clause["name"] for clause in document["clauses"]} >= {"thrust", "separation"}
     assert all(value < 100.0 for c in document["clauses"] for value in c["values"])
@@ -94,6 +107,36 @@ def test_the_log_holds_scenes_in_published_schemas(flown: Path) -> None:
             assert schema is not None
             counts[schema.name] = counts.get(schema.name, 0) + 1
     assert counts.keys() >= SCHEMAS.keys()
+
+
+def test_the_layout_for_viewers_shows_what_the_log_has(flown: Path) -> None:
+    layout = json.loads((CONFIG / "layout.json").read_text(encoding="utf-8"))
+    panels = layout["configById"]
+    assert set(panels) == set(re.findall(r"\w+!\w+", json.dumps(layout["layout"])))
+    with (flown / "flight.mcap").open("rb") as file:
+        reader = make_reader(file)
+        logged = {channel.topic: json.loads(m.data) for _, channel, m in reader.iter_messages()}
+    topics = [*panels["3D!flight"]["topics"], panels["RawMessages!events"]["topicPath"]]
+    assert set(topics) <= logged.keys()
+    for path in (path["value"] for panel in panels.values() for path in panel.get("paths", ())):
+        topic, *names = path.partition("[")[0].split(".")
+        found = logged[topic]
+        for name in names:
+            found = found[name]
+
+
+def test_viewers_can_parse_every_schema() -> None:
+    """An array without the type of its items loses Lichtblick the whole topic."""
+
+    def check(schema: dict[str, Any]) -> None:
+        assert schema["type"] in {"object", "array", "string", "number", "integer", "boolean"}
+        for child in schema.get("properties", {}).values():
+            check(child)
+        if schema["type"] == "array":
+            check(schema["items"])
+
+    for schema in SCHEMAS.values():
+        check(schema)
 
 
 # ---------------------------------------------------------------------------- bad input
@@ -210,6 +253,44 @@ def test_a_log_from_the_future_is_shown_as_far_as_it_is_understood(
     assert document["path"]["tracking_error_m"] == [None] * 100
 
 
+def test_records_that_make_no_sense_are_left_out_and_counted(
+    clearway: Clearway, tmp_path: Path
+) -> None:
+    path = tmp_path / "odd.mcap"
+    odd: list[dict[str, Any]] = [
+        {"phase": "cruise"},
+        {"time_s": "noon"},
+        {"time_s": EPOCH_S, "position_ned_m": [1.0, "x", 2.0]},
+        {"time_s": EPOCH_S, "position_ned_m": [1.0]},
+    ]
+    with FlightLog(path, {}) as log:
+        log.write(states(50))
+        log.write(Record("state", EPOCH_S + 1.0, payload) for payload in odd)
+        log.write([Record("margins", EPOCH_S, {"time_s": EPOCH_S, "clauses": {"stop": 3}})])
+        log.write([Record("obstacles", EPOCH_S, {"time_s": EPOCH_S, "obstacles": [{}]})])
+    ran = clearway("report", path)
+    assert ran.code == 0
+    assert "4 of 54 records of /state are not understood" in ran.err
+    assert "1 of 1 records of /margins are not understood" in ran.err
+    (document,) = data_in(tmp_path / "report.html")
+    assert len(document["path"]["time_s"]) == 50
+    assert (document["margins"], document["obstacles"]) == ([], [])
+
+
+@pytest.mark.parametrize("truth", [b"", b"no log at all"])
+def test_a_broken_ground_truth_costs_only_itself(
+    clearway: Clearway, flown: Path, tmp_path: Path, truth: bytes
+) -> None:
+    shutil.copy(flown / "flight.mcap", tmp_path)
+    (tmp_path / "truth.mcap").write_bytes(truth)
+    ran = clearway("report", tmp_path)
+    assert ran.code == 0
+    assert "truth.mcap: is not a flight log" in ran.err
+    (document,) = data_in(tmp_path / "report.html")
+    assert document["truth"]["rpm"] == []
+    assert len(document["path"]["time_s"]) > 1000
+
+
 def test_ten_minutes_fit_and_keep_their_peak(
     clearway: Clearway, logged: Callable[..., Path], tmp_path: Path
 ) -> None:
@@ -285,7 +366,17 @@ def test_the_slider_moves_the_vehicle_along_the_log(
     assert page.evaluate("document.querySelectorAll('#steps tbody tr').length") == 3
     assert page.evaluate("document.querySelectorAll('#map .region').length") == 3
     charts = page.evaluate("[...document.querySelectorAll('svg.chart')].map((c) => c.ariaLabel)")
-    assert {"Altitude", "Tracking error", "Tilt", "Velocity north"} <= set(charts)
+    # Every quantity of the paper's Fig. 15 to 17, and the margins.
+    assert set(charts) >= {
+        "Position north", "Position east", "Altitude",
+        "Velocity north", "Velocity east", "Velocity upwards",
+        "Tilt", "Heading", "Rotor speeds, ground truth", "Tracking error",
+        "Contract used: required as a share of declared",
+    }  # fmt: skip
+    band = page.evaluate("document.getElementById('band').textContent")
+    assert all(f"front/{number}" in band for number in (1, 2, 3))
+    assert band.count("✓") == 6
+    assert "✗" not in band
     assert page.evaluate(
         "[...document.querySelectorAll('svg.chart')].every((c) => c.querySelector('.cursor'))"
     )
@@ -342,6 +433,11 @@ def test_two_flights_are_laid_over_each_other(
     assert place(page, "other-vehicle")[0] == pytest.approx(10.0 / 0.02 * 0.05, abs=0.2)
     assert place(page)[0] > 1.0
     assert page.evaluate("document.querySelector('#map .other').getAttribute('d').length") > 100
+    outcomes = "[...document.querySelectorAll('#facts tbody tr')][0].textContent"
+    assert page.evaluate(outcomes) == "outcomearrivedaborted"
+    # To be replayed to the end of the one that took longer.
+    ends_s = [document["span_s"][1] for document in data_in(tmp_path / "both.html")]
+    assert page.evaluate("Number(document.getElementById('time').max)") == max(ends_s)
     assert page.complaints == []
 
 

@@ -23,6 +23,7 @@ from gcs_tools.watch_server import serving
 from gcs_tools.watch_terminal import view
 from tests.gcs_tools.browser import Page, chromium
 from tests.gcs_tools.running import Clearway, until
+from tests.gcs_tools.terminal import terminal
 
 STATUS = {
     "time_s": 1_790_000_000.0, "phase": "avoid", "mode": "OFFBOARD", "armed": True,
@@ -180,7 +181,15 @@ def test_the_terminal_shows_what_the_page_shows() -> None:
         said(feed, key, payload)
     said(feed, "events", violation(7))
     text = rendered(feed, 1_790_000_000.1)
-    for words in ("AVOID", "12.00, 0.50, -4.00", "0.310 m", "not known", "-0.10 m", "event 7"):
+    for words in (
+        "AVOID",
+        "12.00, 0.50, -4.00",
+        "0.310 m",
+        "not known",
+        "-0.10 m",
+        "event 7",
+        "3 frames malformed",
+    ):
         assert words in text
     assert "no contact" not in text
     assert "no contact for 9 s" in rendered(feed, 1_790_000_009.0)
@@ -233,8 +242,10 @@ def test_the_page_shows_everything_that_is_said(tmp_path: Path) -> None:
             "M11 0.5L14 2.2"
         )
         assert page.evaluate("document.querySelectorAll('#map .region').length") == 1
-        assert "0.31 m" in text_of(page, "monitors")
-        assert page.evaluate("document.querySelector('#monitors .bad').textContent") == "0.31 m"
+        assert (
+            page.evaluate("document.querySelector('#monitors .bad').textContent")
+            == "0.31 of 0.25 m"
+        )
         assert page.evaluate("document.querySelector('#margins .bad').textContent") == "-0.10 m"
         assert "<b>not markup</b>" in text_of(page, "events")
         page.until("document.getElementById('contact').textContent.startsWith('no contact')")
@@ -245,11 +256,11 @@ def test_the_page_shows_everything_that_is_said(tmp_path: Path) -> None:
 
 
 @contextmanager
-def running(*arguments: str) -> Iterator[subprocess.Popen[str]]:
+def running(*arguments: str, stdout: int = subprocess.PIPE) -> Iterator[subprocess.Popen[str]]:
     """Start a command and have it stopped afterwards, whatever the test does."""
     process = subprocess.Popen(
         [sys.executable, "-m", "gcs_tools", *arguments],
-        stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True,
+        stdout=stdout, stderr=subprocess.PIPE, text=True, start_new_session=True,
     )  # fmt: skip
     with process:
         try:
@@ -277,6 +288,11 @@ def test_the_page_follows_a_flight_that_is_going_on(tmp_path: Path) -> None:
             assert page.evaluate("document.querySelectorAll('#margins tr').length") >= 5
             assert "tracking error" in text_of(page, "monitors")
             assert "cruise (control granted)" in text_of(page, "events")
+            words = ("OFFBOARD", "m north, east, down", "limit 0.200 m", "separation")
+            with terminal() as screen:
+                command = ("watch", "--daemon-config", str(onboard), "--tui")
+                with running(*command, stdout=screen.written_to):
+                    until(lambda: all(any(w in line for line in screen.lines) for w in words))
             flight.send_signal(signal.SIGINT)
             page.until("document.getElementById('contact').textContent.startsWith('no contact')")
             assert page.complaints == []

@@ -16,11 +16,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from onboard import contract as contract_module
-from onboard.agility import InputSet
+from onboard.agility import AccelerationLimits, InputSet
 from onboard.config import Contract
-from onboard.contract import Assessment, Terms, assess, clauses, derive
+from onboard.contract import Assessment, Terms, _edge_offset, assess, clauses, derive
 from onboard.frames import FloatArray
-from onboard.region import ARRAY, SCALAR, Box
+from onboard.region import ARRAY, SCALAR, Box, Encounter, dimensions
 
 GRAVITY_MPS2 = 9.80665
 
@@ -500,3 +500,20 @@ def test_a_measured_run_on_replaces_the_model() -> None:
     assert same.required_separation_m == pytest.approx(model.required_separation_m)
     short = assess(contract(setpoint_loss_run_on_m=0.5)).inflated
     assert (short.encounter.run_on_m, short.encounter.coast_time_s) == (0.5, 0.0)
+
+
+@pytest.mark.parametrize(("left_mps2", "right_mps2"), [(1.0, 4.0), (4.0, 1.0)])
+def test_what_must_be_seen_lies_on_the_worse_side(left_mps2: float, right_mps2: float) -> None:
+    limits = AccelerationLimits(1.0, 1.0, left_mps2, right_mps2)
+    late = {"lateral_speed_mps": 0.4, "attitude_lag_s": 0.5}
+    fast = replace(Encounter.ideal(limits, 10.0, (1.0, 10.0)), **late)
+    # 10 m are left behind in 2 s, by the sum of both limits; drift and the stronger one go on.
+    region = dimensions(fast, SCALAR)
+    assert not region.flat
+    assert _edge_offset(fast, region, 0.3, SCALAR) == pytest.approx(0.4 * 2.5 + 4.0 * 2.0**2 / 2.0)
+    slow = replace(Encounter.ideal(limits, 1.0, (1.0, 10.0)), **late)
+    region = dimensions(slow, SCALAR)
+    assert region.flat
+    # The drift is stopped last by the weaker limit.
+    drift_m = 0.4 * 0.5 + 0.4**2 / (2.0 * 1.0)
+    assert _edge_offset(slow, region, 0.3, SCALAR) == pytest.approx(0.3 + drift_m)

@@ -12,7 +12,8 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from mcap.reader import make_reader
+from mcap.reader import NonSeekingReader, SeekingReader, make_reader
+from mcap.records import SummaryOffset
 from mcap.stream_reader import StreamReader
 from pymavlink import mavutil
 from pymavlink.dialects.v20 import common as mavlink
@@ -225,9 +226,19 @@ def test_every_record_type_is_valid_mcap(tmp_path: Path) -> None:
     with FlightLog(path, {}) as log:
         log.write(record(number, "state" if number % 3 else "events") for number in range(5000))
     with path.open("rb") as file:
-        kinds = [type(r).__name__ for r in StreamReader(file, validate_crcs=True).records]
+        records = list(StreamReader(file, validate_crcs=True).records)
+        kinds = [type(r).__name__ for r in records]
         file.seek(0)
         summary = make_reader(file).get_summary()
+        readers = SeekingReader(file, validate_crcs=True), NonSeekingReader(file)
+        with_index, without = (
+            [(c.topic, m.log_time, m.data) for _, c, m in reader.iter_messages()]
+            for reader in readers
+            if not file.seek(0)
+        )
+    assert with_index == without
+    offsets = [r for r in records if isinstance(r, SummaryOffset)]
+    assert all(offset.group_length > 0 for offset in offsets)
     assert summary is not None
     assert summary.statistics is not None
     assert kinds[0] == "Header"

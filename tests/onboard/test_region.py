@@ -474,6 +474,14 @@ def test_border_with_lag_by_hand() -> None:
     assert recovery_distance(strong, 0.75, SCALAR) == pytest.approx(3.0**2 / 4.0 + 3.0 * 3.0 * 0.2)
 
 
+def test_border_of_lopsided_sides_with_lag_by_hand() -> None:
+    limits = AccelerationLimits(brake_mps2=1.0, forward_mps2=1.0, left_mps2=1.0, right_mps2=4.0)
+    e = replace(Encounter.ideal(limits, 10.0, (1.0, 1.0)), attitude_lag_s=0.5)
+    # The sides differ fourfold: braking goes on for 1.5 t.  The lag lets the crossing last 0.5 s
+    # longer, t = 2 s: 2 Φ(2.5 t) - Φ(t), with Φ(t) = 10 t - t²/2; and 10 (1 + 1) 0.5 for the lag.
+    assert recovery_distance(e, 1.5, SCALAR) == pytest.approx(2.0 * 37.5 - 18.0 + 10.0)
+
+
 @given(st.floats(0.02, 0.5), SPEEDS_MPS, SIZES_M)
 def test_weak_forward_acceleration_still_meets_the_post_condition(
     weakness: float, speed_mps: float, size_m: float
