@@ -56,8 +56,8 @@ MAX_EVENTS: Final = 10_000
 RIVAL_MEMORY_S: Final = 0.5
 # Setpoints are remembered this long: the autopilot's echo of them lags by up to half a second.
 SENT_MEMORY_S: Final = 0.6
-# How far apart the times of a pose and of a frame from the body may be: one telemetry period.
-POSE_TIMING_S: Final = 1.0 / TELEMETRY_RATE_HZ
+# How far apart the times of a pose between two others and of a frame from the body may be.
+POSE_TIMING_S: Final = 0.5 / TELEMETRY_RATE_HZ
 # Holding without knowing where for longer than this is left to the autopilot.
 HANDOVER_AFTER_S: Final = 2.0
 
@@ -210,8 +210,8 @@ class Autonomy:
             self.detections.unplaced_frames += 1
             return
         terms = self.assessment.terms
-        blurred = set() if pose is None else self._blurred(frame, stamp_s)
-        if self._moving and any(map(self._is_new, blurred)):
+        blurred = {} if pose is None else self._blurred(frame, stamp_s)
+        if self._moving and any(self._must_be_known(*seen) for seen in blurred.items()):
             self.detections.unplaced_frames += 1
             return
         lateness = self._detection_watch.on_frame(frame.source, stamp_s, now_s, terms)
@@ -224,27 +224,31 @@ class Autonomy:
             if track_id not in blurred:
                 self._take_detection(track_id, detection, pose, now_s)
 
-    def _blurred(self, frame: DetectionFrame, stamp_s: float) -> set[str]:
-        """Tracks that a turning body sees too far off for what the contract says of their faces.
+    def _blurred(self, frame: DetectionFrame, stamp_s: float) -> dict[str, Detection]:
+        """What a turning body sees too far off for what the contract says of its faces, by track.
 
         Pose and frame belong together only as exactly as their times do.  What is known already
-        has been seen better; what is new makes the frame as good as none, unless the vehicle is at
-        rest: turning on the spot it looks again before it departs.
+        has been seen better, and what is far will be; what is new and near makes the frame as good
+        as none, unless the vehicle is at rest: turning on the spot it looks again before it
+        departs.
         """
         turn_rad = abs(self._poses.yaw_rate_radps(stamp_s)) * POSE_TIMING_S
         error_max_m = self.assessment.terms.position_error_m
         return {
-            _track_id(frame, detection)
+            _track_id(frame, detection): detection
             for detection in frame.obstacles
             if math.hypot(*detection.center_m) * turn_rad > error_max_m
         }
 
+    def _must_be_known(self, track_id: str, detection: Detection) -> bool:
+        """Tell whether what is seen is new, and so near that the contract counts on it."""
+        counted_on_m = self.assessment.inflated.required_detection_range_m
+        near_m = math.hypot(*detection.center_m) - math.hypot(*detection.size_m) / 2.0
+        return self.navigator.obstacles.of_track(track_id) is None and near_m <= counted_on_m
+
     @property
     def _moving(self) -> bool:
         return self.navigator.cruising_freely or self.navigator.phase is Phase.AVOID
-
-    def _is_new(self, track_id: str) -> bool:
-        return self.navigator.obstacles.of_track(track_id) is None
 
     def _take_detection(
         self, obstacle_id: str, detection: Detection, pose: Pose | None, now_s: float

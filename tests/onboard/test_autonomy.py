@@ -395,7 +395,8 @@ def test_body_frame_needs_a_pose_at_its_stamp(cruising: Rig) -> None:
 
 def test_a_body_that_turns_fast_places_nothing_new(cruising: Rig) -> None:
     autonomy, counters = cruising.autonomy, cruising.autonomy.detections
-    known, new = box((11.0, 5.0), name="known"), box((11.0, -5.0), name="new")
+    known, far = box((11.0, 5.0), name="known"), box((11.0, -5.0), name="far")
+    near = box((5.5, -3.0), name="near")
 
     def look(*boxes: dict[str, Any], yaw_rate_radps: float) -> None:
         for _ in range(2):
@@ -411,11 +412,13 @@ def test_a_body_that_turns_fast_places_nothing_new(cruising: Rig) -> None:
     look(known, yaw_rate_radps=1.0)
     assert counters.unplaced_frames == 0  # it has been seen better
     assert list(autonomy.navigator.obstacles) == [before]
-    look(known, new, yaw_rate_radps=1.0)
+    look(known, far, yaw_rate_radps=1.0)
+    assert counters.unplaced_frames == 0  # it will be seen better
+    look(known, near, yaw_rate_radps=1.0)
     assert counters.unplaced_frames == 1
     assert list(autonomy.navigator.obstacles) == [before]
-    look(known, new, yaw_rate_radps=0.0)
-    assert len(autonomy.navigator.obstacles) == 2
+    look(known, far, near, yaw_rate_radps=0.0)
+    assert len(autonomy.navigator.obstacles) == 3
 
 
 def test_state_is_json_from_the_first_tick(rig: Rig) -> None:
