@@ -27,6 +27,8 @@ TICK_OVERRUN_S: Final = 3.0 * TICK_S
 # Acceleration below which tilt says nothing, and the share of it that must be there in time.
 TILT_ASKED_MPS2: Final = 0.5
 TILT_SHARE: Final = 0.4
+# The autopilot itself takes this much back of what is asked for, to mend what a gust has done.
+TILT_FEEDBACK_MPS2: Final = 0.8
 TILT_PATIENCE_S: Final = 0.3
 # Time constant with which the tilt that holds against the wind is learnt in cruise.
 TRIM_TIME_S: Final = 1.0
@@ -206,14 +208,14 @@ class TiltWatch:
             (tilt_mps2[0] - self._trim_mps2[0]) * asked_frd_mps2[0]
             + (tilt_mps2[1] - self._trim_mps2[1]) * asked_frd_mps2[1]
         ) / asked_mps2
-        if delivered_mps2 >= TILT_SHARE * asked_mps2:
+        limit_mps2 = min(TILT_SHARE * asked_mps2, asked_mps2 - TILT_FEEDBACK_MPS2)
+        if delivered_mps2 >= limit_mps2:
             self._lacking_since_s = None
             return None
         if self._lacking_since_s is None:
             self._lacking_since_s = pose.time_s
         if pose.time_s - self._lacking_since_s < TILT_PATIENCE_S + terms.attitude_lag_s:
             return None
-        limit_mps2 = TILT_SHARE * asked_mps2
         return Violation(Assumption.TILT_RESPONSE, delivered_mps2, limit_mps2, "m/s²")
 
 

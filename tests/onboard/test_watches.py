@@ -190,6 +190,11 @@ def test_tilt_that_does_not_deliver_is_a_violation(roll_rad: float) -> None:
     assert found.assumption is Assumption.TILT_RESPONSE
 
 
+def test_tilt_that_mends_what_a_gust_has_done_is_accepted() -> None:
+    assert watch_tilt(0.0, 0.7) is None
+    assert watch_tilt(0.0, 0.9) is not None  # all that a limit of 5° has to give
+
+
 def test_tilt_against_the_wind_is_taken_off() -> None:
     wind_rad = math.radians(8.0)
     assert watch_tilt(wind_rad + math.radians(12.0), 2.5, trim_roll_rad=wind_rad) is None
