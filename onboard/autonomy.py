@@ -58,6 +58,8 @@ RIVAL_MEMORY_S: Final = 0.5
 SENT_MEMORY_S: Final = 0.6
 # How far apart the times of a pose between two others and of a frame from the body may be.
 POSE_TIMING_S: Final = 0.5 / TELEMETRY_RATE_HZ
+# What this displaces by less than this share of a sensor's error is seen sharply.
+SHARP_SHARE: Final = 0.1
 # Holding without knowing where for longer than this is left to the autopilot.
 HANDOVER_AFTER_S: Final = 2.0
 
@@ -210,8 +212,8 @@ class Autonomy:
             self.detections.unplaced_frames += 1
             return
         terms = self.assessment.terms
-        blurred = {} if pose is None else self._blurred(frame, stamp_s)
-        if self._moving and any(self._must_be_known(*seen) for seen in blurred.items()):
+        blurs_m = {} if pose is None else self._blurs_m(frame, stamp_s)
+        if any(blur_m > terms.position_error_m for blur_m in blurs_m.values()):
             self.detections.unplaced_frames += 1
             return
         lateness = self._detection_watch.on_frame(frame.source, stamp_s, now_s, terms)
@@ -221,24 +223,30 @@ class Autonomy:
             return
         for detection in frame.obstacles:
             track_id = _track_id(frame, detection)
-            if track_id not in blurred:
+            if pose is None or track_id in blurs_m:
                 self._take_detection(track_id, detection, pose, now_s)
 
-    def _blurred(self, frame: DetectionFrame, stamp_s: float) -> dict[str, Detection]:
-        """What a turning body sees too far off for what the contract says of its faces, by track.
+    def _blurs_m(self, frame: DetectionFrame, stamp_s: float) -> dict[str, float]:
+        """How far off a turning body sees what is to be taken from a frame, by track.
 
-        Pose and frame belong together only as exactly as their times do.  What is known already
-        has been seen better, and what is far will be; what is new and near makes the frame as good
-        as none, unless the vehicle is at rest: turning on the spot it looks again before it
-        departs.
+        Pose and frame belong together only as exactly as their times do.  What is hardly blurred
+        counts as sharp; of the rest what is known already has been seen better, and what is far, or
+        seen at rest before the departure, will be: only what is new and near has to be taken as it
+        is, or makes the frame as good as none.
         """
         turn_rad = abs(self._poses.yaw_rate_radps(stamp_s)) * POSE_TIMING_S
-        error_max_m = self.assessment.terms.position_error_m
-        return {
-            _track_id(frame, detection): detection
-            for detection in frame.obstacles
-            if math.hypot(*detection.center_m) * turn_rad > error_max_m
-        }
+        sharp_m = SHARP_SHARE * self.assessment.terms.position_error_m
+        blurs_m = {}
+        for detection in frame.obstacles:
+            track_id, blur_m = (
+                _track_id(frame, detection),
+                math.hypot(*detection.center_m) * turn_rad,
+            )
+            if blur_m <= sharp_m:
+                blurs_m[track_id] = 0.0
+            elif self._moving and self._must_be_known(track_id, detection):
+                blurs_m[track_id] = blur_m
+        return blurs_m
 
     def _must_be_known(self, track_id: str, detection: Detection) -> bool:
         """Tell whether what is seen is new, and so near that the contract counts on it."""
