@@ -61,7 +61,8 @@ def merge(boxes_m: FloatArray, regions_of: Regions, size_max_m: float) -> Merged
 
 def _united(merged: Merged, size_max_m: float) -> list[int] | None:
     """Return which box each is to be part of; None if each stays what it is."""
-    parents, boxes = list(range(len(merged.members))), {}
+    parents = list(range(len(merged.members)))
+    boxes: dict[int, tuple[float, ...]] = {}
 
     def root(index: int) -> int:
         while parents[index] != index:
