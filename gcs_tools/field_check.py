@@ -9,12 +9,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
+from functools import partial
+from itertools import islice
 from typing import Any
 
 import numpy as np
 from scipy.spatial import KDTree
 
+from gcs_tools.field_merging import PAIRS_MAX, intersecting_pairs, merge
 from onboard.config import Mission
 from onboard.contract import Assessment, Terms, worst_encounter
 from onboard.frames import FloatArray, LegFrame
@@ -23,6 +26,7 @@ from sitl.field import ObstacleField
 
 # Named in a report; a field that breaks a rule in a million places breaks it all the same.
 OFFENDERS_MAX = 100
+MERGED_SHOWN = 5
 
 # One part in a billion: sizes and distances are sums of floats that were written down as equal.
 _ROUND_OFF = 1e-9
@@ -41,6 +45,7 @@ class FieldRule:
         unit: of both.
         reason: why there is such a rule.
         offenders: who breaks it, at most `OFFENDERS_MAX`.
+        note: what it holds thanks to, or how far it was followed; empty if there is nothing to say.
     """
 
     name: str
@@ -49,6 +54,7 @@ class FieldRule:
     unit: str
     reason: str
     offenders: tuple[str, ...] = ()
+    note: str = ""
 
     @property
     def margin(self) -> float:
@@ -84,27 +90,40 @@ class LegField:
 
     Attributes:
         stretch: the leg.
-        ids: names of the obstacles.
-        boxes_m: the obstacles in the leg frame, (N, 4): x from, x to, y from, y to.
+        single_ids: names of the N obstacles.
+        single_boxes_m: the obstacles in the leg frame, (N, 4): x from, x to, y from, y to.
+        ids: names of what is avoided as one; those of merged obstacles are joined by ``+``.
+        boxes_m: what is avoided as one, (M, 4).
         regions_m: their Regions of Influence, alike.
     """
 
     stretch: Stretch
+    single_ids: tuple[str, ...]
+    single_boxes_m: FloatArray
     ids: tuple[str, ...]
     boxes_m: FloatArray
     regions_m: FloatArray
 
     @classmethod
     def of(cls, stretch: Stretch, assessment: Assessment, obstacles: ObstacleField) -> LegField:
-        """Place every obstacle and its region in the frame of the leg."""
+        """Place every obstacle in the frame of the leg, merge them, and add the regions."""
         boxes_m = leg_boxes(stretch.frame, obstacles)
-        return cls(stretch, obstacles.ids, boxes_m, region_extents(assessment, boxes_m))
+        regions_of = partial(region_extents, assessment)
+        merged = merge(boxes_m, regions_of, assessment.terms.obstacle_size_max_m)
+        names = tuple("+".join(obstacles.ids[n] for n in each) for each in merged.members)
+        return cls(stretch, obstacles.ids, boxes_m, names, merged.boxes_m, merged.regions_m)
 
     @property
     def sizes_m(self) -> FloatArray:
-        """Extents along and across the leg, (N, 2)."""
-        sizes_m: FloatArray = self.boxes_m[:, 1::2] - self.boxes_m[:, ::2]
+        """Extents of the obstacles along and across the leg, (N, 2)."""
+        sizes_m: FloatArray = self.single_boxes_m[:, 1::2] - self.single_boxes_m[:, ::2]
         return sizes_m
+
+    @property
+    def centers_m(self) -> FloatArray:
+        """Centres of what is avoided as one, in the leg frame, (M, 2)."""
+        centers_m: FloatArray = (self.boxes_m[:, ::2] + self.boxes_m[:, 1::2]) / 2.0
+        return centers_m
 
     def regions_at(self, place: Box) -> list[int]:
         """Return the indices of the regions that share a point with a place."""
@@ -114,9 +133,9 @@ class LegField:
         found: list[int] = np.flatnonzero(along & across).tolist()
         return found
 
-    def called(self, index: int) -> str:
+    def called(self, name: str) -> str:
         """Name of an obstacle on this leg."""
-        return f"{self.ids[index]} ({self.stretch.name})"
+        return f"{name} ({self.stretch.name})"
 
 
 @dataclass
@@ -143,7 +162,7 @@ def check_field(
     rules = (
         _largest(legs, assessment),
         _thinnest(legs, assessment),
-        _nearest(obstacles, assessment),
+        _nearest(legs, assessment),
         _disjoint(legs),
     )
     return rules if mission is None else (*rules, _start_clear(legs), _end_clear(legs))
@@ -233,7 +252,7 @@ def _largest(legs: tuple[LegField, ...], assessment: Assessment) -> FieldRule:
         sizes_m = leg.sizes_m.max(axis=1)
         largest_m = max(largest_m, float(sizes_m.max(initial=0.0)))
         for index in np.flatnonzero(sizes_m > allowed_m * (1.0 + _ROUND_OFF)).tolist():
-            count.add(f"{leg.called(index)}: {sizes_m[index]:.2f} m")
+            count.add(f"{leg.called(leg.single_ids[index])}: {sizes_m[index]:.2f} m")
     return FieldRule(
         "obstacle_size_max",
         largest_m,
@@ -251,7 +270,7 @@ def _thinnest(legs: tuple[LegField, ...], assessment: Assessment) -> FieldRule:
         sizes_m = leg.sizes_m[:, 0]
         thinnest_m = min(thinnest_m, float(sizes_m.min(initial=math.inf)))
         for index in np.flatnonzero(sizes_m < assumed_m * (1.0 - _ROUND_OFF)).tolist():
-            count.add(f"{leg.called(index)}: {sizes_m[index]:.2f} m")
+            count.add(f"{leg.called(leg.single_ids[index])}: {sizes_m[index]:.2f} m")
     return FieldRule(
         "obstacle_size_min",
         assumed_m,
@@ -262,23 +281,24 @@ def _thinnest(legs: tuple[LegField, ...], assessment: Assessment) -> FieldRule:
     )
 
 
-def _nearest(obstacles: ObstacleField, assessment: Assessment) -> FieldRule:
+def _nearest(legs: tuple[LegField, ...], assessment: Assessment) -> FieldRule:
     assumed_m = assessment.terms.obstacle_separation_min_m
-    distance_m, neighbour = _nearest_neighbours(obstacles.center_ned_m)
-    near = np.flatnonzero(distance_m < assumed_m * (1.0 - _ROUND_OFF))
-    pairs = {
-        (min(i, j), max(i, j)): distance_m[i]
-        for i, j in zip(near.tolist(), neighbour[near].tolist(), strict=True)
-    }
+    nearest_m, pairs = math.inf, {}
+    for leg in legs:
+        distance_m, neighbour = _nearest_neighbours(leg.centers_m)
+        nearest_m = min(nearest_m, float(distance_m.min(initial=math.inf)))
+        near = np.flatnonzero(distance_m < assumed_m * (1.0 - _ROUND_OFF))
+        for i, j in zip(near.tolist(), neighbour[near].tolist(), strict=True):
+            pairs[leg.ids[min(i, j)], leg.ids[max(i, j)]] = distance_m[i]
     return FieldRule(
         "separation",
         assumed_m,
-        float(distance_m.min(initial=math.inf)),
+        nearest_m,
         "m",
         "no two obstacles may stand closer, centre to centre, than the contract assumes",
         tuple(
-            f"{obstacles.ids[i]} and {obstacles.ids[j]}: {apart_m:.2f} m"
-            for (i, j), apart_m in list(pairs.items())[:OFFENDERS_MAX]
+            f"{one} and {other}: {apart_m:.2f} m"
+            for (one, other), apart_m in list(pairs.items())[:OFFENDERS_MAX]
         ),
     )
 
@@ -296,37 +316,33 @@ def _nearest_neighbours(points_m: FloatArray) -> tuple[FloatArray, FloatArray]:
 def _disjoint(legs: tuple[LegField, ...]) -> FieldRule:
     count = _Count()
     for leg in legs:
-        for i, j in intersecting_pairs(leg.regions_m):
-            count.add(f"{leg.ids[i]} and {leg.called(j)}")
-    return _none_of(
+        for i, j in islice(intersecting_pairs(leg.regions_m), PAIRS_MAX - count.total):
+            count.add(f"{leg.ids[i]} and {leg.called(leg.ids[j])}")
+    rule = _none_of(
         count,
         "roi_disjoint",
         "pairs",
         "regions of influence of two obstacles must not intersect: the induction needs one at a "
         "time",
     )
+    return replace(rule, note=_merging_note(legs, counted_all=count.total < PAIRS_MAX))
 
 
-def intersecting_pairs(boxes_m: FloatArray) -> Iterator[tuple[int, int]]:
-    """Yield the index pairs of boxes, (N, 4), that share a point.
-
-    They are found by a sweep along the longer spread.
-    """
-    edges_m = boxes_m.reshape(-1, 2, 2)
-    spread_m = np.ptp(edges_m[:, :, 0], axis=0) if len(boxes_m) else np.zeros(2)
-    along = int(np.argmax(spread_m))
-    order = np.argsort(edges_m[:, along, 0], kind="stable")
-    lower_m, upper_m = edges_m[order, :, 0], edges_m[order, :, 1]
-    ends = np.searchsorted(lower_m[:, along], upper_m[:, along], side="right")
-    across = 1 - along
-    for first, end in enumerate(ends.tolist()):
-        rest = slice(first + 1, end)
-        overlaps = (lower_m[rest, across] <= upper_m[first, across]) & (
-            upper_m[rest, across] >= lower_m[first, across]
-        )
-        for offset in np.flatnonzero(overlaps).tolist():
-            i, j = int(order[first]), int(order[first + 1 + offset])
-            yield min(i, j), max(i, j)
+def _merging_note(legs: tuple[LegField, ...], *, counted_all: bool) -> str:
+    names = [
+        leg.called(name)
+        for leg in legs
+        if len(leg.ids) < len(leg.single_ids)
+        for name in sorted(set(leg.ids) - set(leg.single_ids))
+    ]
+    notes = []
+    if names:
+        first = "; ".join(names[:MERGED_SHOWN])
+        more = "; …" if len(names) > MERGED_SHOWN else ""
+        notes.append(f"what stands close is avoided as one: {first}{more}")
+    if not counted_all:
+        notes.append(f"counted no further than {PAIRS_MAX}")
+    return ", ".join(notes)
 
 
 def _start_clear(legs: tuple[LegField, ...]) -> FieldRule:
@@ -355,7 +371,7 @@ def _end_clear(legs: tuple[LegField, ...]) -> FieldRule:
 
 def _count_regions_at(leg: LegField, place: Box, count: _Count) -> None:
     for index in leg.regions_at(place):
-        count.add(leg.called(index))
+        count.add(leg.called(leg.ids[index]))
 
 
 def _none_of(count: _Count, name: str, unit: str, reason: str) -> FieldRule:

@@ -19,8 +19,8 @@ from onboard.config import Mission
 from onboard.contract import Assessment
 from onboard.daemon import open_session
 
-# Of a look at everything: seven of `survey`, and connecting, the bus, clearing the daemon.
-STEPS = 10
+# Of a look at everything: eight of `survey`, and connecting, the bus, clearing the daemon.
+STEPS = 11
 Report = Callable[[str], None]
 
 

@@ -43,6 +43,9 @@ GROUND_TIME_S = 60.0
 TIME_RESERVE = 4.0 / 3.0
 CHARGE_RESERVE = 0.2
 
+# MAV_MISSION_TYPE_FENCE and MAV_MISSION_OPERATION_CANCELLED.
+_FENCE, _TRANSFER_CANCELLED = 1, 15
+
 _COUNTED = ("ATTITUDE", "LOCAL_POSITION_NED")
 
 
@@ -62,6 +65,7 @@ class VehicleFacts:
         position_ned_m: where the vehicle stands.
         battery_share: remaining charge, 0 to 1.
         battery_time_s: remaining time, as the vehicle reckons.
+        fence_items: corners, circles and return points of the geofence's polygons on board.
     """
 
     flavour: str | None
@@ -75,6 +79,7 @@ class VehicleFacts:
     position_ned_m: tuple[float, float, float] | None = None
     battery_share: float | None = None
     battery_time_s: float | None = None
+    fence_items: int | None = None
 
 
 # ---------------------------------------------------------------------- what is learnt
@@ -150,6 +155,50 @@ async def _ask_home(vehicle: Vehicle, facts: VehicleFacts) -> None:
         facts.home_ned_m = (fields["x"], fields["y"], fields["z"])
 
 
+async def _ask_fence(vehicle: Vehicle, facts: VehicleFacts) -> None:
+    """Ask how many items the geofence has that is kept like a mission, not as parameters."""
+    direct, system_id = MavlinkDirectAsync(vehicle.system), await vehicle.system.get_system_id()
+    answer = asyncio.create_task(_fence_count(direct))
+    await asyncio.sleep(0.0)  # listen first, then ask
+    try:
+        await _send_of_fence(direct, system_id, "MISSION_REQUEST_LIST", {})
+        facts.fence_items = await answer
+        if facts.fence_items is not None:  # else the vehicle waits to be asked for the first item
+            await _send_of_fence(direct, system_id, "MISSION_ACK", {"type": _TRANSFER_CANCELLED})
+    except MavsdkError:
+        await answer
+
+
+async def _fence_count(direct: MavlinkDirectAsync) -> int | None:
+    async def counts() -> AsyncGenerator[int, None]:
+        async with aclosing(direct.subscribe_message("MISSION_COUNT")) as messages:
+            async for message in messages:
+                fields = json.loads(message.fields_json)
+                if fields.get("mission_type") == _FENCE:
+                    yield int(fields["count"])
+
+    return await _first(counts())
+
+
+async def _send_of_fence(
+    direct: MavlinkDirectAsync, system_id: int, name: str, fields: dict[str, int]
+) -> None:
+    addressed = {
+        "target_system": system_id,
+        "target_component": 1,
+        "mission_type": _FENCE,
+        **fields,
+    }
+    await direct.send_message(
+        MavlinkMessage(
+            name,
+            target_system_id=system_id,
+            target_component_id=1,
+            fields_json=json.dumps(addressed),
+        )
+    )
+
+
 async def _rate_asked(call: Any) -> None:
     """Ask for a message; an autopilot that refuses may send it all the same."""
     try:
@@ -163,6 +212,7 @@ _QUESTIONS = {
     "parameters": _ask_parameters,
     "battery": _ask_battery,
     "home": _ask_home,
+    "geofence": _ask_fence,
 }
 
 
@@ -265,7 +315,7 @@ def judge(
             complete=facts.parameters_complete,
         )
     if mission is not None:
-        findings += [_home(facts), _start(facts, mission)]
+        findings += [_home(facts), _start(facts, mission), _fence_polygons(facts)]
         findings.append(_battery(facts, flight_time_s(mission, assessment), endurance_s))
     return findings
 
@@ -333,6 +383,16 @@ def _start(facts: VehicleFacts, mission: Mission) -> Finding:
     away_m = math.dist(facts.position_ned_m[:2], mission.start_ned_m)
     text = f"{away_m:.1f} m from the start of the mission, limit {START_TOLERANCE_M:g} m"
     return _known("start", holds=away_m <= START_TOLERANCE_M, text=text)
+
+
+def _fence_polygons(facts: VehicleFacts) -> Finding:
+    name = "geofence polygons"
+    if facts.fence_items is None:
+        return _unknown(name, f"no answer to what is on board within {ANSWER_TIMEOUT_S:g} s")
+    if facts.fence_items:
+        text = f"{facts.fence_items} items on board, which are not compared with the mission"
+        return _unknown(name, text)
+    return _known(name, holds=True, text="none on board")
 
 
 def _battery(facts: VehicleFacts, needed_s: float, endurance_s: float | None) -> Finding:

@@ -214,6 +214,7 @@ def _rule_document(rule: FieldRule) -> dict[str, Any]:
         "holds": rule.holds,
         "reason": rule.reason,
         "offenders": list(rule.offenders),
+        "note": rule.note,
     }
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +14,8 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from gcs_tools.errors import CommandError
-from gcs_tools.field_check import LegField, intersecting_pairs
+from gcs_tools.field_check import LegField
+from gcs_tools.field_merging import PAIRS_MAX, intersecting_pairs
 from onboard.frames import FloatArray, LegFrame
 
 BoolArray = NDArray[np.bool_]
@@ -116,7 +118,7 @@ def _frame(axes: Axes, points_m: FloatArray) -> None:
 def offending(leg: LegField) -> BoolArray:
     """Return which obstacles break a rule about regions on this leg, (N,)."""
     found = np.zeros(len(leg.ids), dtype=np.bool_)
-    for pair in intersecting_pairs(leg.regions_m):
+    for pair in islice(intersecting_pairs(leg.regions_m), PAIRS_MAX):
         found[list(pair)] = True
     for place in (leg.stretch.start, leg.stretch.end):
         found[leg.regions_at(place)] = True

@@ -94,6 +94,9 @@ def print_field(
         mark = _MARKS[Verdict.of(holds=rule.holds)]
         table.add_row(rule.name, mark, *numbers, rule.unit, offenders)
     console.print(table)
+    for rule in rules:
+        if rule.note:
+            console.print(f"{rule.name}: {rule.note}", markup=False, soft_wrap=True)
     if fastest_mps is None:
         console.print("no cruise speed makes this field compliant")
     else:

@@ -8,7 +8,8 @@ from pathlib import Path
 
 import numpy as np
 
-from gcs_tools.field_check import check_field, intersecting_pairs
+from gcs_tools.field_check import check_field
+from gcs_tools.field_merging import intersecting_pairs
 from gcs_tools.scenario import load_scenario
 from onboard.config import load_contract
 from onboard.contract import assess

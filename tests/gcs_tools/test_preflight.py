@@ -14,7 +14,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gcs_tools.field_check import OFFENDERS_MAX, FieldRule, check_field, intersecting_pairs
+from gcs_tools.field_check import OFFENDERS_MAX, FieldRule, check_field
+from gcs_tools.field_merging import intersecting_pairs
 from gcs_tools.live_check import LiveRequest, check_live
 from gcs_tools.preflight_finding import Verdict
 from gcs_tools.processes import free_ports
@@ -110,7 +111,8 @@ def test_separation_is_between_centres() -> None:
     assert near.declared == pytest.approx(math.hypot(7.0, 10.0))
     assert not near.holds
     assert near.offenders == ("a and b: 12.21 m",)
-    same_place = rules([obstacle("a", (0.0, 0.0)), obstacle("b", (0.0, 0.0))])["separation"]
+    too_large = obstacle("b", (0.0, 0.0), size_m=(1.3, 1.3))  # else the two are avoided as one
+    same_place = rules([obstacle("a", (0.0, 0.0)), too_large])["separation"]
     assert (same_place.declared, same_place.holds) == (0.0, False)
     alone = rules([obstacle("a", (0.0, 0.0))])["separation"]
     assert alone.holds
@@ -140,7 +142,8 @@ def test_a_later_leg_starts_anywhere_beside_the_end_of_the_one_before() -> None:
 
 
 def test_offenders_are_bounded() -> None:
-    crowd = [obstacle(str(n), (0.01 * n, 0.0)) for n in range(60)]
+    # As large as an obstacle may be, so that none are avoided as one.
+    crowd = [obstacle(str(n), (0.01 * n, 0.0), size_m=(1.2, 1.2)) for n in range(60)]
     disjoint = rules(crowd)["roi_disjoint"]
     assert disjoint.required == 60 * 59 / 2
     assert len(disjoint.offenders) == OFFENDERS_MAX

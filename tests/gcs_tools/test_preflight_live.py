@@ -31,6 +31,7 @@ FACTS = VehicleFacts(
     position_ned_m=(0.2, 0.0, 0.0),
     battery_share=0.9,
     battery_time_s=600.0,
+    fence_items=0,
 )
 
 
@@ -40,7 +41,16 @@ def judged(endurance_s: float | None = None, **changes: Any) -> dict[str, Verdic
 
 
 def test_a_vehicle_in_order() -> None:
-    names = ("health", "firmware", "ATTITUDE", "link delay", "home", "start", "battery")
+    names = (
+        "health",
+        "firmware",
+        "ATTITUDE",
+        "link delay",
+        "home",
+        "start",
+        "battery",
+        "geofence polygons",
+    )
     found = judged()
     assert {name: found[name] for name in names} == dict.fromkeys(names, HOLDS)
 
@@ -59,6 +69,8 @@ def test_a_vehicle_in_order() -> None:
         ({"home_ned_m": (0.0, 0.0, -3.0)}, "home", BROKEN),
         ({"position_ned_m": None}, "start", UNKNOWN),
         ({"position_ned_m": (3.0, 0.0, 0.0)}, "start", BROKEN),
+        ({"fence_items": 5}, "geofence polygons", UNKNOWN),
+        ({"fence_items": None}, "geofence polygons", UNKNOWN),
         ({"battery_time_s": 70.0}, "battery", BROKEN),
         ({"battery_time_s": None}, "battery", UNKNOWN),
         ({"battery_time_s": None, "battery_share": None, "endurance_s": 900.0}, "battery", UNKNOWN),

@@ -109,6 +109,7 @@ def test_px4_is_cleared_until_a_parameter_is_wrong(clearway: Clearway, tmp_path:
         ran, found = place.preflight(clearway)
         assert ran.code == 0, {name: v for name, v in found.items() if v != "holds"}
         assert found["daemon contract"] == found["daemon clearance"] == "holds"
+        assert found["vehicle geofence polygons"] == "holds"
         assert place.cleared()
         place.tune("COM_OBL_RC_ACT", 3)
         ran, found = place.preflight(clearway)
@@ -128,7 +129,7 @@ def test_px4_is_cleared_until_a_parameter_is_wrong(clearway: Clearway, tmp_path:
                 check=False,
             )
         assert screen.shares == sorted(screen.shares)
-        assert max(screen.shares) == 90  # the last of ten steps was begun
+        assert max(screen.shares) == round(100 * 10 / 11)  # the last of eleven steps was begun
         assert screen.estimates
         assert any("looking: telemetry rates" in line for line in screen.lines)
 
