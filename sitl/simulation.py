@@ -9,6 +9,7 @@ flight code.
 from __future__ import annotations
 
 import gc
+import math
 import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
@@ -37,7 +38,8 @@ STEPS_PER_OPERATOR: Final = 10
 # Where virtual time begins; any instant will do, as long as it is always the same.
 EPOCH_UNIX_S: Final = 1_790_000_000.0
 ONBOARD_LINK, OPERATOR_LINK = 0, 1
-# How long the operator waits after the mission, and after the service has died, before landing.
+# How long the operator waits after the mission, and where the service does not fly (it has died, it
+# refuses to depart, the autopilot does not obey it), before landing.
 LINGER_S: Final = 1.0
 PATIENCE_S: Final = 8.0
 
@@ -106,7 +108,7 @@ class Simulation:
         self._faults = FaultInjector(flight.faults, flight.seed)
         self._steps = 0
         self._dead = False
-        self._over_since_s: float | None = None
+        self._over_since_s = self._idle_since_s = math.inf
 
     @property
     def over(self) -> bool:
@@ -155,21 +157,26 @@ class Simulation:
 
     def _operate(self) -> None:
         self.operator.receive(self.scene.vehicle.bytes_to_send(OPERATOR_LINK))
-        over = self._dead or self.autonomy.navigator.phase in (Phase.ARRIVED, Phase.HOLD)
-        if not over:
-            self._over_since_s = None
-        elif self._over_since_s is None:
-            self._over_since_s = self.now_s
+        phase = self.autonomy.navigator.phase
+        ended = phase in (Phase.ARRIVED, Phase.HOLD) and not self._dead
+        handed_over = self.operator.step in (Step.HAND_OVER, Step.WATCH)
+        idle = handed_over and (self._dead or phase is Phase.STANDBY)
+        self._over_since_s = _since(self._over_since_s, self.now_s, present=ended)
+        self._idle_since_s = _since(self._idle_since_s, self.now_s, present=idle)
         if self._faults.present("operator_takes_over"):
             self.operator.take_over()
         else:
             self.operator.hand_back()
-        # A vehicle whose service is dead is left alone until it has come to rest by itself.
-        linger_s = PATIENCE_S if self._dead else LINGER_S
-        if self._over_since_s is not None and self.now_s > self._over_since_s + linger_s:
+        # A vehicle without its service is left alone until it has come to rest by itself.
+        if self.now_s > min(self._over_since_s + LINGER_S, self._idle_since_s + PATIENCE_S):
             self.operator.land()
         self.operator.advance(self.now_s)
         self.scene.vehicle.receive(self.operator.bytes_to_send(), OPERATOR_LINK)
+
+
+def _since(began_s: float, now_s: float, *, present: bool) -> float:
+    """Return since when something lasts; infinite while it does not."""
+    return min(began_s, now_s) if present else math.inf
 
 
 def _start_service(flight: SimulatedFlight) -> Autonomy:
