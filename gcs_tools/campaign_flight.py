@@ -137,6 +137,7 @@ def fly_numbered(source: Source, campaign_seed: int, number: int) -> FlightRow:
         return _row(which, case, checked.assessment, _refused(case, checked), time_s=(0.0, 0.0))
     try:
         evidence = fly_case(case)
+        found = findings(evidence)
     except Exception:  # noqa: BLE001  whatever it is, it is what campaigns are for
         crashed = _aborted(case, traceback.format_exc().strip().splitlines()[-1])
         found = {"exception": "\n".join(traceback.format_exc().strip().splitlines()[-5:])}
@@ -147,7 +148,7 @@ def fly_numbered(source: Source, campaign_seed: int, number: int) -> FlightRow:
         case,
         checked.assessment,
         evidence.result,
-        found=findings(evidence),
+        found=found,
         tracking_m=true_tracking_error_m(evidence),
         time_s=(virtual_s, time.process_time() - began_s),
     )

@@ -96,8 +96,9 @@ def _violating(draw: random.Random) -> Case:
         case _:
             terms = {"cruise_speed_mps": vehicle.cruise_speed_mps * draw.uniform(1.3, 2.0)}
             scenario = _redeclared(scenario, vehicle=vehicle.model_copy(update=terms))
+    # What is seen from the start keeps the service from departing, and the operator lands.
     unforeseen = breach in ("larger", "closer")
-    outcomes: tuple[Outcome, ...] = ("arrived", "held") if unforeseen else ("aborted",)
+    outcomes: tuple[Outcome, ...] = ("arrived", "held", "aborted") if unforeseen else ("aborted",)
     return Case(scenario, _seed(draw), breach, outcomes=outcomes)
 
 
@@ -110,14 +111,15 @@ def _faulty(draw: random.Random) -> Case:
     kind: FaultKind = draw.choice(FAULT_KINDS)
     scenario = _compliant_scenario(draw, stop=True, passive_safety=True)
     fault = _drawn_fault(draw, kind, scenario)
-    scenario = replace(scenario, faults=(fault,))
+    scenario = replace(scenario, faults=(*_leading_to(draw, fault), fault))
     return Case(
         scenario,
         _seed(draw),
         kind,
         trigger=f"{fault.phase or 'start'} {fault.entry}",
-        outcomes=("arrived", "held", "aborted") if fault.phase is None else ("arrived", "held"),
-        covered=kind not in UNDETECTABLE,
+        # Landed by the operator, who need not have the service for it, is a safe end too.
+        outcomes=("arrived",) if _is_tolerated(scenario) else ("arrived", "held", "aborted"),
+        covered=kind not in UNDETECTABLE | DISPLACING,
     )
 
 
@@ -131,6 +133,26 @@ FAULT_KINDS: Final[tuple[FaultKind, ...]] = get_args(FaultKind)
 # A sensor that claims to have looked, and is wrong beyond its declared error, cannot be found out
 # by anybody who has no other: nothing is promised, and what happens is counted.
 UNDETECTABLE: Final[frozenset[FaultKind]] = frozenset({"detections_hidden"})
+# These move the vehicle where the service does not want it, and no computer on board can prevent
+# it: physics, or somebody else's setpoints.  A collision is excused only after the alarm.
+DISPLACING: Final[frozenset[FaultKind]] = frozenset(
+    {
+        "gust",
+        "thrust_lost",
+        "attitude_slow",
+        "parameter_changed",
+        "motor_failed",
+        "second_commander",
+    }
+)
+# What the contract does not even mention, or covers: the mission has to be flown to its end.
+TOLERATED: Final[frozenset[FaultKind]] = frozenset(
+    {"detections_shifted", "link_duplicating", "solver_limited"}
+)
+
+
+def _is_tolerated(scenario: Scenario) -> bool:
+    return all(fault.kind in TOLERATED for fault in scenario.faults)
 
 
 def _seed(draw: random.Random) -> int:
@@ -378,7 +400,17 @@ _AMOUNT_RANGES: Final[dict[str, tuple[float, float]]] = {
     "detections_uncertain": (0.03, 0.3),
     "detections_oversized": (1.2, 4.0),
     "detections_ghost": (3.0, 15.0),
+    "detections_out_of_order": (0.1, 0.9),
     "sensor_clock_ahead": (0.2, 10.0),
+    "sensor_clock_skewed": (0.005, 0.2),
+    "link_lossy": (0.05, 0.6),
+    "link_duplicating": (0.05, 0.9),
+    "link_reordering": (0.05, 0.6),
+    "link_corrupting": (0.05, 0.4),
+    "parameter_changed": (20.0, 30.0),
+    "gust": (2.0, 9.0),
+    "thrust_lost": (0.78, 0.95),
+    "attitude_slow": (1.0, 8.0),
     "telemetry_corrupted": (0.05, 0.4),
     "position_reset": (0.6, 5.0),
 }
@@ -389,7 +421,15 @@ _PASSING_S: Final[dict[str, tuple[float, float]]] = {
     "operator_takes_over": (1.0, 4.0),
 }
 _DURATION_S: Final = (0.2, 4.0)
-_TRANSITIONS: Final = (("cruise", 1), ("avoid", 1), ("cruise", 2), ("arrived", 1))
+# Every transition of the automaton, by the phase that it leads into and how often before.
+_TRANSITIONS: Final = (
+    ("cruise", 1),
+    ("avoid", 1),
+    ("cruise", 2),
+    ("arrived", 1),
+    ("hold", 1),
+    ("standby", 2),
+)
 
 
 def _drawn_fault(draw: random.Random, kind: FaultKind, scenario: Scenario) -> Fault:
@@ -406,6 +446,20 @@ def _drawn_fault(draw: random.Random, kind: FaultKind, scenario: Scenario) -> Fa
     duration_s = passing_s if kind in _PASSING_S else draw.choice((None, passing_s))
     amount = _drawn_amount(draw, kind, scenario)
     return Fault.model_validate({"kind": kind, "duration_s": duration_s, "amount": amount, **when})
+
+
+def _leading_to(draw: random.Random, fault: Fault) -> tuple[Fault, ...]:
+    """Return what brings the service into a phase that no nominal flight comes to."""
+    at = {"phase": draw.choice(("cruise", "avoid")), "start_s": draw.uniform(0.5, 3.0)}
+    match fault.phase:
+        case "hold":
+            leading = {"kind": "detections_off", "duration_s": None, **at}
+        case "standby":
+            leading = {"kind": "operator_takes_over", "duration_s": 2.0, **at}
+        case _:
+            return ()
+    # Of two faults of one kind only one is present.
+    return () if leading["kind"] == fault.kind else (Fault.model_validate(leading),)
 
 
 def _drawn_amount(draw: random.Random, kind: FaultKind, scenario: Scenario) -> float | None:

@@ -19,15 +19,20 @@ from typing import Final
 
 from onboard.agility import InputSet
 from onboard.autonomy import Autonomy
+from onboard.avoidance import AvoidanceProblem
 from onboard.config import Contract, Mission
 from onboard.guidance import Phase
 from onboard.journal import Journal
+from onboard.plan import Plan
+from onboard.planner import Planner
+from onboard.qp_search import QpPlanner
 from onboard.record import Record
 from onboard.recorder import FlightLog
 from sitl.config import SitlConfig
 from sitl.faults import Fault, FaultInjector
 from sitl.field import ObstacleField
 from sitl.operator import Operator, Step
+from sitl.plant_faults import PlantFaults
 from sitl.scene import Scene
 from sitl.truth_log import TruthLog
 from sitl.vehicle import warm_up
@@ -102,10 +107,14 @@ class Simulation:
         config = flight.sitl.model_copy(update={"seed": flight.seed})
         self.now_s = 0.0
         self.scene = Scene(config, flight.obstacles, EPOCH_UNIX_S)
-        self.autonomy = _start_service(flight)
+        self._solver = _LimitedQp()
+        self.autonomy = _start_service(flight, self._solver)
         self.operator = Operator(config.system_id, flight.mission.altitude_m)
         self.flight = flight
         self._faults = FaultInjector(flight.faults, flight.seed)
+        self._plant_faults = PlantFaults(
+            self.scene.vehicle, config.system_id, config.flavour, OPERATOR_LINK
+        )
         self._steps = 0
         self._dead = False
         self._over_since_s = self._idle_since_s = math.inf
@@ -125,6 +134,8 @@ class Simulation:
         self._steps += 1
         self.now_s = self._steps * STEP_S
         self._faults.advance(self.now_s, self.autonomy.navigator.phase)
+        self._plant_faults.apply(self._faults, self.now_s)
+        self._solver.limited = self._faults.present("solver_limited")
         self.scene.advance(self.now_s)
         self._bury_or_revive()
         self._serve()
@@ -152,7 +163,7 @@ class Simulation:
     def _bury_or_revive(self) -> None:
         dead = self._faults.present("daemon_dead")
         if self._dead and not dead:
-            self.autonomy = _start_service(self.flight)
+            self.autonomy = _start_service(self.flight, self._solver)
         self._dead = dead
 
     def _operate(self) -> None:
@@ -179,7 +190,26 @@ def _since(began_s: float, now_s: float, *, present: bool) -> float:
     return min(began_s, now_s) if present else math.inf
 
 
-def _start_service(flight: SimulatedFlight) -> Autonomy:
+class _LimitedQp(QpPlanner):
+    """Finds no optimum within its iterations while it is limited."""
+
+    limited = False
+
+    def plan(
+        self,
+        problem: AvoidanceProblem,
+        current: Plan | None,
+        incumbent: Plan | None,
+        reasons: list[str],
+    ) -> Plan | None:
+        """Return what is flown already; see `QpPlanner.plan`."""
+        if self.limited:
+            reasons.append("no QP was solved within its iterations")
+            return incumbent
+        return super().plan(problem, current, incumbent, reasons)
+
+
+def _start_service(flight: SimulatedFlight, solver: QpPlanner) -> Autonomy:
     return Autonomy(
         flight.contract,
         flight.mission,
@@ -188,6 +218,7 @@ def _start_service(flight: SimulatedFlight) -> Autonomy:
         input_set=flight.input_set,
         fly_outside_contract=flight.fly_outside_contract,
         stopwatch=time.perf_counter,
+        planner=Planner(solver),
     )
 
 
