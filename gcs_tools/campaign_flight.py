@@ -225,7 +225,7 @@ def _row(
 ) -> FlightRow:
     vehicle, environment = case.scenario.contract.vehicle, case.scenario.contract.environment
     refused = result.outcome == "aborted" and result.reason.startswith("refused: ")
-    if refused and "aborted" not in case.outcomes:
+    if refused and not case.refusable and "aborted" not in case.outcomes:
         found = {"outcome": result.reason}
     return FlightRow(
         **which,

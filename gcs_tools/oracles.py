@@ -95,12 +95,17 @@ def _no_surprise(evidence: Evidence) -> Iterator[str]:
 def _no_exception(evidence: Evidence) -> Iterator[str]:
     """The service catches its own exceptions, and holds; here each is a finding."""
     for event in evidence.flight.topic("/events"):
-        if event["name"] == "violation" and event["data"]["assumption"] == "self_check":
-            yield f"self-check failed: {event['text']}"
+        if event["name"] == "violation" and event["data"]["unit"] == "exceptions":
+            yield f"deciding failed: {event['text']}"
 
 
 def _plan_not_expired(evidence: Evidence) -> Iterator[str]:
-    """Within an avoidance, what is sent belongs to a plan that has not come to its end."""
+    """Within an avoidance, what is sent belongs to a plan that has not come to its end.
+
+    A service that is dead or stalled sends nothing, whatever its last state was.
+    """
+    if any(fault.kind in ("daemon_dead", "tick_stall") for fault in evidence.case.scenario.faults):
+        return
     plans = iter(evidence.flight.topic("/plan"))
     plan, upcoming = None, next(plans, None)
     for state in evidence.states:
@@ -220,14 +225,16 @@ def _continuous_reference(evidence: Evidence) -> Iterator[str]:
 
 
 def _entry_condition(evidence: Evidence) -> Iterator[str]:
-    """Pre-condition of an induction step: no lateral speed, and at most V_cruise ahead."""
+    """Pre-condition of an induction step: at most V_cruise ahead, and V_recentring aside."""
     heading_rad = _heading_rad(evidence)
-    fastest_mps = evidence.case.scenario.contract.vehicle.cruise_speed_mps
+    vehicle = evidence.case.scenario.contract.vehicle
+    fastest_mps = vehicle.cruise_speed_mps
+    aside_mps = vehicle.recentring_speed_mps + _ENTRY_LATERAL_MPS
     for before, after in pairwise(evidence.states):
         if (before["phase"], after["phase"]) == ("cruise", "avoid"):
             velocity_mps = before["reference_velocity_ned_mps"]
             along_mps, across_mps = _in_leg(velocity_mps, heading_rad)
-            if abs(across_mps) > _ENTRY_LATERAL_MPS or not -1e-6 <= along_mps <= fastest_mps + 1e-6:
+            if abs(across_mps) > aside_mps or not -1e-6 <= along_mps <= fastest_mps + 1e-6:
                 yield f"avoidance entered at {along_mps:.3f} m/s ahead, {across_mps:.3f} aside"
 
 

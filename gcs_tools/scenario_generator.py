@@ -23,6 +23,8 @@ from sitl.faults import Fault, FaultKind
 from sitl.field import Obstacle, ObstacleField
 
 Breach = Literal["larger", "closer", "range", "speed"]
+# What falls short of the contract, undeclared.
+Shortfall = Literal["range", "tilt"]
 
 NO_FAULT: Final = "none"
 # Drawn again until the contract complies and the field keeps it; in vain is a programming error.
@@ -30,9 +32,29 @@ ATTEMPTS_MAX: Final = 500
 # Declared far more than any contract here requires, to learn what it does require.
 _AMPLE_M: Final = 1000.0
 _AMPLE_DEG: Final = 359.0
-# Legs of about 45 m, and long enough for two obstacles where the separation is wide.
-_LEG_LENGTH_M: Final = (38.0, 52.0)
 _ALTITUDE_M: Final = 3.0
+# How much of what the contract requires is left, in the flights outside it.
+_SHARES: Final = (0.95, 0.8, 0.65, 0.5)
+_TILT_GAIN_PER_S: Final = 11.0
+# The competition's boxes, and a course past them.
+_BOX_M: Final = (2.0, 20.0)
+_COURSE_M: Final = (90.0, 140.0)
+
+
+@dataclass(frozen=True)
+class _Extent:
+    """How long flights are: legs, speeds, and whether they begin in the air."""
+
+    length_m: tuple[float, float]
+    speed_mps: tuple[float, float]
+    airborne: bool
+
+
+# Legs of about 45 m, and long enough for two obstacles where the separation is wide.
+_FULL: Final = _Extent((38.0, 52.0), (1.2, 5.0), airborne=False)
+# A third of the time: one obstacle, faster, no take-off (simulation shortcut: starts in hover).
+_QUICK: Final = _Extent((18.0, 26.0), (2.5, 5.0), airborne=True)
+
 # Seconds of latency and confirmation that the simulated sensor needs lie within this.
 _REACTION_TIME_S: Final = (0.15, 0.25)
 _MEAN_WIND_MAX_MPS: Final = 3.0
@@ -51,6 +73,7 @@ class Case:
         outcomes: what the flight may come to.
         covered: whether the contract promises that nothing is hit.
         expectation: hold the flight to what its scenario file expects, too.
+        refusable: the field was not made to keep the contract: the pre-flight check may refuse it.
     """
 
     scenario: Scenario
@@ -60,6 +83,7 @@ class Case:
     outcomes: tuple[Outcome, ...] = ("arrived",)
     covered: bool = True
     expectation: bool = False
+    refusable: bool = False
 
 
 def generated(generator: str, campaign_seed: int, number: int) -> Case:
@@ -77,8 +101,8 @@ def generated(generator: str, campaign_seed: int, number: int) -> Case:
 # ------------------------------------------------------------------ generators
 
 
-def _nominal(draw: random.Random) -> Case:
-    return Case(_compliant_scenario(draw), _seed(draw))
+def _nominal(draw: random.Random, extent: _Extent = _FULL) -> Case:
+    return Case(_compliant_scenario(draw, extent), _seed(draw))
 
 
 def _violating(draw: random.Random) -> Case:
@@ -106,10 +130,10 @@ def _redeclared(scenario: Scenario, **sections: VehicleTerms | SensorTerms) -> S
     return replace(scenario, contract=scenario.contract.model_copy(update=sections))
 
 
-def _faulty(draw: random.Random) -> Case:
+def _faulty(draw: random.Random, extent: _Extent = _FULL) -> Case:
     """One fault of any kind on a nominal flight, at any time or on a transition."""
     kind: FaultKind = draw.choice(FAULT_KINDS)
-    scenario = _compliant_scenario(draw, stop=True, passive_safety=True)
+    scenario = _compliant_scenario(draw, extent, stop=True, passive_safety=True)
     fault = _drawn_fault(draw, kind, scenario)
     scenario = replace(scenario, faults=(*_leading_to(draw, fault), fault))
     return Case(
@@ -123,10 +147,115 @@ def _faulty(draw: random.Random) -> Case:
     )
 
 
+def _outside(draw: random.Random) -> Case:
+    """The worst case just outside the contract, which nothing on board can know of.
+
+    Head-on at an obstacle that fills S_max, and nothing is promised: what the flight comes to says
+    how much of the contract is needed, and how much is margin.
+    """
+    share, what = draw.choice(_SHARES), draw.choice(get_args(Shortfall))
+    scenario = _compliant_scenario(draw, stop=True, passive_safety=False)
+    scenario = replace(scenario, obstacles=_head_on(scenario))
+    assessment = assess(scenario.contract)
+    needed_m = _required_range_m(assessment)
+    if what == "range":
+        fault = Fault.model_validate({"kind": "detections_hidden", "amount": share * needed_m})
+    else:
+        gain_per_s = _TILT_GAIN_PER_S * share
+        fault = Fault.model_validate(
+            {"kind": "attitude_slow", "phase": "cruise", "amount": gain_per_s}
+        )
+    return Case(
+        replace(scenario, faults=(fault,)),
+        _seed(draw),
+        f"{what} x {share:g}",
+        outcomes=("arrived", "held", "aborted", "collided"),
+        covered=False,
+    )
+
+
+def _head_on(scenario: Scenario) -> ObstacleField:
+    """Return the first obstacle only, square to the leg, in its middle, and as large as may be."""
+    end_north_m, end_east_m = scenario.mission.legs[0].end_ned_m
+    heading_rad = math.atan2(end_east_m, end_north_m)
+    north_m, east_m = scenario.obstacles.center_ned_m[0]
+    along_m = north_m * math.cos(heading_rad) + east_m * math.sin(heading_rad)
+    size_m = scenario.contract.environment.obstacle_size_max_m
+    return ObstacleField.of(
+        [
+            Obstacle(
+                id="0",
+                center_ned_m=_ned_m(heading_rad, along_m, 0.0),
+                size_m=(size_m, size_m),
+                yaw_deg=math.degrees(heading_rad),
+            )
+        ]
+    )
+
+
+def _competition(draw: random.Random) -> Case:
+    """Fields by the rules of the UAV Testing Competition, whatever contract would suit them.
+
+    One to three boxes of 2 to 20 m by 2 to 20 m at any rotation, on the way of the vehicle.  The
+    contract is made for the largest of them; the pre-flight check decides whether it is flown.
+    """
+    boxes = [
+        (draw.uniform(*_BOX_M), draw.uniform(*_BOX_M), draw.uniform(0.0, math.pi))
+        for _ in range(draw.randint(1, 3))
+    ]
+    heading_rad = draw.uniform(-math.pi, math.pi)
+    length_m = draw.uniform(*_COURSE_M)
+    placed = [
+        Obstacle(
+            id=str(number),
+            center_ned_m=_ned_m(
+                heading_rad, draw.uniform(0.25, 0.75) * length_m, draw.uniform(-8.0, 8.0)
+            ),
+            size_m=(length, width),
+            yaw_deg=math.degrees(heading_rad + turn_rad),
+        )
+        for number, (length, width, turn_rad) in enumerate(boxes)
+    ]
+    size_m = max(
+        max(
+            length * abs(math.cos(turn)) + width * abs(math.sin(turn)),
+            length * abs(math.sin(turn)) + width * abs(math.cos(turn)),
+        )
+        for length, width, turn in boxes
+    )
+    extent = replace(_FULL, length_m=(length_m, length_m))
+    return field_case(draw, ObstacleField.of(placed), heading_rad, extent, size_m * 1.001)
+
+
+def field_case(
+    draw: random.Random,
+    obstacles: ObstacleField,
+    heading_rad: float,
+    extent: _Extent,
+    size_max_m: float,
+) -> Case:
+    """Return a flight through a field that nobody made for us; the check may refuse it."""
+    for _ in range(ATTEMPTS_MAX):
+        contract = _compliant_contract(
+            draw, extent, stop=True, passive_safety=False, size_max_m=size_max_m
+        )
+        if contract is not None:
+            break
+    else:
+        raise AssertionError(f"{ATTEMPTS_MAX} draws gave no compliant contract")
+    mission = _mission(draw, contract, heading_rad, extent.length_m[0])
+    scenario = _flight(draw, contract, mission, obstacles, extent)
+    return Case(scenario, _seed(draw), refusable=True)
+
+
 GENERATORS: Final[dict[str, Callable[[random.Random], Case]]] = {
     "nominal": _nominal,
     "violating": _violating,
     "faults": _faulty,
+    "outside": _outside,
+    "competition": _competition,
+    "quick": lambda draw: _nominal(draw, _QUICK),
+    "quick-faults": lambda draw: _faulty(draw, _QUICK),
 }
 
 FAULT_KINDS: Final[tuple[FaultKind, ...]] = get_args(FaultKind)
@@ -163,25 +292,35 @@ def _seed(draw: random.Random) -> int:
 
 
 def _compliant_scenario(
-    draw: random.Random, *, stop: bool | None = None, passive_safety: bool | None = None
+    draw: random.Random,
+    extent: _Extent = _FULL,
+    *,
+    stop: bool | None = None,
+    passive_safety: bool | None = None,
 ) -> Scenario:
     """Draw until the pre-flight check says that the flight is covered."""
     for _ in range(ATTEMPTS_MAX):
         contract = _compliant_contract(
             draw,
+            extent,
             stop=draw.random() < 0.7 if stop is None else stop,
             passive_safety=draw.random() < 0.5 if passive_safety is None else passive_safety,
         )
         if contract is None:
             continue
-        scenario = _scenario(draw, contract)
+        scenario = _scenario(draw, contract, extent)
         if scenario is not None:
             return scenario
     raise AssertionError(f"{ATTEMPTS_MAX} draws gave no compliant scenario")
 
 
 def _compliant_contract(
-    draw: random.Random, *, stop: bool, passive_safety: bool
+    draw: random.Random,
+    extent: _Extent,
+    *,
+    stop: bool,
+    passive_safety: bool,
+    size_max_m: float | None = None,
 ) -> Contract | None:
     """Draw speed, agility and sizes; declare what they require, and a little more."""
     terms: dict[str, dict[str, Any]] = {
@@ -189,7 +328,7 @@ def _compliant_contract(
             "roll_max_deg": draw.uniform(8.0, 22.0),
             "pitch_max_deg": draw.uniform(8.0, 22.0),
             "thrust_to_weight": 2.0,
-            "cruise_speed_mps": draw.uniform(1.2, 5.0),
+            "cruise_speed_mps": draw.uniform(*extent.speed_mps),
             "radius_m": draw.uniform(0.2, 0.5),
             "tracking_error_m": draw.uniform(0.2, 0.35),
             "velocity_error_mps": [0.25, 0.15],
@@ -206,7 +345,7 @@ def _compliant_contract(
             "position_error_m": draw.uniform(0.02, 0.08),
         },
         "environment": {
-            "obstacle_size_max_m": draw.uniform(0.5, 5.0),
+            "obstacle_size_max_m": draw.uniform(0.5, 5.0) if size_max_m is None else size_max_m,
             "obstacle_size_min_m": 0.0,
             "obstacle_separation_min_m": _AMPLE_M,
         },
@@ -221,7 +360,7 @@ def _compliant_contract(
     contract = Contract.model_validate(terms)
     # Room for one obstacle at the least, on a leg of the length drawn here.
     region = ample.inflated.region
-    roomy = region.front_m + ample.inflated.roi_length_m < _LEG_LENGTH_M[0]
+    roomy = region.front_m + ample.inflated.roi_length_m < extent.length_m[0]
     return contract if roomy and assess(contract).compliant else None
 
 
@@ -236,14 +375,22 @@ def _required_range_m(assessment: Assessment) -> float:
 # ------------------------------------------------------------------ a field, a mission, a plant
 
 
-def _scenario(draw: random.Random, contract: Contract) -> Scenario | None:
+def _scenario(draw: random.Random, contract: Contract, extent: _Extent) -> Scenario | None:
     """Place obstacles along a leg in a random direction; None where the check refuses."""
     heading_rad = draw.uniform(-math.pi, math.pi)
-    length_m = draw.uniform(*_LEG_LENGTH_M)
+    length_m = draw.uniform(*extent.length_m)
     obstacles = _obstacles(draw, contract, heading_rad, length_m)
-    size_m = contract.environment.obstacle_size_max_m
-    derived = assess(contract).inflated
-    mission = Mission.model_validate(
+    mission = _mission(draw, contract, heading_rad, length_m)
+    if not obstacles or not check(contract, obstacles, mission).compliant:
+        return None
+    return _flight(draw, contract, mission, obstacles, extent)
+
+
+def _mission(
+    draw: random.Random, contract: Contract, heading_rad: float, length_m: float
+) -> Mission:
+    size_m, derived = contract.environment.obstacle_size_max_m, assess(contract).inflated
+    return Mission.model_validate(
         {
             "altitude_m": _ALTITUDE_M,
             "climb_max_m": draw.choice((0.0, 0.0, draw.uniform(0.5, 1.5))),
@@ -255,14 +402,21 @@ def _scenario(draw: random.Random, contract: Contract) -> Scenario | None:
             ],
         }
     )
-    if not obstacles or not check(contract, obstacles, mission).compliant:
-        return None
+
+
+def _flight(
+    draw: random.Random,
+    contract: Contract,
+    mission: Mission,
+    obstacles: ObstacleField,
+    extent: _Extent,
+) -> Scenario:
     return Scenario(
         name="",
         contract=contract,
         mission=mission,
         obstacles=obstacles,
-        plant=_plant(draw, contract),
+        plant=_plant(draw, contract, -mission.altitude_m if extent.airborne else 0.0),
         faults=(),
         field_known=True,
         force=False,
@@ -318,7 +472,7 @@ def _ned_m(heading_rad: float, along_m: float, across_m: float) -> tuple[float, 
     return cosine * along_m - sine * across_m, sine * along_m + cosine * across_m
 
 
-def _plant(draw: random.Random, contract: Contract) -> Plant:
+def _plant(draw: random.Random, contract: Contract, down_m: float) -> Plant:
     """Return a vehicle and a sensor that are as good as the contract says, and some wind."""
     error_m = contract.sensor.position_error_m
     direction_rad = draw.uniform(-math.pi, math.pi)
@@ -329,6 +483,7 @@ def _plant(draw: random.Random, contract: Contract) -> Plant:
                 "thrust_to_weight": contract.vehicle.thrust_to_weight,
                 "radius_m": contract.vehicle.radius_m,
             },
+            "start": {"position_ned_m": [0.0, 0.0, down_m]},
             "wind": {
                 "mean_ned_mps": [*_ned_m(direction_rad, wind_mps, 0.0), 0.0],
                 "turbulence_mps": draw.choice((0.0, draw.uniform(0.0, _TURBULENCE_MAX_MPS))),
