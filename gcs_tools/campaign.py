@@ -207,7 +207,7 @@ def _print_summary(rows: Sequence[FlightRow], console: Console) -> None:
     table = Table(title=f"Bounds at {CONFIDENCE:.0%} (Clopper-Pearson)", title_justify="left")
     table.add_column("scenario")
     table.add_column("fault or breach")
-    for column in ("flights", "refused", "arrived", "held", "collided", "failed"):
+    for column in ("flights", "refused", "arrived", "held", "fallback", "collided", "failed"):
         table.add_column(column, justify="right")
     table.add_column("collision rate", justify="right")
     table.add_column("clearance", justify="right")
@@ -221,7 +221,15 @@ def _cells(each: ClassSummary) -> tuple[str, ...]:
     rate = f"{lower:.2%} to {upper:.2%}" if each.collided else f"≤ {upper:.2%}"
     clearance = "" if each.clearance_min_m is None else f"{each.clearance_min_m:.2f} m"
     variant = each.variant if each.covered else f"{each.variant} (nothing promised)"
-    counts = (each.flights, each.refused, each.arrived, each.held, each.collided, each.failed)
+    counts = (
+        each.flights,
+        each.refused,
+        each.arrived,
+        each.held,
+        each.fell_back,
+        each.collided,
+        each.failed,
+    )
     flew = each.flights > each.refused
     return each.source, variant, *map(str, counts), rate if flew else "", clearance
 

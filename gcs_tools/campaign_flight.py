@@ -122,6 +122,11 @@ class FlightRow:
     wall_s: float
 
     @property
+    def fell_back(self) -> bool:
+        """Whether it took more than the plan: an assumption's failure answered, or a brake."""
+        return bool(self.violations) or self.outcome == "held" or self.plans_brake > 0
+
+    @property
     def good(self) -> bool:
         """Whether no oracle found anything."""
         return not self.findings

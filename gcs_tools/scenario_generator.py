@@ -23,8 +23,6 @@ from sitl.faults import Fault, FaultKind
 from sitl.field import Obstacle, ObstacleField
 
 Breach = Literal["larger", "closer", "range", "speed"]
-# What falls short of the contract, undeclared.
-Shortfall = Literal["range", "tilt"]
 
 NO_FAULT: Final = "none"
 # Drawn again until the contract complies and the field keeps it; in vain is a programming error.
@@ -33,9 +31,13 @@ ATTEMPTS_MAX: Final = 500
 _AMPLE_M: Final = 1000.0
 _AMPLE_DEG: Final = 359.0
 _ALTITUDE_M: Final = 3.0
-# How much of what the contract requires is left, in the flights outside it.
-_SHARES: Final = (0.95, 0.8, 0.65, 0.5)
-_TILT_GAIN_PER_S: Final = 11.0
+# What falls short of the contract, undeclared, and how much of it is left: the distance at which an
+# obstacle is first reported, against that at which avoidance has to begin, and attitude feedback.
+_SHORTFALLS: Final = (
+    *(("range", share) for share in (0.9, 0.7, 0.5, 0.3)),
+    *(("attitude", share) for share in (0.4, 0.25, 0.1)),
+)
+_ATTITUDE_GAIN_PER_S: Final = 11.0
 # The competition's boxes, and a course past them.
 _BOX_M: Final = (2.0, 20.0)
 _COURSE_M: Final = (90.0, 140.0)
@@ -153,18 +155,15 @@ def _outside(draw: random.Random) -> Case:
     Head-on at an obstacle that fills S_max, and nothing is promised: what the flight comes to says
     how much of the contract is needed, and how much is margin.
     """
-    share, what = draw.choice(_SHARES), draw.choice(get_args(Shortfall))
+    what, share = draw.choice(_SHORTFALLS)
     scenario = _compliant_scenario(draw, stop=True, passive_safety=False)
     scenario = replace(scenario, obstacles=_head_on(scenario))
-    assessment = assess(scenario.contract)
-    needed_m = _required_range_m(assessment)
-    if what == "range":
-        fault = Fault.model_validate({"kind": "detections_hidden", "amount": share * needed_m})
-    else:
-        gain_per_s = _TILT_GAIN_PER_S * share
-        fault = Fault.model_validate(
-            {"kind": "attitude_slow", "phase": "cruise", "amount": gain_per_s}
-        )
+    front_m = assess(scenario.contract).inflated.region.front_m
+    fault = Fault.model_validate(
+        {"kind": "detections_hidden", "amount": share * front_m}
+        if what == "range"
+        else {"kind": "attitude_slow", "phase": "cruise", "amount": share * _ATTITUDE_GAIN_PER_S}
+    )
     return Case(
         replace(scenario, faults=(fault,)),
         _seed(draw),
