@@ -44,7 +44,7 @@ _COURSE_M: Final = (90.0, 140.0)
 
 
 @dataclass(frozen=True)
-class _Extent:
+class Extent:
     """How long flights are: legs, speeds, and whether they begin in the air."""
 
     length_m: tuple[float, float]
@@ -53,9 +53,9 @@ class _Extent:
 
 
 # Legs of about 45 m, and long enough for two obstacles where the separation is wide.
-_FULL: Final = _Extent((38.0, 52.0), (1.2, 5.0), airborne=False)
+_FULL: Final = Extent((38.0, 52.0), (1.2, 5.0), airborne=False)
 # A third of the time: one obstacle, faster, no take-off (simulation shortcut: starts in hover).
-_QUICK: Final = _Extent((18.0, 26.0), (2.5, 5.0), airborne=True)
+_QUICK: Final = Extent((18.0, 26.0), (2.5, 5.0), airborne=True)
 
 # Seconds of latency and confirmation that the simulated sensor needs lie within this.
 _REACTION_TIME_S: Final = (0.15, 0.25)
@@ -103,7 +103,7 @@ def generated(generator: str, campaign_seed: int, number: int) -> Case:
 # ------------------------------------------------------------------ generators
 
 
-def _nominal(draw: random.Random, extent: _Extent = _FULL) -> Case:
+def _nominal(draw: random.Random, extent: Extent = _FULL) -> Case:
     return Case(_compliant_scenario(draw, extent), _seed(draw))
 
 
@@ -132,7 +132,7 @@ def _redeclared(scenario: Scenario, **sections: VehicleTerms | SensorTerms) -> S
     return replace(scenario, contract=scenario.contract.model_copy(update=sections))
 
 
-def _faulty(draw: random.Random, extent: _Extent = _FULL) -> Case:
+def _faulty(draw: random.Random, extent: Extent = _FULL) -> Case:
     """One fault of any kind on a nominal flight, at any time or on a transition."""
     kind: FaultKind = draw.choice(FAULT_KINDS)
     scenario = _compliant_scenario(draw, extent, stop=True, passive_safety=True)
@@ -230,7 +230,7 @@ def field_case(
     draw: random.Random,
     obstacles: ObstacleField,
     heading_rad: float,
-    extent: _Extent,
+    extent: Extent,
     size_max_m: float,
 ) -> Case:
     """Return a flight through a field that nobody made for us; the check may refuse it."""
@@ -292,7 +292,7 @@ def _seed(draw: random.Random) -> int:
 
 def _compliant_scenario(
     draw: random.Random,
-    extent: _Extent = _FULL,
+    extent: Extent = _FULL,
     *,
     stop: bool | None = None,
     passive_safety: bool | None = None,
@@ -315,7 +315,7 @@ def _compliant_scenario(
 
 def _compliant_contract(
     draw: random.Random,
-    extent: _Extent,
+    extent: Extent,
     *,
     stop: bool,
     passive_safety: bool,
@@ -374,7 +374,7 @@ def _required_range_m(assessment: Assessment) -> float:
 # ------------------------------------------------------------------ a field, a mission, a plant
 
 
-def _scenario(draw: random.Random, contract: Contract, extent: _Extent) -> Scenario | None:
+def _scenario(draw: random.Random, contract: Contract, extent: Extent) -> Scenario | None:
     """Place obstacles along a leg in a random direction; None where the check refuses."""
     heading_rad = draw.uniform(-math.pi, math.pi)
     length_m = draw.uniform(*extent.length_m)
@@ -408,7 +408,7 @@ def _flight(
     contract: Contract,
     mission: Mission,
     obstacles: ObstacleField,
-    extent: _Extent,
+    extent: Extent,
 ) -> Scenario:
     return Scenario(
         name="",
