@@ -259,8 +259,11 @@ GENERATORS: Final[dict[str, Callable[[random.Random], Case]]] = {
 
 FAULT_KINDS: Final[tuple[FaultKind, ...]] = get_args(FaultKind)
 # A sensor that claims to have looked, and is wrong beyond its declared error, cannot be found out
-# by anybody who has no other: nothing is promised, and what happens is counted.
-UNDETECTABLE: Final[frozenset[FaultKind]] = frozenset({"detections_hidden"})
+# by anybody who has no other: nothing is promised, and what happens is counted.  Boxes said to be in
+# the wrong frame are such a claim; that they move with the vehicle is not looked for.
+UNDETECTABLE: Final[frozenset[FaultKind]] = frozenset(
+    {"detections_hidden", "detections_wrong_frame"}
+)
 # These move the vehicle where the service does not want it, and no computer on board can prevent
 # it: physics, or somebody else's setpoints.  A collision is excused only after the alarm.
 DISPLACING: Final[frozenset[FaultKind]] = frozenset(

@@ -317,7 +317,7 @@ def test_a_scenario_file_is_held_to_its_expectation(
 
 @pytest.mark.parametrize(
     ("arguments", "message"),
-    [(("absent",), "neither a scenario file nor"), (("absent.yaml",), "absent.yaml")],
+    [(("absent",), "neither a scenario file, a stem map (CSV) nor one of nominal"), (("absent.yaml",), "absent.yaml")],
 )
 def test_bad_input_is_one_clear_error(
     clearway: Clearway, tmp_path: Path, arguments: tuple[str, ...], message: str
