@@ -259,8 +259,8 @@ GENERATORS: Final[dict[str, Callable[[random.Random], Case]]] = {
 
 FAULT_KINDS: Final[tuple[FaultKind, ...]] = get_args(FaultKind)
 # A sensor that claims to have looked, and is wrong beyond its declared error, cannot be found out
-# by anybody who has no other: nothing is promised, and what happens is counted.  Boxes said to be in
-# the wrong frame are such a claim; that they move with the vehicle is not looked for.
+# by anybody who has no other: nothing is promised, and what happens is counted.  Boxes said to be
+# in the wrong frame are such a claim; that they move with the vehicle is not looked for.
 UNDETECTABLE: Final[frozenset[FaultKind]] = frozenset(
     {"detections_hidden", "detections_wrong_frame"}
 )

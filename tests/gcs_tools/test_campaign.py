@@ -317,7 +317,10 @@ def test_a_scenario_file_is_held_to_its_expectation(
 
 @pytest.mark.parametrize(
     ("arguments", "message"),
-    [(("absent",), "neither a scenario file, a stem map (CSV) nor one of nominal"), (("absent.yaml",), "absent.yaml")],
+    [
+        (("absent",), "neither a scenario file, a stem map (CSV) nor one of nominal"),
+        (("absent.yaml",), "absent.yaml"),
+    ],
 )
 def test_bad_input_is_one_clear_error(
     clearway: Clearway, tmp_path: Path, arguments: tuple[str, ...], message: str
@@ -334,7 +337,7 @@ def test_a_cluster_that_loses_a_worker_flies_the_same_flights() -> None:
     orders = [Order(QUICK, SEED, number) for number in range(12)]
     here = {number: fly_numbered(QUICK, SEED, number) for number in (0, 11)}
     with LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None) as cluster:
-        rows = []
+        rows: list[FlightRow] = []
         for row in fly_on_cluster(orders, cluster.scheduler_address):
             if not rows:
                 os.kill(cluster.workers[0].pid, signal.SIGKILL)

@@ -137,7 +137,11 @@ def through(kind: FaultKind, amount: float) -> tuple[list[bytes], list[bytes]]:
 
 
 def test_links_lose_and_double_as_named() -> None:
-    for kind, low, high in (("link_lossy", 110, 170), ("link_duplicating", 230, 290)):
+    expected: tuple[tuple[FaultKind, int, int], ...] = (
+        ("link_lossy", 110, 170),
+        ("link_duplicating", 230, 290),
+    )
+    for kind, low, high in expected:
         for arrived in through(kind, 0.3):
             assert low < len(b"".join(arrived)) // 5 < high
     assert through("link_partitioned", 0.0) == ([], [])
