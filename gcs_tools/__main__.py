@@ -173,7 +173,11 @@ def _add_identify(commands: Any) -> None:
 def _add_campaign(commands: Any) -> None:
     parser = commands.add_parser("campaign", help="many seeded flights in virtual time")
     parser.add_argument(
-        "scenarios", nargs="+", metavar="SCENARIO", help="nominal, violating, faults, or files"
+        "scenarios",
+        nargs="+",
+        metavar="SCENARIO",
+        help="nominal, violating, faults, outside, competition, quick, quick-faults; scenario "
+        "files; stem maps (CSV)",
     )
     parser.add_argument("--flights", type=_natural, default=100, metavar="N")
     parser.add_argument("--seed", type=_natural, default=1, metavar="S")
@@ -183,6 +187,13 @@ def _add_campaign(commands: Any) -> None:
     where.add_argument("--dask", metavar="ADDRESS", help="tcp://… of a Dask scheduler")
     parser.add_argument(
         "--out", type=Path, metavar="DIR", help="default: campaigns/<scenarios>-<seed>"
+    )
+    parser.add_argument(
+        "--shrink",
+        type=_natural,
+        default=3,
+        metavar="N",
+        help="reduce N of the failing flights to minimal scenarios; default: 3",
     )
     parser.set_defaults(command=_campaign)
 
@@ -361,6 +372,7 @@ def _campaign(options: argparse.Namespace) -> int:
         jobs=options.jobs,
         dask=options.dask,
         out=options.out,
+        shrink=options.shrink,
     )
     return 0 if run_campaign(request) else _REFUSED
 

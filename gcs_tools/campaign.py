@@ -22,7 +22,9 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from rich.table import Table
 
 from gcs_tools.campaign_flight import FileSource, FlightRow, GeneratedSource, Source
+from gcs_tools.campaign_forest import ForestSource
 from gcs_tools.campaign_report import write_report
+from gcs_tools.campaign_shrink import shrink
 from gcs_tools.campaign_statistics import CONFIDENCE, ClassSummary, summarise, total
 from gcs_tools.campaign_table import read_table, write_table
 from gcs_tools.campaign_workers import Order, fly_locally, fly_on_cluster
@@ -30,11 +32,14 @@ from gcs_tools.errors import CommandError
 from gcs_tools.output import write_text
 from gcs_tools.scenario import Scenario, load_scenario, obstacle_list
 from gcs_tools.scenario_generator import GENERATORS
+from sitl.field import load_field
 
 # A campaign that is killed loses at most this many flights.
 _ROWS_BETWEEN_WRITES: Final = 200
 # Tables keep this width where there is no terminal to fit.
 _FILE_WIDTH: Final = 130
+# Shrinking a flight ends after this many.
+_FLIGHTS_PER_SHRINKING: Final = 60
 # Named on the terminal; the table has them all.
 _FAILURES_SHOWN: Final = 20
 
@@ -51,6 +56,7 @@ class CampaignRequest:
         jobs: processes; ignored on a cluster.
         dask: address of a Dask scheduler.
         out: directory for what the campaign leaves behind.
+        shrink: reduce this many of the failing flights to minimal scenarios.
     """
 
     scenarios: tuple[str, ...]
@@ -60,6 +66,7 @@ class CampaignRequest:
     jobs: int | None = None
     dask: str | None = None
     out: Path | None = None
+    shrink: int = 3
 
 
 def run_campaign(request: CampaignRequest) -> bool:
@@ -87,6 +94,9 @@ def run_campaign(request: CampaignRequest) -> bool:
             rows.append(row)
             if len(rows) % _ROWS_BETWEEN_WRITES == 0:
                 write_table(rows, table)
+                if not console.is_terminal:
+                    bad = sum(not each.good for each in rows)
+                    console.print(f"{len(rows)} of {len(orders)} flights, {bad} failed")
     finally:
         write_table(rows, table)
     write_report(rows, directory / "summary.html")
@@ -94,6 +104,7 @@ def run_campaign(request: CampaignRequest) -> bool:
     _keep_scenarios(failed, sources, directory / "failed")
     _print_summary(rows, console)
     _print_failures(failed, console)
+    _shrink_failures(failed[: request.shrink], sources, directory / "failed", console)
     console.print(f"table, report, scenarios of failed flights: {directory}", soft_wrap=True)
     return not failed
 
@@ -104,8 +115,13 @@ def run_campaign(request: CampaignRequest) -> bool:
 def _source(name: str) -> Source:
     if name in GENERATORS:
         return GeneratedSource(name)
+    if Path(name).suffix.lower() == ".csv":
+        load_field(Path(name))
+        return ForestSource(name)
     if not Path(name).suffix:
-        raise CommandError(f"{name}: neither a scenario file nor one of {', '.join(GENERATORS)}")
+        raise CommandError(
+            f"{name}: neither a scenario file, a stem map (CSV) nor one of {', '.join(GENERATORS)}"
+        )
     return FileSource(name, load_scenario(Path(name)))
 
 
@@ -181,6 +197,25 @@ def _keep_scenarios(failed: Iterable[FlightRow], sources: Sequence[Source], plac
         write_text(heading + text, path)
 
 
+def _shrink_failures(
+    failed: Sequence[FlightRow], sources: Sequence[Source], place: Path, console: Console
+) -> None:
+    named = {source.name: source for source in sources}
+    for row in failed:
+        case = named[row.source].case(row.campaign_seed, row.number)
+        oracles = frozenset(line.split(":", 1)[0] for line in row.findings.splitlines())
+        document = scenario_document(case.scenario)
+        shrunk = shrink(document, oracles, case.seed, _FLIGHTS_PER_SHRINKING)
+        if shrunk is None:
+            continue
+        path = place / f"minimal-{Path(row.source).stem}-{row.campaign_seed}-{row.number}.yaml"
+        replay = f"clearway campaign {shlex.quote(str(path))} --seed {case.seed} --only 0"
+        text = yaml.safe_dump(shrunk.document, sort_keys=False, allow_unicode=True)
+        found = "".join(f"# {line}\n" for line in shrunk.findings.splitlines())
+        write_text(f"# {replay}\n{found}{text}", path)
+        console.print(f"shrunk in {shrunk.flights} flights: {replay}", markup=False, soft_wrap=True)
+
+
 def scenario_document(scenario: Scenario) -> dict[str, Any]:
     """Return a scenario as it would be written in YAML, everything in one file."""
     return {
@@ -207,7 +242,7 @@ def _print_summary(rows: Sequence[FlightRow], console: Console) -> None:
     table = Table(title=f"Bounds at {CONFIDENCE:.0%} (Clopper-Pearson)", title_justify="left")
     table.add_column("scenario")
     table.add_column("fault or breach")
-    for column in ("flights", "refused", "arrived", "held", "collided", "failed"):
+    for column in ("flights", "refused", "arrived", "held", "fallback", "collided", "failed"):
         table.add_column(column, justify="right")
     table.add_column("collision rate", justify="right")
     table.add_column("clearance", justify="right")
@@ -221,7 +256,15 @@ def _cells(each: ClassSummary) -> tuple[str, ...]:
     rate = f"{lower:.2%} to {upper:.2%}" if each.collided else f"≤ {upper:.2%}"
     clearance = "" if each.clearance_min_m is None else f"{each.clearance_min_m:.2f} m"
     variant = each.variant if each.covered else f"{each.variant} (nothing promised)"
-    counts = (each.flights, each.refused, each.arrived, each.held, each.collided, each.failed)
+    counts = (
+        each.flights,
+        each.refused,
+        each.arrived,
+        each.held,
+        each.fell_back,
+        each.collided,
+        each.failed,
+    )
     flew = each.flights > each.refused
     return each.source, variant, *map(str, counts), rate if flew else "", clearance
 

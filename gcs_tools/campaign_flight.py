@@ -122,6 +122,11 @@ class FlightRow:
     wall_s: float
 
     @property
+    def fell_back(self) -> bool:
+        """Whether it took more than the plan: an assumption's failure answered, or a brake."""
+        return bool(self.violations) or self.outcome == "held" or self.plans_brake > 0
+
+    @property
     def good(self) -> bool:
         """Whether no oracle found anything."""
         return not self.findings
@@ -137,6 +142,7 @@ def fly_numbered(source: Source, campaign_seed: int, number: int) -> FlightRow:
         return _row(which, case, checked.assessment, _refused(case, checked), time_s=(0.0, 0.0))
     try:
         evidence = fly_case(case)
+        found = findings(evidence)
     except Exception:  # noqa: BLE001  whatever it is, it is what campaigns are for
         crashed = _aborted(case, traceback.format_exc().strip().splitlines()[-1])
         found = {"exception": "\n".join(traceback.format_exc().strip().splitlines()[-5:])}
@@ -147,7 +153,7 @@ def fly_numbered(source: Source, campaign_seed: int, number: int) -> FlightRow:
         case,
         checked.assessment,
         evidence.result,
-        found=findings(evidence),
+        found=found,
         tracking_m=true_tracking_error_m(evidence),
         time_s=(virtual_s, time.process_time() - began_s),
     )
@@ -224,7 +230,7 @@ def _row(
 ) -> FlightRow:
     vehicle, environment = case.scenario.contract.vehicle, case.scenario.contract.environment
     refused = result.outcome == "aborted" and result.reason.startswith("refused: ")
-    if refused and "aborted" not in case.outcomes:
+    if refused and not case.refusable and "aborted" not in case.outcomes:
         found = {"outcome": result.reason}
     return FlightRow(
         **which,

@@ -30,8 +30,8 @@ _EXPLANATION: Final = (
     "count collisions all the same.</p>"
 )
 _COLUMNS: Final = (
-    "scenario", "fault or breach", "flights", "refused", "arrived", "held", "collided",
-    "collision rate", "failed", "failure rate", "least clearance",
+    "scenario", "fault or breach", "flights", "refused", "arrived", "held", "fallback",
+    "collided", "collision rate", "failed", "failure rate", "least clearance",
 )  # fmt: skip
 
 
@@ -75,6 +75,7 @@ def _line(each: ClassSummary, style: str) -> str:
         each.refused,
         each.arrived,
         each.held,
+        each.fell_back,
         each.collided,
         _interval(each.collision_rate) if flew else "",
         each.failed,

@@ -44,6 +44,7 @@ class ClassSummary:
         covered: whether the contract promises that nothing is hit.
         flights: how many, refused ones included.
         refused, arrived, held: how they came out.
+        fell_back: flights that took more than the plan to come to their end.
         collided: flights that hit something.
         failed: flights of which an oracle found something.
         collision_rate, failure_rate: bounds, over the flights that flew, and over all.
@@ -57,6 +58,7 @@ class ClassSummary:
     refused: int
     arrived: int
     held: int
+    fell_back: int
     collided: int
     failed: int
     collision_rate: tuple[float, float]
@@ -91,6 +93,7 @@ def _summary(key: tuple[str, str, bool], rows: Sequence[FlightRow]) -> ClassSumm
         refused=refused,
         arrived=sum(row.outcome == "arrived" for row in rows),
         held=sum(row.outcome == "held" for row in rows),
+        fell_back=sum(row.fell_back for row in rows),
         collided=collided,
         failed=failed,
         collision_rate=failure_rate_bounds(collided, len(rows) - refused),

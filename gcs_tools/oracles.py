@@ -15,9 +15,10 @@ from typing import Any, Final
 
 import numpy as np
 
+from gcs_tools.detection_bounds import detection_bound
 from gcs_tools.flight_log import Log
 from gcs_tools.result import Result
-from gcs_tools.scenario_generator import Case
+from gcs_tools.scenario_generator import DISPLACING, Case
 from onboard.agility import GRAVITY_MPS2
 from onboard.config import Contract
 from onboard.contract import TICK_S
@@ -31,6 +32,8 @@ _ENTRY_LATERAL_MPS: Final = 1e-3
 # Steps of the worst case, and what they may be wrong by at 10 m/s.
 _STEP_S: Final = 1e-3
 _ROOM_TOLERANCE_M: Final = 0.01
+# Without a motor a quadrotor falls: no software brings it to a defined end.
+FALLING: Final = frozenset({"motor_failed"})
 # More obstacles than any field here has, ghosts under ever new names included.
 KNOWN_OBSTACLES_MAX: Final = 200
 
@@ -74,8 +77,50 @@ def _no_collision(evidence: Evidence) -> Iterator[str]:
         yield f"{evidence.result.collisions} collision(s)"
 
 
+def _no_surprise(evidence: Evidence) -> Iterator[str]:
+    """Where others may push the vehicle into something, the alarm comes first at the least."""
+    case, result = evidence.case, evidence.result
+    if case.covered or case.variant not in DISPLACING or not result.collisions:
+        return
+    ticks = zip(evidence.states, evidence.truth.topic("/truth"), strict=True)
+    hit_s = next(state["time_s"] for state, truth in ticks if truth["collisions"])
+    alarmed = any(
+        event["name"] == "violation" and event["time_s"] <= hit_s
+        for event in evidence.flight.topic("/events")
+    )
+    if not alarmed:
+        yield f"{result.collisions} collision(s) without any alarm before"
+
+
+def _no_exception(evidence: Evidence) -> Iterator[str]:
+    """The service catches its own exceptions, and holds; here each is a finding."""
+    for event in evidence.flight.topic("/events"):
+        if event["name"] == "violation" and event["data"]["unit"] == "exceptions":
+            yield f"deciding failed: {event['text']}"
+
+
+def _plan_not_expired(evidence: Evidence) -> Iterator[str]:
+    """Within an avoidance, what is sent belongs to a plan that has not come to its end.
+
+    A service that is dead or stalled sends nothing, whatever its last state was.
+    """
+    if any(fault.kind in ("daemon_dead", "tick_stall") for fault in evidence.case.scenario.faults):
+        return
+    plans = iter(evidence.flight.topic("/plan"))
+    plan, upcoming = None, next(plans, None)
+    for state in evidence.states:
+        while upcoming is not None and upcoming["time_s"] <= state["time_s"] + _ROUND_OFF:
+            plan, upcoming = upcoming, next(plans, None)
+        if state["phase"] != "avoid":
+            continue
+        if plan is None:
+            yield "avoidance without a plan"
+        elif state["time_s"] > plan["end_s"] + TICK_S + _ROUND_OFF:
+            yield f"setpoint sent {state['time_s'] - plan['end_s']:.2f} s after its plan expired"
+
+
 def _defined_end(evidence: Evidence) -> Iterator[str]:
-    if not evidence.at_rest:
+    if not evidence.at_rest and evidence.case.variant not in FALLING:
         yield "the vehicle did not come to rest within the time limit"
 
 
@@ -180,14 +225,16 @@ def _continuous_reference(evidence: Evidence) -> Iterator[str]:
 
 
 def _entry_condition(evidence: Evidence) -> Iterator[str]:
-    """Pre-condition of an induction step: no lateral speed, and at most V_cruise ahead."""
+    """Pre-condition of an induction step: at most V_cruise ahead, and V_recentring aside."""
     heading_rad = _heading_rad(evidence)
-    fastest_mps = evidence.case.scenario.contract.vehicle.cruise_speed_mps
+    vehicle = evidence.case.scenario.contract.vehicle
+    fastest_mps = vehicle.cruise_speed_mps
+    aside_mps = vehicle.recentring_speed_mps + _ENTRY_LATERAL_MPS
     for before, after in pairwise(evidence.states):
         if (before["phase"], after["phase"]) == ("cruise", "avoid"):
             velocity_mps = before["reference_velocity_ned_mps"]
             along_mps, across_mps = _in_leg(velocity_mps, heading_rad)
-            if abs(across_mps) > _ENTRY_LATERAL_MPS or not -1e-6 <= along_mps <= fastest_mps + 1e-6:
+            if abs(across_mps) > aside_mps or not -1e-6 <= along_mps <= fastest_mps + 1e-6:
                 yield f"avoidance entered at {along_mps:.3f} m/s ahead, {across_mps:.3f} aside"
 
 
@@ -272,43 +319,38 @@ def _in_leg(vector_ned: list[float] | tuple[float, ...], heading_rad: float) -> 
     return cosine * north + sine * east, cosine * east - sine * north
 
 
-# Faults that break one assumption for certain, and how long that may go unnoticed: a frame's
-# permitted age and the tick after it; three frames and a tick; two ticks of telemetry.
-_DETECTED_AS: Final[dict[str, str]] = {
-    "detections_off": "detection_age",
-    "detections_stuck": "detection_age",
-    "detections_garbage": "detection_age",
-    "detections_nan": "detection_age",
-    "sensor_clock_ahead": "sensor_clock",
-    "position_reset": "estimator_reset",
-}
-
-
 def _detected_in_time(evidence: Evidence) -> Iterator[str]:
     """A broken assumption is noticed within its bound while the vehicle is on its way."""
-    scenario = evidence.case.scenario
-    bound_s = scenario.contract.sensor.frame_age_max_s + 2.0 * TICK_S
-    for fault in scenario.faults:
-        name = _DETECTED_AS.get(fault.kind)
+    for fault in evidence.case.scenario.faults:
+        bound = detection_bound(fault, evidence.case.scenario.contract)
         began_s = _onset_s(evidence, fault.phase, fault.entry, fault.start_s)
-        lasts = fault.duration_s is None or fault.duration_s > bound_s
-        if name is None or began_s is None or not lasts:
+        if bound is None or began_s is None:
             continue
+        names, bound_s = bound
+        passing = fault.kind != "tick_stall" and (fault.duration_s or math.inf) <= bound_s
         exposed = [
             state["phase"] in _FLYING
             for state in evidence.states
             if began_s <= state["time_s"] <= began_s + bound_s
         ]
-        late = all(exposed) and not _noticed(evidence, name, began_s, began_s + bound_s)
-        if exposed and late:
-            yield f"{fault.kind} went unnoticed for {bound_s:.2f} s: no {name}"
+        # A flight that ends sooner has not been exposed for long enough.
+        whole = evidence.states[-1]["time_s"] >= began_s + bound_s
+        if (
+            not passing
+            and whole
+            and all(exposed)
+            and not _noticed(evidence, names, began_s + bound_s)
+        ):
+            what = " or ".join(sorted(names)) or "end of control"
+            yield f"{fault.kind} went unnoticed for {bound_s:.2f} s: no {what}"
 
 
-def _noticed(evidence: Evidence, assumption: str, from_s: float, to_s: float) -> bool:
+def _noticed(evidence: Evidence, assumptions: frozenset[str], until_s: float) -> bool:
+    """Tell whether one of them was reported; each is reported once, so earlier counts too."""
     return any(
         event["name"] == "violation"
-        and event["data"]["assumption"] == assumption
-        and from_s <= event["time_s"] <= to_s
+        and event["data"]["assumption"] in assumptions
+        and event["time_s"] <= until_s
         for event in evidence.flight.topic("/events")
     )
 
@@ -326,6 +368,9 @@ Oracle = Callable[[Evidence], Iterator[str]]
 
 ORACLES: Final[dict[str, Oracle]] = {
     "no_collision": _no_collision,
+    "no_surprise": _no_surprise,
+    "no_exception": _no_exception,
+    "plan_not_expired": _plan_not_expired,
     "defined_end": _defined_end,
     "outcome": _outcome,
     "expectation": _expectation,

@@ -137,10 +137,14 @@ def load_scenario(path: Path) -> Scenario:
 
 def _require_mission_start(scenario: Scenario, path: Path) -> None:
     north_m, east_m, down_m = scenario.plant.start.position_ned_m
-    if (north_m, east_m) != scenario.mission.start_ned_m or down_m != 0.0:
+    if (north_m, east_m) != scenario.mission.start_ned_m or -down_m not in (
+        0.0,
+        scenario.mission.altitude_m,
+    ):
         raise FileError(
             f"{path}: sitl.start.position_ned_m = {[north_m, east_m, down_m]} must be on the "
-            f"ground at mission.start_ned_m = {list(scenario.mission.start_ned_m)} m"
+            f"ground, or at mission.altitude_m = {scenario.mission.altitude_m:g} m above it, at "
+            f"mission.start_ned_m = {list(scenario.mission.start_ned_m)} m"
         )
 
 

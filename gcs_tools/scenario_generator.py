@@ -30,9 +30,33 @@ ATTEMPTS_MAX: Final = 500
 # Declared far more than any contract here requires, to learn what it does require.
 _AMPLE_M: Final = 1000.0
 _AMPLE_DEG: Final = 359.0
-# Legs of about 45 m, and long enough for two obstacles where the separation is wide.
-_LEG_LENGTH_M: Final = (38.0, 52.0)
 _ALTITUDE_M: Final = 3.0
+# What falls short of the contract, undeclared, and how much of it is left: the distance at which an
+# obstacle is first reported, against that at which avoidance has to begin, and attitude feedback.
+_SHORTFALLS: Final = (
+    *(("range", share) for share in (0.9, 0.7, 0.5, 0.3)),
+    *(("attitude", share) for share in (0.4, 0.25, 0.1)),
+)
+_ATTITUDE_GAIN_PER_S: Final = 11.0
+# The competition's boxes, and a course past them.
+_BOX_M: Final = (2.0, 20.0)
+_COURSE_M: Final = (90.0, 140.0)
+
+
+@dataclass(frozen=True)
+class Extent:
+    """How long flights are: legs, speeds, and whether they begin in the air."""
+
+    length_m: tuple[float, float]
+    speed_mps: tuple[float, float]
+    airborne: bool
+
+
+# Legs of about 45 m, and long enough for two obstacles where the separation is wide.
+_FULL: Final = Extent((38.0, 52.0), (1.2, 5.0), airborne=False)
+# A third of the time: one obstacle, faster, no take-off (simulation shortcut: starts in hover).
+_QUICK: Final = Extent((18.0, 26.0), (2.5, 5.0), airborne=True)
+
 # Seconds of latency and confirmation that the simulated sensor needs lie within this.
 _REACTION_TIME_S: Final = (0.15, 0.25)
 _MEAN_WIND_MAX_MPS: Final = 3.0
@@ -51,6 +75,7 @@ class Case:
         outcomes: what the flight may come to.
         covered: whether the contract promises that nothing is hit.
         expectation: hold the flight to what its scenario file expects, too.
+        refusable: the field was not made to keep the contract: the pre-flight check may refuse it.
     """
 
     scenario: Scenario
@@ -60,6 +85,7 @@ class Case:
     outcomes: tuple[Outcome, ...] = ("arrived",)
     covered: bool = True
     expectation: bool = False
+    refusable: bool = False
 
 
 def generated(generator: str, campaign_seed: int, number: int) -> Case:
@@ -77,8 +103,8 @@ def generated(generator: str, campaign_seed: int, number: int) -> Case:
 # ------------------------------------------------------------------ generators
 
 
-def _nominal(draw: random.Random) -> Case:
-    return Case(_compliant_scenario(draw), _seed(draw))
+def _nominal(draw: random.Random, extent: Extent = _FULL) -> Case:
+    return Case(_compliant_scenario(draw, extent), _seed(draw))
 
 
 def _violating(draw: random.Random) -> Case:
@@ -96,8 +122,9 @@ def _violating(draw: random.Random) -> Case:
         case _:
             terms = {"cruise_speed_mps": vehicle.cruise_speed_mps * draw.uniform(1.3, 2.0)}
             scenario = _redeclared(scenario, vehicle=vehicle.model_copy(update=terms))
+    # What is seen from the start keeps the service from departing, and the operator lands.
     unforeseen = breach in ("larger", "closer")
-    outcomes: tuple[Outcome, ...] = ("arrived", "held") if unforeseen else ("aborted",)
+    outcomes: tuple[Outcome, ...] = ("arrived", "held", "aborted") if unforeseen else ("aborted",)
     return Case(scenario, _seed(draw), breach, outcomes=outcomes)
 
 
@@ -105,32 +132,158 @@ def _redeclared(scenario: Scenario, **sections: VehicleTerms | SensorTerms) -> S
     return replace(scenario, contract=scenario.contract.model_copy(update=sections))
 
 
-def _faulty(draw: random.Random) -> Case:
+def _faulty(draw: random.Random, extent: Extent = _FULL) -> Case:
     """One fault of any kind on a nominal flight, at any time or on a transition."""
     kind: FaultKind = draw.choice(FAULT_KINDS)
-    scenario = _compliant_scenario(draw, stop=True, passive_safety=True)
+    scenario = _compliant_scenario(draw, extent, stop=True, passive_safety=True)
     fault = _drawn_fault(draw, kind, scenario)
-    scenario = replace(scenario, faults=(fault,))
+    scenario = replace(scenario, faults=(*_leading_to(draw, fault), fault))
     return Case(
         scenario,
         _seed(draw),
         kind,
         trigger=f"{fault.phase or 'start'} {fault.entry}",
-        outcomes=("arrived", "held", "aborted") if fault.phase is None else ("arrived", "held"),
-        covered=kind not in UNDETECTABLE,
+        # Landed by the operator, who need not have the service for it, is a safe end too.
+        outcomes=("arrived",) if _is_tolerated(scenario) else ("arrived", "held", "aborted"),
+        covered=kind not in UNDETECTABLE | DISPLACING,
     )
+
+
+def _outside(draw: random.Random) -> Case:
+    """The worst case just outside the contract, which nothing on board can know of.
+
+    Head-on at an obstacle that fills S_max, and nothing is promised: what the flight comes to says
+    how much of the contract is needed, and how much is margin.
+    """
+    what, share = draw.choice(_SHORTFALLS)
+    scenario = _compliant_scenario(draw, stop=True, passive_safety=False)
+    scenario = replace(scenario, obstacles=_head_on(scenario))
+    front_m = assess(scenario.contract).inflated.region.front_m
+    fault = Fault.model_validate(
+        {"kind": "detections_hidden", "amount": share * front_m}
+        if what == "range"
+        else {"kind": "attitude_slow", "phase": "cruise", "amount": share * _ATTITUDE_GAIN_PER_S}
+    )
+    return Case(
+        replace(scenario, faults=(fault,)),
+        _seed(draw),
+        f"{what} x {share:g}",
+        outcomes=("arrived", "held", "aborted", "collided"),
+        covered=False,
+    )
+
+
+def _head_on(scenario: Scenario) -> ObstacleField:
+    """Return the first obstacle only, square to the leg, in its middle, and as large as may be."""
+    end_north_m, end_east_m = scenario.mission.legs[0].end_ned_m
+    heading_rad = math.atan2(end_east_m, end_north_m)
+    north_m, east_m = scenario.obstacles.center_ned_m[0]
+    along_m = north_m * math.cos(heading_rad) + east_m * math.sin(heading_rad)
+    size_m = scenario.contract.environment.obstacle_size_max_m
+    return ObstacleField.of(
+        [
+            Obstacle(
+                id="0",
+                center_ned_m=_ned_m(heading_rad, along_m, 0.0),
+                size_m=(size_m, size_m),
+                yaw_deg=math.degrees(heading_rad),
+            )
+        ]
+    )
+
+
+def _competition(draw: random.Random) -> Case:
+    """Fields by the rules of the UAV Testing Competition, whatever contract would suit them.
+
+    One to three boxes of 2 to 20 m by 2 to 20 m at any rotation, on the way of the vehicle.  The
+    contract is made for the largest of them; the pre-flight check decides whether it is flown.
+    """
+    boxes = [
+        (draw.uniform(*_BOX_M), draw.uniform(*_BOX_M), draw.uniform(0.0, math.pi))
+        for _ in range(draw.randint(1, 3))
+    ]
+    heading_rad = draw.uniform(-math.pi, math.pi)
+    length_m = draw.uniform(*_COURSE_M)
+    placed = [
+        Obstacle(
+            id=str(number),
+            center_ned_m=_ned_m(
+                heading_rad, draw.uniform(0.25, 0.75) * length_m, draw.uniform(-8.0, 8.0)
+            ),
+            size_m=(length, width),
+            yaw_deg=math.degrees(heading_rad + turn_rad),
+        )
+        for number, (length, width, turn_rad) in enumerate(boxes)
+    ]
+    size_m = max(
+        max(
+            length * abs(math.cos(turn)) + width * abs(math.sin(turn)),
+            length * abs(math.sin(turn)) + width * abs(math.cos(turn)),
+        )
+        for length, width, turn in boxes
+    )
+    extent = replace(_FULL, length_m=(length_m, length_m))
+    return field_case(draw, ObstacleField.of(placed), heading_rad, extent, size_m * 1.001)
+
+
+def field_case(
+    draw: random.Random,
+    obstacles: ObstacleField,
+    heading_rad: float,
+    extent: Extent,
+    size_max_m: float,
+) -> Case:
+    """Return a flight through a field that nobody made for us; the check may refuse it."""
+    for _ in range(ATTEMPTS_MAX):
+        contract = _compliant_contract(
+            draw, extent, stop=True, passive_safety=False, size_max_m=size_max_m
+        )
+        if contract is not None:
+            break
+    else:
+        raise AssertionError(f"{ATTEMPTS_MAX} draws gave no compliant contract")
+    mission = _mission(draw, contract, heading_rad, extent.length_m[0])
+    scenario = _flight(draw, contract, mission, obstacles, extent)
+    return Case(scenario, _seed(draw), refusable=True)
 
 
 GENERATORS: Final[dict[str, Callable[[random.Random], Case]]] = {
     "nominal": _nominal,
     "violating": _violating,
     "faults": _faulty,
+    "outside": _outside,
+    "competition": _competition,
+    "quick": lambda draw: _nominal(draw, _QUICK),
+    "quick-faults": lambda draw: _faulty(draw, _QUICK),
 }
 
 FAULT_KINDS: Final[tuple[FaultKind, ...]] = get_args(FaultKind)
 # A sensor that claims to have looked, and is wrong beyond its declared error, cannot be found out
-# by anybody who has no other: nothing is promised, and what happens is counted.
-UNDETECTABLE: Final[frozenset[FaultKind]] = frozenset({"detections_hidden"})
+# by anybody who has no other: nothing is promised, and what happens is counted.  Boxes said to be
+# in the wrong frame are such a claim; that they move with the vehicle is not looked for.
+UNDETECTABLE: Final[frozenset[FaultKind]] = frozenset(
+    {"detections_hidden", "detections_wrong_frame"}
+)
+# These move the vehicle where the service does not want it, and no computer on board can prevent
+# it: physics, or somebody else's setpoints.  A collision is excused only after the alarm.
+DISPLACING: Final[frozenset[FaultKind]] = frozenset(
+    {
+        "gust",
+        "thrust_lost",
+        "attitude_slow",
+        "parameter_changed",
+        "motor_failed",
+        "second_commander",
+    }
+)
+# What the contract does not even mention, or covers: the mission has to be flown to its end.
+TOLERATED: Final[frozenset[FaultKind]] = frozenset(
+    {"detections_shifted", "link_duplicating", "solver_limited"}
+)
+
+
+def _is_tolerated(scenario: Scenario) -> bool:
+    return all(fault.kind in TOLERATED for fault in scenario.faults)
 
 
 def _seed(draw: random.Random) -> int:
@@ -141,25 +294,35 @@ def _seed(draw: random.Random) -> int:
 
 
 def _compliant_scenario(
-    draw: random.Random, *, stop: bool | None = None, passive_safety: bool | None = None
+    draw: random.Random,
+    extent: Extent = _FULL,
+    *,
+    stop: bool | None = None,
+    passive_safety: bool | None = None,
 ) -> Scenario:
     """Draw until the pre-flight check says that the flight is covered."""
     for _ in range(ATTEMPTS_MAX):
         contract = _compliant_contract(
             draw,
+            extent,
             stop=draw.random() < 0.7 if stop is None else stop,
             passive_safety=draw.random() < 0.5 if passive_safety is None else passive_safety,
         )
         if contract is None:
             continue
-        scenario = _scenario(draw, contract)
+        scenario = _scenario(draw, contract, extent)
         if scenario is not None:
             return scenario
     raise AssertionError(f"{ATTEMPTS_MAX} draws gave no compliant scenario")
 
 
 def _compliant_contract(
-    draw: random.Random, *, stop: bool, passive_safety: bool
+    draw: random.Random,
+    extent: Extent,
+    *,
+    stop: bool,
+    passive_safety: bool,
+    size_max_m: float | None = None,
 ) -> Contract | None:
     """Draw speed, agility and sizes; declare what they require, and a little more."""
     terms: dict[str, dict[str, Any]] = {
@@ -167,7 +330,7 @@ def _compliant_contract(
             "roll_max_deg": draw.uniform(8.0, 22.0),
             "pitch_max_deg": draw.uniform(8.0, 22.0),
             "thrust_to_weight": 2.0,
-            "cruise_speed_mps": draw.uniform(1.2, 5.0),
+            "cruise_speed_mps": draw.uniform(*extent.speed_mps),
             "radius_m": draw.uniform(0.2, 0.5),
             "tracking_error_m": draw.uniform(0.2, 0.35),
             "velocity_error_mps": [0.25, 0.15],
@@ -184,7 +347,7 @@ def _compliant_contract(
             "position_error_m": draw.uniform(0.02, 0.08),
         },
         "environment": {
-            "obstacle_size_max_m": draw.uniform(0.5, 5.0),
+            "obstacle_size_max_m": draw.uniform(0.5, 5.0) if size_max_m is None else size_max_m,
             "obstacle_size_min_m": 0.0,
             "obstacle_separation_min_m": _AMPLE_M,
         },
@@ -199,7 +362,7 @@ def _compliant_contract(
     contract = Contract.model_validate(terms)
     # Room for one obstacle at the least, on a leg of the length drawn here.
     region = ample.inflated.region
-    roomy = region.front_m + ample.inflated.roi_length_m < _LEG_LENGTH_M[0]
+    roomy = region.front_m + ample.inflated.roi_length_m < extent.length_m[0]
     return contract if roomy and assess(contract).compliant else None
 
 
@@ -214,14 +377,22 @@ def _required_range_m(assessment: Assessment) -> float:
 # ------------------------------------------------------------------ a field, a mission, a plant
 
 
-def _scenario(draw: random.Random, contract: Contract) -> Scenario | None:
+def _scenario(draw: random.Random, contract: Contract, extent: Extent) -> Scenario | None:
     """Place obstacles along a leg in a random direction; None where the check refuses."""
     heading_rad = draw.uniform(-math.pi, math.pi)
-    length_m = draw.uniform(*_LEG_LENGTH_M)
+    length_m = draw.uniform(*extent.length_m)
     obstacles = _obstacles(draw, contract, heading_rad, length_m)
-    size_m = contract.environment.obstacle_size_max_m
-    derived = assess(contract).inflated
-    mission = Mission.model_validate(
+    mission = _mission(draw, contract, heading_rad, length_m)
+    if not obstacles or not check(contract, obstacles, mission).compliant:
+        return None
+    return _flight(draw, contract, mission, obstacles, extent)
+
+
+def _mission(
+    draw: random.Random, contract: Contract, heading_rad: float, length_m: float
+) -> Mission:
+    size_m, derived = contract.environment.obstacle_size_max_m, assess(contract).inflated
+    return Mission.model_validate(
         {
             "altitude_m": _ALTITUDE_M,
             "climb_max_m": draw.choice((0.0, 0.0, draw.uniform(0.5, 1.5))),
@@ -233,14 +404,21 @@ def _scenario(draw: random.Random, contract: Contract) -> Scenario | None:
             ],
         }
     )
-    if not obstacles or not check(contract, obstacles, mission).compliant:
-        return None
+
+
+def _flight(
+    draw: random.Random,
+    contract: Contract,
+    mission: Mission,
+    obstacles: ObstacleField,
+    extent: Extent,
+) -> Scenario:
     return Scenario(
         name="",
         contract=contract,
         mission=mission,
         obstacles=obstacles,
-        plant=_plant(draw, contract),
+        plant=_plant(draw, contract, -mission.altitude_m if extent.airborne else 0.0),
         faults=(),
         field_known=True,
         force=False,
@@ -296,7 +474,7 @@ def _ned_m(heading_rad: float, along_m: float, across_m: float) -> tuple[float, 
     return cosine * along_m - sine * across_m, sine * along_m + cosine * across_m
 
 
-def _plant(draw: random.Random, contract: Contract) -> Plant:
+def _plant(draw: random.Random, contract: Contract, down_m: float) -> Plant:
     """Return a vehicle and a sensor that are as good as the contract says, and some wind."""
     error_m = contract.sensor.position_error_m
     direction_rad = draw.uniform(-math.pi, math.pi)
@@ -307,6 +485,7 @@ def _plant(draw: random.Random, contract: Contract) -> Plant:
                 "thrust_to_weight": contract.vehicle.thrust_to_weight,
                 "radius_m": contract.vehicle.radius_m,
             },
+            "start": {"position_ned_m": [0.0, 0.0, down_m]},
             "wind": {
                 "mean_ned_mps": [*_ned_m(direction_rad, wind_mps, 0.0), 0.0],
                 "turbulence_mps": draw.choice((0.0, draw.uniform(0.0, _TURBULENCE_MAX_MPS))),
@@ -378,7 +557,17 @@ _AMOUNT_RANGES: Final[dict[str, tuple[float, float]]] = {
     "detections_uncertain": (0.03, 0.3),
     "detections_oversized": (1.2, 4.0),
     "detections_ghost": (3.0, 15.0),
+    "detections_out_of_order": (0.1, 0.9),
     "sensor_clock_ahead": (0.2, 10.0),
+    "sensor_clock_skewed": (0.005, 0.2),
+    "link_lossy": (0.05, 0.6),
+    "link_duplicating": (0.05, 0.9),
+    "link_reordering": (0.05, 0.6),
+    "link_corrupting": (0.05, 0.4),
+    "parameter_changed": (20.0, 30.0),
+    "gust": (2.0, 9.0),
+    "thrust_lost": (0.78, 0.95),
+    "attitude_slow": (1.0, 8.0),
     "telemetry_corrupted": (0.05, 0.4),
     "position_reset": (0.6, 5.0),
 }
@@ -389,7 +578,15 @@ _PASSING_S: Final[dict[str, tuple[float, float]]] = {
     "operator_takes_over": (1.0, 4.0),
 }
 _DURATION_S: Final = (0.2, 4.0)
-_TRANSITIONS: Final = (("cruise", 1), ("avoid", 1), ("cruise", 2), ("arrived", 1))
+# Every transition of the automaton, by the phase that it leads into and how often before.
+_TRANSITIONS: Final = (
+    ("cruise", 1),
+    ("avoid", 1),
+    ("cruise", 2),
+    ("arrived", 1),
+    ("hold", 1),
+    ("standby", 2),
+)
 
 
 def _drawn_fault(draw: random.Random, kind: FaultKind, scenario: Scenario) -> Fault:
@@ -406,6 +603,20 @@ def _drawn_fault(draw: random.Random, kind: FaultKind, scenario: Scenario) -> Fa
     duration_s = passing_s if kind in _PASSING_S else draw.choice((None, passing_s))
     amount = _drawn_amount(draw, kind, scenario)
     return Fault.model_validate({"kind": kind, "duration_s": duration_s, "amount": amount, **when})
+
+
+def _leading_to(draw: random.Random, fault: Fault) -> tuple[Fault, ...]:
+    """Return what brings the service into a phase that no nominal flight comes to."""
+    at = {"phase": draw.choice(("cruise", "avoid")), "start_s": draw.uniform(0.5, 3.0)}
+    match fault.phase:
+        case "hold":
+            leading = {"kind": "detections_off", "duration_s": None, **at}
+        case "standby":
+            leading = {"kind": "operator_takes_over", "duration_s": 2.0, **at}
+        case _:
+            return ()
+    # Of two faults of one kind only one is present.
+    return () if leading["kind"] == fault.kind else (Fault.model_validate(leading),)
 
 
 def _drawn_amount(draw: random.Random, kind: FaultKind, scenario: Scenario) -> float | None:

@@ -88,6 +88,7 @@ class Autonomy:
         preflight_age_max_s: leave STANDBY only with a passed pre-flight check of this contract
             that is no older; None to need none.
         stopwatch: reads a clock in seconds, only to report how long plans took.
+        planner: what plans avoidances.
     """
 
     def __init__(
@@ -102,12 +103,17 @@ class Autonomy:
         fly_outside_contract: bool = False,
         preflight_age_max_s: float | None = None,
         stopwatch: Callable[[], float] = lambda: 0.0,
+        planner: Planner | None = None,
     ) -> None:
         self.epoch_unix_s = epoch_unix_s
         assessment = assess(contract, input_set)
         self.link = MavlinkEndpoint(system_id)
         self.navigator = Navigator(
-            assessment, mission, Planner(), stopwatch, adaptive=not fly_outside_contract
+            assessment,
+            mission,
+            planner or Planner(),
+            stopwatch,
+            adaptive=not fly_outside_contract,
         )
         self.detections = DetectionCounters()
         self.clearance = ClearanceGate(contract.sha256, preflight_age_max_s)

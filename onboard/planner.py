@@ -24,10 +24,14 @@ __all__ = ["NoPlan", "Plan", "Planner"]
 
 
 class Planner:
-    """Plans avoidances.  Holds nothing from plan to plan but what is the same for all of them."""
+    """Plans avoidances.  Holds nothing from plan to plan but what is the same for all of them.
 
-    def __init__(self) -> None:
-        self._by_qp = QpPlanner()
+    Args:
+        by_qp: what finds plans by QPs.
+    """
+
+    def __init__(self, by_qp: QpPlanner | None = None) -> None:
+        self._by_qp = by_qp or QpPlanner()
 
     def plan(self, problem: AvoidanceProblem, current: Plan | None = None) -> Plan | NoPlan:
         """Return the first certified plan: the cheapest QP, the closed form, or braking.

@@ -191,7 +191,7 @@ class Commander(ABC):
 
     def set_mode(self, mode: Mode) -> Verdict:
         """Change the mode on the user's behalf."""
-        refusal = self._mode_refusal(mode)
+        refusal = "Mode rejected" if self.failures.modes_refused else self._mode_refusal(mode)
         if refusal is not None:
             self.say(mavlink.MAV_SEVERITY_CRITICAL, refusal)
             return self.refusal

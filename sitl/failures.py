@@ -53,11 +53,13 @@ class Failures:
     Attributes:
         estimator_resets: how often the position estimate has jumped.
         rotor_shares: share of its commanded speed that each rotor obeys: 1 or 0.
+        modes_refused: whether the autopilot turns down every change of mode that it is asked for.
     """
 
     def __init__(self) -> None:
         self.estimator_resets = 0
         self.rotor_shares = INTACT
+        self.modes_refused = False
         self._types: dict[int, int] = {}
         self._gps_lost_s = math.inf
 

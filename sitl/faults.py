@@ -18,6 +18,7 @@ from pydantic import Field
 from pymavlink.dialects.v20 import common as mavlink
 
 from onboard.yaml_file import FileModel
+from sitl.link import ImperfectLink, LinkConfig
 
 DetectionKind = Literal[
     "detections_off",
@@ -36,20 +37,39 @@ DetectionKind = Literal[
     "detections_ghost",
     "detections_renamed",
     "detections_hidden",
+    "detections_split",
+    "detections_merged",
+    "detections_swapped",
+    "detections_wrong_frame",
+    "detections_out_of_order",
     "sensor_clock_ahead",
+    "sensor_clock_skewed",
 ]
-SystemKind = Literal[
+LinkKind = Literal[
     "telemetry_lost",
     "telemetry_corrupted",
+    "heartbeats_lost",
     "setpoints_lost",
+    "link_partitioned",
+    "link_lossy",
+    "link_duplicating",
+    "link_reordering",
+    "link_corrupting",
+    "second_commander",
+]
+VehicleKind = Literal[
     "position_reset",
     "attitude_stuck",
-    "second_commander",
-    "tick_stall",
-    "daemon_dead",
-    "operator_takes_over",
+    "gps_lost",
+    "mode_rejected",
+    "parameter_changed",
+    "gust",
+    "thrust_lost",
+    "attitude_slow",
+    "motor_failed",
 ]
-FaultKind = Literal[DetectionKind, SystemKind]
+ProcessKind = Literal["tick_stall", "solver_limited", "daemon_dead", "operator_takes_over"]
+FaultKind = Literal[DetectionKind, LinkKind, VehicleKind, ProcessKind]
 
 # What each kind's amount means, and what it is unless a scenario says otherwise.
 AMOUNTS: Final[dict[str, tuple[float, str]]] = {
@@ -64,7 +84,17 @@ AMOUNTS: Final[dict[str, tuple[float, str]]] = {
     "detections_wrong_units": (0.001, "factor on all lengths: metres reported as millimetres"),
     "detections_ghost": (9.0, "metres ahead at which something that is not there is seen"),
     "detections_hidden": (6.0, "metres within which obstacles are first reported, undeclared"),
+    "detections_out_of_order": (0.5, "share of frames that are overtaken by the next"),
     "sensor_clock_ahead": (5.0, "seconds"),
+    "sensor_clock_skewed": (0.05, "seconds per second by which the sensor's clock runs fast"),
+    "link_lossy": (0.3, "share of datagrams that are lost, either way"),
+    "link_duplicating": (0.3, "share of datagrams that arrive twice, either way"),
+    "link_reordering": (0.3, "share of datagrams that later ones may overtake, either way"),
+    "link_corrupting": (0.2, "share of datagrams of which one byte changes, either way"),
+    "parameter_changed": (20.0, "degrees of tilt that the autopilot still allows"),
+    "gust": (6.0, "metres per second, to the east, at the peak"),
+    "thrust_lost": (0.9, "share of its speed that every rotor reaches"),
+    "attitude_slow": (3.0, "attitude feedback [1/s]"),
     "telemetry_corrupted": (0.2, "share of datagrams of which one byte changes"),
     "position_reset": (3.0, "metres to the east"),
 }
@@ -85,7 +115,7 @@ class Fault(FileModel):
     kind: FaultKind
     start_s: Annotated[float, Field(ge=0.0)] = 0.0
     duration_s: Annotated[float, Field(gt=0.0)] | None = None
-    phase: Literal["cruise", "avoid", "arrived", "hold"] | None = None
+    phase: Literal["standby", "cruise", "avoid", "arrived", "hold"] | None = None
     entry: Annotated[int, Field(ge=1)] = 1
     amount: float | None = None
 
@@ -113,7 +143,18 @@ class FaultInjector:
         self._stuck: bytes | None = None
         self._frames = 0
         self._delayed: deque[tuple[float, bytes]] = deque()
+        self._overtaken: bytes | None = None
+        self._skew_since_s: float | None = None
+        self._now_s = 0.0
         self._codec = _Codec()
+        self._ways = {
+            way: {
+                kind: _imperfect(kind, f"{way} {kind} {seed}", fault.value)
+                for fault in faults
+                if (kind := fault.kind) in LINK_KEYS
+            }
+            for way in ("up", "down")
+        }
 
     def advance(self, now_s: float, phase: str) -> None:
         """Take note of the time and of the service's phase: which faults are present now?"""
@@ -122,6 +163,7 @@ class FaultInjector:
             self._entries[phase] = self._entries.get(phase, 0) + 1
             self._entered_s[phase, self._entries[phase]] = now_s
         self._active = {fault.kind: fault for fault in self._faults if self._present(fault, now_s)}
+        self._now_s = now_s
 
     def _present(self, fault: Fault, now_s: float) -> bool:
         origin_s = 0.0 if fault.phase is None else self._entered_s.get((fault.phase, fault.entry))
@@ -136,7 +178,8 @@ class FaultInjector:
         self, payloads: list[bytes], now_s: float, position_ned_m: tuple[float, float, float]
     ) -> list[bytes]:
         """Return the frames that reach the service now; the position is the vehicle's."""
-        arriving = [f for payload in payloads for f in self._spoilt(payload, position_ned_m)]
+        spoilt = [f for payload in payloads for f in self._spoilt(payload, position_ned_m)]
+        arriving = [frame for each in spoilt for frame in self._in_order(each)]
         late = self._active.get("detections_late")
         if late is None and not self._delayed:
             return arriving
@@ -159,13 +202,28 @@ class FaultInjector:
             return [self._random.randbytes(self._random.randrange(400))]
         if "detections_nan" in active:
             return [payload.replace(b'"range_m":', b'"range_m":NaN,"was":', 1)]
-        edits = [(EDITS[kind], fault) for kind, fault in active.items() if kind in EDITS]
+        skew = active.get("sensor_clock_skewed")
+        self._skew_since_s = None if skew is None else self._skew_since_s or self._now_s
+        edits = [(EDITS[kind], fault.value) for kind, fault in active.items() if kind in EDITS]
+        if skew is not None and self._skew_since_s is not None:
+            edits.append((_set_clock_ahead, skew.value * (self._now_s - self._skew_since_s)))
         if not edits:
             return [payload]
         frame: dict[str, Any] = json.loads(payload)
-        for edit, fault in edits:
-            edit(frame, fault.value, Look(self._frames, position_ned_m[0], position_ned_m[1]))
+        for edit, amount in edits:
+            edit(frame, amount, Look(self._frames, position_ned_m[0], position_ned_m[1]))
         return [json.dumps(frame).encode()]
+
+    def _in_order(self, frame: bytes) -> list[bytes]:
+        """Keep a frame back until the next one has overtaken it, or let it pass."""
+        if self._overtaken is not None:
+            frames, self._overtaken = [frame, self._overtaken], None
+            return frames
+        shuffled = self._active.get("detections_out_of_order")
+        if shuffled is not None and self._random.random() < shuffled.value:
+            self._overtaken = frame
+            return []
+        return [frame]
 
     def _is_lost(self) -> bool:
         intermittent = self._active.get("detections_intermittent")
@@ -178,7 +236,8 @@ class FaultInjector:
 
     def telemetry(self, data: bytes) -> bytes:
         """Return what the service hears of what the vehicle sent."""
-        if "telemetry_lost" in self._active:
+        data = self._carried("down", data)
+        if "telemetry_lost" in self._active or "link_partitioned" in self._active:
             return b""
         corrupted = self._active.get("telemetry_corrupted")
         if corrupted is not None and data and self._random.random() < corrupted.value:
@@ -186,14 +245,26 @@ class FaultInjector:
             spoilt[self._random.randrange(len(spoilt))] ^= 1 << self._random.randrange(8)
             data = bytes(spoilt)
         reset = self._active.get("position_reset")
-        level = "attitude_stuck" in self._active
-        if reset is None and not level:
+        level, mute = "attitude_stuck" in self._active, "heartbeats_lost" in self._active
+        if reset is None and not (level or mute):
             return data
-        return self._codec.edited(data, 0.0 if reset is None else reset.value, level=level)
+        east_m = 0.0 if reset is None else reset.value
+        return self._codec.edited(data, east_m, level=level, mute=mute)
 
     def setpoints(self, data: bytes) -> bytes:
         """Return what the vehicle hears of what the service sent."""
-        return b"" if "setpoints_lost" in self._active else data
+        data = self._carried("up", data)
+        cut = "setpoints_lost" in self._active or "link_partitioned" in self._active
+        return b"" if cut else data
+
+    def _carried(self, way: str, data: bytes) -> bytes:
+        """Send a datagram over the imperfect links that are present; return what arrives now."""
+        for kind, link in self._ways[way].items():
+            if kind in self._active:
+                link.send(data, self._now_s)
+                data = b""
+            data = b"".join(link.receive(self._now_s)) + data
+        return data
 
     def rival(self) -> bytes:
         """Return what somebody else sends to the vehicle."""
@@ -204,6 +275,26 @@ class FaultInjector:
     def present(self, kind: FaultKind) -> bool:
         """Tell whether a fault of this kind is present."""
         return kind in self._active
+
+    def amount(self, kind: FaultKind) -> float | None:
+        """Return how bad a fault of this kind is; None while there is none."""
+        fault = self._active.get(kind)
+        return None if fault is None else fault.value
+
+
+# The key of `LinkConfig` that a kind sets.
+LINK_KEYS: Final[dict[str, str]] = {
+    "link_lossy": "loss",
+    "link_duplicating": "duplication",
+    "link_reordering": "reordering",
+    "link_corrupting": "corruption",
+}
+
+
+def _imperfect(kind: str, seed: str, share: float) -> ImperfectLink:
+    return ImperfectLink(
+        LinkConfig.model_validate({LINK_KEYS[kind]: share}), random.Random(f"link {seed}")
+    )
 
 
 class Look(NamedTuple):
@@ -269,6 +360,61 @@ def _rename(frame: dict[str, Any], _: float, look: Look) -> None:
         obstacle["id"] = f"{obstacle['id']}-{look.number // 5}"
 
 
+def _split(frame: dict[str, Any], _: float, __: Look) -> None:
+    """Every box is seen as its two halves, which meet in the middle of its own first axis."""
+    halves = []
+    for obstacle in frame["obstacles"]:
+        (north_m, east_m), (length_m, width_m) = obstacle["center_m"], obstacle["size_m"]
+        yaw_rad = math.radians(obstacle["yaw_deg"])
+        for half, sign in (("a", -0.25), ("b", 0.25)):
+            offset_m = sign * length_m
+            center_m = [
+                north_m + offset_m * math.cos(yaw_rad),
+                east_m + offset_m * math.sin(yaw_rad),
+            ]
+            size_m = [length_m / 2.0, width_m]
+            name = f"{obstacle['id']}{half}"
+            halves.append({**obstacle, "id": name, "center_m": center_m, "size_m": size_m})
+    frame["obstacles"] = halves
+
+
+def _merge(frame: dict[str, Any], _: float, __: Look) -> None:
+    """All boxes are seen as one that encloses them."""
+    boxes = frame["obstacles"]
+    if len(boxes) < 2:
+        return
+    reach_m = [math.hypot(*box["size_m"]) / 2.0 for box in boxes]
+    spans_m = [
+        (
+            min(box["center_m"][axis] - r_m for box, r_m in zip(boxes, reach_m, strict=True)),
+            max(box["center_m"][axis] + r_m for box, r_m in zip(boxes, reach_m, strict=True)),
+        )
+        for axis in (0, 1)
+    ]
+    frame["obstacles"] = [
+        {
+            **boxes[0],
+            "center_m": [(low_m + high_m) / 2.0 for low_m, high_m in spans_m],
+            "size_m": [high_m - low_m for low_m, high_m in spans_m],
+            "yaw_deg": 0.0,
+        }
+    ]
+
+
+def _swap_names(frame: dict[str, Any], _: float, look: Look) -> None:
+    """Obstacles exchange their names from frame to frame."""
+    boxes = frame["obstacles"]
+    names = [box["id"] for box in boxes]
+    shift = look.number % max(1, len(names))
+    for box, name in zip(boxes, names[shift:] + names[:shift], strict=True):
+        box["id"] = name
+
+
+def _mistake_frame(frame: dict[str, Any], _: float, __: Look) -> None:
+    """What was measured in one frame is said to be in the other."""
+    frame["frame"] = "local_ned" if frame["frame"] == "body_frd" else "body_frd"
+
+
 def _set_clock_ahead(frame: dict[str, Any], ahead_s: float, _: Look) -> None:
     frame["stamp_unix_s"] += ahead_s
 
@@ -283,6 +429,10 @@ EDITS: Final[dict[str, Edit]] = {
     "detections_ghost": _add_ghost,
     "detections_renamed": _rename,
     "detections_hidden": _hide,
+    "detections_split": _split,
+    "detections_merged": _merge,
+    "detections_swapped": _swap_names,
+    "detections_wrong_frame": _mistake_frame,
     "sensor_clock_ahead": _set_clock_ahead,
 }
 
@@ -295,11 +445,16 @@ class _Codec:
         self._vehicle.robust_parsing = True
         self._rival = mavlink.MAVLink(None, 1, mavlink.MAV_COMP_ID_ONBOARD_COMPUTER)
 
-    def edited(self, data: bytes, east_m: float, *, level: bool) -> bytes:
-        """Return the same messages with local positions moved, and attitudes level if asked."""
+    def edited(self, data: bytes, east_m: float, *, level: bool, mute: bool) -> bytes:
+        """Return the same messages with local positions moved, and if asked attitudes level.
+
+        Muted, there are no heartbeats among them.
+        """
         changed = bytearray()
         for message in self._vehicle.parse_buffer(data) or []:
             kind = message.get_type()
+            if kind == "HEARTBEAT" and mute:
+                continue
             if kind == "LOCAL_POSITION_NED":
                 message.y += east_m
             elif kind == "ATTITUDE" and level:

@@ -78,7 +78,7 @@ class Operator:
 
     def land(self) -> None:
         """End the mission from wherever it is."""
-        if self.step in (Step.WATCH, Step.INTERVENE):
+        if self.step in (Step.HAND_OVER, Step.WATCH, Step.INTERVENE):
             self.step, self._repeat_s = Step.LAND, 0.0
 
     def take_over(self) -> None:

@@ -9,6 +9,7 @@ flight code.
 from __future__ import annotations
 
 import gc
+import math
 import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
@@ -18,15 +19,20 @@ from typing import Final
 
 from onboard.agility import InputSet
 from onboard.autonomy import Autonomy
+from onboard.avoidance import AvoidanceProblem
 from onboard.config import Contract, Mission
 from onboard.guidance import Phase
 from onboard.journal import Journal
+from onboard.plan import Plan
+from onboard.planner import Planner
+from onboard.qp_search import QpPlanner
 from onboard.record import Record
 from onboard.recorder import FlightLog
 from sitl.config import SitlConfig
 from sitl.faults import Fault, FaultInjector
 from sitl.field import ObstacleField
 from sitl.operator import Operator, Step
+from sitl.plant_faults import PlantFaults
 from sitl.scene import Scene
 from sitl.truth_log import TruthLog
 from sitl.vehicle import warm_up
@@ -37,7 +43,8 @@ STEPS_PER_OPERATOR: Final = 10
 # Where virtual time begins; any instant will do, as long as it is always the same.
 EPOCH_UNIX_S: Final = 1_790_000_000.0
 ONBOARD_LINK, OPERATOR_LINK = 0, 1
-# How long the operator waits after the mission, and after the service has died, before landing.
+# How long the operator waits after the mission, and where the service does not fly (it has died, it
+# refuses to depart, the autopilot does not obey it), before landing.
 LINGER_S: Final = 1.0
 PATIENCE_S: Final = 8.0
 
@@ -100,13 +107,17 @@ class Simulation:
         config = flight.sitl.model_copy(update={"seed": flight.seed})
         self.now_s = 0.0
         self.scene = Scene(config, flight.obstacles, EPOCH_UNIX_S)
-        self.autonomy = _start_service(flight)
+        self._solver = _LimitedQp()
+        self.autonomy = _start_service(flight, self._solver)
         self.operator = Operator(config.system_id, flight.mission.altitude_m)
         self.flight = flight
         self._faults = FaultInjector(flight.faults, flight.seed)
+        self._plant_faults = PlantFaults(
+            self.scene.vehicle, config.system_id, config.flavour, OPERATOR_LINK
+        )
         self._steps = 0
         self._dead = False
-        self._over_since_s: float | None = None
+        self._over_since_s = self._idle_since_s = math.inf
 
     @property
     def over(self) -> bool:
@@ -123,6 +134,8 @@ class Simulation:
         self._steps += 1
         self.now_s = self._steps * STEP_S
         self._faults.advance(self.now_s, self.autonomy.navigator.phase)
+        self._plant_faults.apply(self._faults, self.now_s)
+        self._solver.limited = self._faults.present("solver_limited")
         self.scene.advance(self.now_s)
         self._bury_or_revive()
         self._serve()
@@ -150,29 +163,53 @@ class Simulation:
     def _bury_or_revive(self) -> None:
         dead = self._faults.present("daemon_dead")
         if self._dead and not dead:
-            self.autonomy = _start_service(self.flight)
+            self.autonomy = _start_service(self.flight, self._solver)
         self._dead = dead
 
     def _operate(self) -> None:
         self.operator.receive(self.scene.vehicle.bytes_to_send(OPERATOR_LINK))
-        over = self._dead or self.autonomy.navigator.phase in (Phase.ARRIVED, Phase.HOLD)
-        if not over:
-            self._over_since_s = None
-        elif self._over_since_s is None:
-            self._over_since_s = self.now_s
+        phase = self.autonomy.navigator.phase
+        ended = phase in (Phase.ARRIVED, Phase.HOLD) and not self._dead
+        handed_over = self.operator.step in (Step.HAND_OVER, Step.WATCH)
+        idle = handed_over and (self._dead or phase is Phase.STANDBY)
+        self._over_since_s = _since(self._over_since_s, self.now_s, present=ended)
+        self._idle_since_s = _since(self._idle_since_s, self.now_s, present=idle)
         if self._faults.present("operator_takes_over"):
             self.operator.take_over()
         else:
             self.operator.hand_back()
-        # A vehicle whose service is dead is left alone until it has come to rest by itself.
-        linger_s = PATIENCE_S if self._dead else LINGER_S
-        if self._over_since_s is not None and self.now_s > self._over_since_s + linger_s:
+        # A vehicle without its service is left alone until it has come to rest by itself.
+        if self.now_s > min(self._over_since_s + LINGER_S, self._idle_since_s + PATIENCE_S):
             self.operator.land()
         self.operator.advance(self.now_s)
         self.scene.vehicle.receive(self.operator.bytes_to_send(), OPERATOR_LINK)
 
 
-def _start_service(flight: SimulatedFlight) -> Autonomy:
+def _since(began_s: float, now_s: float, *, present: bool) -> float:
+    """Return since when something lasts; infinite while it does not."""
+    return min(began_s, now_s) if present else math.inf
+
+
+class _LimitedQp(QpPlanner):
+    """Finds no optimum within its iterations while it is limited."""
+
+    limited = False
+
+    def plan(
+        self,
+        problem: AvoidanceProblem,
+        current: Plan | None,
+        incumbent: Plan | None,
+        reasons: list[str],
+    ) -> Plan | None:
+        """Return what is flown already; see `QpPlanner.plan`."""
+        if self.limited:
+            reasons.append("no QP was solved within its iterations")
+            return incumbent
+        return super().plan(problem, current, incumbent, reasons)
+
+
+def _start_service(flight: SimulatedFlight, solver: QpPlanner) -> Autonomy:
     return Autonomy(
         flight.contract,
         flight.mission,
@@ -181,6 +218,7 @@ def _start_service(flight: SimulatedFlight) -> Autonomy:
         input_set=flight.input_set,
         fly_outside_contract=flight.fly_outside_contract,
         stopwatch=time.perf_counter,
+        planner=Planner(solver),
     )
 
 

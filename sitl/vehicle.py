@@ -23,7 +23,7 @@ from sitl.multirotor import (
 )
 from sitl.settings import FlightSettings
 from sitl.truth import VehicleTruth
-from sitl.wind import WindModel
+from sitl.wind import Gust, WindModel
 
 AUTOPILOT_RATE_HZ = 100
 _AUTOPILOT_PERIOD_S = 1.0 / AUTOPILOT_RATE_HZ
@@ -88,6 +88,10 @@ class SimulatedVehicle:
         """Fly on in whole ticks of 10 ms, as far as they fit before ``until_s``."""
         while (self._ticks + 1) * _AUTOPILOT_PERIOD_S <= until_s + 1e-9:
             self._tick()
+
+    def add_gust(self, gust: Gust) -> None:
+        """Let one more gust come."""
+        self._wind_model.add(gust)
 
     def _tick(self) -> None:
         state = self._flight.state

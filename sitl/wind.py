@@ -60,6 +60,10 @@ class WindModel:
         self._across = (0.0, 0.0)
         self._down = (0.0, 0.0)
 
+    def add(self, gust: Gust) -> None:
+        """Let one more gust come."""
+        self._config = self._config.model_copy(update={"gusts": (*self._config.gusts, gust)})
+
     def sample(self, now_s: float, height_m: float, velocity_ned_mps: Vector) -> Wind:
         """Return the wind, for the period from ``now_s`` on, where the vehicle flies."""
         north, east, down = self._config.mean_ned_mps

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import dataclasses
 import math
+import os
+import signal
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -18,6 +20,8 @@ from scipy.stats import binom
 from gcs_tools import campaign_flight
 from gcs_tools.campaign import replay_command, scenario_document
 from gcs_tools.campaign_flight import FlightRow, GeneratedSource, fly_case, fly_numbered
+from gcs_tools.campaign_forest import ForestSource
+from gcs_tools.campaign_shrink import shrink
 from gcs_tools.campaign_statistics import failure_rate_bounds, summarise
 from gcs_tools.campaign_table import read_table, write_table
 from gcs_tools.campaign_workers import Order, fly_on_cluster
@@ -32,6 +36,7 @@ from sitl.faults import Fault
 from tests.gcs_tools.running import Clearway
 
 NOMINAL = GeneratedSource("nominal")
+QUICK = GeneratedSource("quick")
 SEED = 1
 # Short: one obstacle, and fast.
 SHORT = 3
@@ -99,9 +104,12 @@ def test_violating_scenarios_break_a_rule() -> None:
 
 
 def test_faults_of_every_kind_are_drawn_at_times_and_on_transitions() -> None:
-    faults = [generated("faults", SEED, number).scenario.faults[0] for number in range(500)]
+    faults = [generated("faults", SEED, number).scenario.faults[-1] for number in range(600)]
     assert {fault.kind for fault in faults} == set(FAULT_KINDS)
-    assert {fault.phase for fault in faults} == {None, "cruise", "avoid", "arrived"}
+    # Every transition of the automaton leads into one of these.
+    phases = {"cruise", "avoid", "arrived", "hold", "standby"}
+    assert {fault.phase for fault in faults} == {None, *phases}
+    assert {fault.phase for fault in faults if fault.start_s == 0.0} >= phases
     assert any(fault.phase == "avoid" and fault.start_s == 0.0 for fault in faults)
 
 
@@ -156,7 +164,32 @@ def _short(plan: dict[str, Any]) -> dict[str, Any]:
     return {"path_ned_m": [[n + 100.0, e, d] for n, e, d in plan["path_ned_m"]]}
 
 
+def _with_event(evidence: Evidence, **data: Any) -> Evidence:
+    event = {"time_s": 0.0, "name": "violation", "text": "", "data": data}
+    return _replaced(evidence, "/events", [event])
+
+
+def _replaced(evidence: Evidence, topic: str, messages: list[dict[str, Any]]) -> Evidence:
+    changed = {**evidence.flight.messages, topic: messages}
+    return dataclasses.replace(
+        evidence, flight=dataclasses.replace(evidence.flight, messages=changed)
+    )
+
+
+def _pushed_without_alarm(evidence: Evidence) -> Evidence:
+    truths = [{**truth, "collisions": 1} for truth in evidence.truth.topic("/truth")]
+    return dataclasses.replace(
+        evidence,
+        case=dataclasses.replace(evidence.case, covered=False, variant="gust"),
+        result=dataclasses.replace(evidence.result, collisions=1),
+        truth=dataclasses.replace(evidence.truth, messages={"/truth": truths}),
+    )
+
+
 BROKEN: dict[str, Callable[[Evidence], Evidence]] = {
+    "no_surprise": _pushed_without_alarm,
+    "no_exception": lambda e: _with_event(e, assumption="self_check", unit="exceptions"),
+    "plan_not_expired": lambda e: _spoilt(e, "/plan", lambda plan: {"end_s": plan["start_s"]}),
     "no_collision": lambda e: dataclasses.replace(
         e, result=dataclasses.replace(e.result, collisions=1)
     ),
@@ -192,6 +225,11 @@ BROKEN: dict[str, Callable[[Evidence], Evidence]] = {
         ),
     ),
 }
+
+
+def test_a_push_after_the_alarm_is_excused(evidence: Evidence) -> None:
+    pushed = _pushed_without_alarm(evidence)
+    assert findings(_with_event(pushed, assumption="tracking_error", unit="m")) == {}
 
 
 @pytest.mark.parametrize("name", ORACLES)
@@ -279,7 +317,10 @@ def test_a_scenario_file_is_held_to_its_expectation(
 
 @pytest.mark.parametrize(
     ("arguments", "message"),
-    [(("absent",), "neither a scenario file nor"), (("absent.yaml",), "absent.yaml")],
+    [
+        (("absent",), "neither a scenario file, a stem map (CSV) nor one of nominal"),
+        (("absent.yaml",), "absent.yaml"),
+    ],
 )
 def test_bad_input_is_one_clear_error(
     clearway: Clearway, tmp_path: Path, arguments: tuple[str, ...], message: str
@@ -292,10 +333,107 @@ def test_bad_input_is_one_clear_error(
 # ---------------------------------------------------------------------------- where it is flown
 
 
-def test_a_cluster_flies_the_same_flights(row: FlightRow) -> None:
-    with LocalCluster(n_workers=1, threads_per_worker=1, dashboard_address=None) as cluster:
-        (flown,) = fly_on_cluster([Order(NOMINAL, SEED, SHORT)], cluster.scheduler_address)
-    assert dataclasses.replace(flown, wall_s=row.wall_s) == row
+def test_a_cluster_that_loses_a_worker_flies_the_same_flights() -> None:
+    orders = [Order(QUICK, SEED, number) for number in range(12)]
+    here = {number: fly_numbered(QUICK, SEED, number) for number in (0, 11)}
+    with LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None) as cluster:
+        rows: list[FlightRow] = []
+        for row in fly_on_cluster(orders, cluster.scheduler_address):
+            if not rows:
+                os.kill(cluster.workers[0].pid, signal.SIGKILL)
+            rows.append(row)
+    assert sorted(row.number for row in rows) == list(range(12))
+    for number, alone in here.items():
+        (flown,) = (row for row in rows if row.number == number)
+        assert dataclasses.replace(flown, wall_s=alone.wall_s) == alone
+
+
+# ---------------------------------------------------------------------------- the campaign of CI
+
+
+@pytest.mark.parametrize("batch", range(20))
+def test_three_hundred_flights_hit_nothing(batch: int) -> None:
+    """Fixed seeds, one obstacle or two, from hover; two thirds of them with a fault."""
+    for number in range(5 * batch, 5 * batch + 5):
+        row = fly_numbered(QUICK, SEED, number)
+        assert row.good, f"{replay_command(row)}\n{row.findings}"
+        assert row.outcome == "arrived"
+    for number in range(10 * batch, 10 * batch + 10):
+        row = fly_numbered(GeneratedSource("quick-faults"), SEED, number)
+        assert row.good, f"{replay_command(row)}\n{row.findings}"
+
+
+# ---------------------------------------------------------------------------- fields of others
+
+
+def test_competition_fields_keep_its_rules_and_are_flown_or_refused() -> None:
+    cases = [generated("competition", SEED, number) for number in range(30)]
+    for case in cases:
+        assert 1 <= len(case.scenario.obstacles) <= 3
+        sides_m = 2.0 * case.scenario.obstacles.half_size_m
+        assert sides_m.min() >= 2.0
+        assert sides_m.max() <= 20.0
+    compliant = {
+        check(c.scenario.contract, c.scenario.obstacles, c.scenario.mission).compliant
+        for c in cases
+    }
+    assert compliant == {True, False}
+
+
+def test_a_stem_map_is_flown_through_a_path(tmp_path: Path, clearway: Clearway) -> None:
+    stems = tmp_path / "stems.csv"
+    rows = [f"{30.0 * x},{30.0 * y},{20 + x}" for x in range(5) for y in range(5)]
+    stems.write_text("\n".join(["x_m,y_m,dbh_cm", *rows]) + "\n", encoding="utf-8")
+    out = tmp_path / "out"
+    ran = clearway("campaign", stems, "--flights", 4, "--jobs", 1, "--out", out)
+    assert ran.code == 0, ran
+    flown = read_table(out / "flights.parquet")
+    assert {row.variant for row in flown} <= {"mapped", "unmapped"}
+    assert any(row.outcome == "arrived" for row in flown)
+    drawn = ForestSource(str(stems)).case(SEED, 0)
+    assert scenario_document(drawn.scenario) == scenario_document(
+        ForestSource(str(stems)).case(SEED, 0).scenario
+    )
+
+
+# ---------------------------------------------------------------------------- is it vacuous?
+
+
+def test_far_outside_the_contract_flights_collide_and_just_outside_they_fall_back() -> None:
+    far, near = _outside("range x 0.3", 3), _outside("range x 0.9", 3)
+    assert sum(row.collisions > 0 for row in far) >= 2
+    assert not any(row.collisions for row in near)
+    assert any(row.fell_back for row in near)
+    (summary,) = summarise(far)
+    assert summary.fell_back == 3
+    assert not summary.covered
+
+
+def _outside(variant: str, count: int) -> list[FlightRow]:
+    source = GeneratedSource("outside")
+    numbers = (n for n in range(200) if source.case(SEED, n).variant == variant)
+    return [fly_numbered(source, SEED, next(numbers)) for _ in range(count)]
+
+
+# ---------------------------------------------------------------------------- what is left of it
+
+
+def test_a_failing_flight_shrinks_to_what_fails() -> None:
+    """Of two faults and a windy field only what makes the flight hold is left."""
+    case = QUICK.case(SEED, 0)
+    document = scenario_document(case.scenario)
+    document["faults"] = [
+        {"kind": "detections_shifted", "amount": 0.001},
+        {"kind": "detections_off", "phase": "cruise", "start_s": 1.23},
+    ]
+    shrunk = shrink(document, frozenset({"outcome"}), case.seed, flights_max=12)
+    assert shrunk is not None
+    assert [fault["kind"] for fault in shrunk.document["faults"]] == ["detections_off"]
+    assert len(shrunk.document["field"]) == 1
+    assert "wind" not in shrunk.document["sitl"]
+    assert "outcome: held" in shrunk.findings
+    assert shrunk.flights <= 12
+    assert shrink(document, frozenset({"tracking"}), case.seed, flights_max=2) is None
 
 
 # ---------------------------------------------------------------------------- does it catch bugs?

@@ -10,7 +10,7 @@ from gcs_tools.flight_log import read_log
 from gcs_tools.result import result_of
 from gcs_tools.scenario import load_scenario
 from sitl.faults import AMOUNTS, EDITS, Fault, FaultInjector, FaultKind
-from sitl.simulation import SimulatedFlight, fly
+from sitl.simulation import SimulatedFlight, Simulation, fly
 
 SCENARIOS = sorted((Path(__file__).parents[2] / "config" / "scenarios").glob("*.yaml"))
 HERE_NED_M = (10.0, 0.0, -4.0)
@@ -56,6 +56,9 @@ def spoilt(kind: FaultKind, amount: float | None = None) -> list[dict[str, Any]]
         ("detections_hidden", 5.0, ("obstacles",), []),
         ("detections_hidden", 5.0, ("range_m",), 12.0),
         ("sensor_clock_ahead", 5.0, ("stamp_unix_s",), 105.0),
+        ("detections_split", None, ("obstacles", 0, "center_m"), [17.75, 1.0]),
+        ("detections_split", None, ("obstacles", 1, "size_m"), [0.5, 2.0]),
+        ("detections_wrong_frame", None, ("frame",), "body_frd"),
     ],
 )
 def test_detections_are_spoilt_as_named(
@@ -69,7 +72,138 @@ def test_detections_are_spoilt_as_named(
 
 
 def test_every_edit_has_an_amount_or_needs_none() -> None:
-    assert set(EDITS) - set(AMOUNTS) == {"detections_renamed"}
+    assert set(EDITS) - set(AMOUNTS) == {
+        "detections_renamed",
+        "detections_split",
+        "detections_merged",
+        "detections_swapped",
+        "detections_wrong_frame",
+    }
+
+
+def two_boxes() -> bytes:
+    seen = json.loads(frame())
+    other = {**seen["obstacles"][0], "id": "2", "center_m": [18.0, 9.0]}
+    return json.dumps({**seen, "obstacles": [seen["obstacles"][0], other]}).encode()
+
+
+def injector_of(kind: FaultKind, amount: float | None = None) -> FaultInjector:
+    injector = FaultInjector((Fault(kind=kind, amount=amount),), seed=1)
+    injector.advance(0.0, "cruise")
+    return injector
+
+
+def test_merged_boxes_are_enclosed_by_one() -> None:
+    (data,) = injector_of("detections_merged").detections([two_boxes()], 0.0, HERE_NED_M)
+    (merged,) = json.loads(data)["obstacles"]
+    assert merged["center_m"] == pytest.approx([18.0, 5.0])
+    assert merged["size_m"][1] >= 8.0 + 2.0
+
+
+def test_swapped_boxes_exchange_their_names() -> None:
+    injector = injector_of("detections_swapped")
+    names = []
+    for _ in range(2):
+        (data,) = injector.detections([two_boxes()], 0.0, HERE_NED_M)
+        names.append([box["id"] for box in json.loads(data)["obstacles"]])
+    assert sorted(names) == [["1", "2"], ["2", "1"]]
+
+
+def test_a_skewed_clock_runs_away() -> None:
+    injector = FaultInjector((Fault(kind="sensor_clock_skewed", amount=0.1),), seed=1)
+    stamps = []
+    for now_s in (1.0, 2.0, 3.0):
+        injector.advance(now_s, "cruise")
+        (data,) = injector.detections([frame()], now_s, HERE_NED_M)
+        stamps.append(json.loads(data)["stamp_unix_s"])
+    assert stamps == pytest.approx([100.0, 100.1, 100.2])
+
+
+def test_a_frame_out_of_order_follows_the_next() -> None:
+    injector = injector_of("detections_out_of_order", 1.0)
+    one, other = frame((1.0, 0.0)), frame((2.0, 0.0))
+    assert injector.detections([one, other], 0.0, HERE_NED_M) == [other, one]
+
+
+def through(kind: FaultKind, amount: float) -> tuple[list[bytes], list[bytes]]:
+    """What arrives of 200 datagrams, down and up."""
+    injector, down, up = FaultInjector((Fault(kind=kind, amount=amount),), seed=1), [], []
+    for step in range(220):
+        injector.advance(step * 0.02, "cruise")
+        sent = b"%05d" % step if step < 200 else b""
+        down.append(injector.telemetry(sent))
+        up.append(injector.setpoints(sent))
+    return [d for d in down if d], [d for d in up if d]
+
+
+def test_links_lose_and_double_as_named() -> None:
+    expected: tuple[tuple[FaultKind, int, int], ...] = (
+        ("link_lossy", 110, 170),
+        ("link_duplicating", 230, 290),
+    )
+    for kind, low, high in expected:
+        for arrived in through(kind, 0.3):
+            assert low < len(b"".join(arrived)) // 5 < high
+    assert through("link_partitioned", 0.0) == ([], [])
+    for arrived in through("link_reordering", 0.5):
+        whole = b"".join(arrived)
+        assert len(whole) == 1000
+        assert whole != b"".join(b"%05d" % step for step in range(200))
+    for arrived in through("link_corrupting", 0.3):
+        assert b"".join(arrived) != b"".join(b"%05d" % step for step in range(200))
+
+
+def flown(*faults: Fault, until_s: float) -> Simulation:
+    scenario = load_scenario(SCENARIOS[0])
+    simulation = Simulation(
+        SimulatedFlight(
+            scenario.contract,
+            scenario.mission,
+            scenario.sitl_config(seed=1),
+            scenario.obstacles,
+            faults=faults,
+        )
+    )
+    while simulation.now_s < until_s:
+        simulation.advance()
+    return simulation
+
+
+def test_the_vehicle_breaks_and_is_mended() -> None:
+    """All at once on the ground: what each does in flight is the campaign's to say."""
+    kinds: tuple[FaultKind, ...] = (
+        "parameter_changed",
+        "attitude_slow",
+        "gps_lost",
+        "mode_rejected",
+        "thrust_lost",
+    )
+    faults = tuple(Fault(kind=kind, start_s=0.5, duration_s=1.0) for kind in kinds)
+    broken, mended = flown(*faults, until_s=1.0), flown(*faults, until_s=2.0)
+    for simulation, present in ((broken, True), (mended, False)):
+        autopilot = simulation.scene.vehicle.autopilot
+        failures = autopilot.commander.failures
+        assert failures.modes_refused is present
+        assert failures.gps_has_fix is not present
+        assert (failures.rotor_shares.rotor1_rpm == pytest.approx(0.9)) is present
+        assert (autopilot.parameters["MPC_TILTMAX_AIR"] == 20.0) is present
+        assert (autopilot.commander.settings.roll_gain_per_s == 3.0) is present
+
+
+def test_a_failed_motor_brings_a_quadrotor_down() -> None:
+    height_m = -flown(until_s=7.0).scene.vehicle.truth.position_ned_m[2]
+    assert height_m > 3.0
+    fallen = flown(Fault(kind="motor_failed", start_s=7.0), until_s=12.0)
+    assert -fallen.scene.vehicle.truth.position_ned_m[2] < 0.5
+
+
+def test_a_gust_pushes_to_the_east() -> None:
+    gust = Fault(kind="gust", start_s=7.0, amount=9.0)
+    east_m = [
+        flown(*faults, until_s=8.5).scene.vehicle.truth.position_ned_m[1]
+        for faults in ((), (gust,))
+    ]
+    assert east_m[1] - east_m[0] > 0.05
 
 
 def test_late_frames_arrive_late_and_in_order() -> None:
