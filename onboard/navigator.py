@@ -300,6 +300,10 @@ class Navigator:
         of_interest = self.avoidance.obstacle.members[0] in obstacle.members
         if of_interest and self._replan(obstacle, now_s):
             return
+        if self._clear(planned.from_time(now_s), [self._as_planned(obstacle)]):
+            text = f"{obstacle.id} is seen to reach farther, within the error of its position"
+            self._note(Event(now_s, "plan_kept", Severity.NOTICE, text))
+            return
         self._break(Violation(Assumption.PLAN_EXISTS, 0.0, 1.0, "plans", obstacle.id), now_s)
 
     def _recheck_way_to_hover(self, obstacle: Obstacle, now_s: float) -> None:
@@ -534,11 +538,24 @@ class Navigator:
     def _clear(self, trajectory: Trajectory, obstacles: Iterable[Obstacle] | None = None) -> bool:
         """Tell whether a trajectory certifies; by default against every obstacle in its way."""
         if obstacles is None:
-            obstacles = self.obstacles.between(*trajectory.position_range_m(X))
+            obstacles = map(
+                self._as_planned, self.obstacles.between(*trajectory.position_range_m(X))
+            )
         start = trajectory.sample(trajectory.start_s)
         boxes = [obstacle.region.obstacle for obstacle in obstacles]
         envelope = self._envelope_from(start)
         return certify_clear(trajectory, start, trajectory.start_s, envelope, boxes).valid
+
+    def _as_planned(self, obstacle: Obstacle) -> Obstacle:
+        """Return the obstacle as the flown plan knows it, while what is seen confirms that."""
+        if self.avoidance is None:
+            return obstacle
+        planned, terms = self.avoidance.obstacle, self.assessment.terms
+        if not obstacle.confirms(planned, terms.position_error_m):
+            return obstacle
+        # The box of then under the terms of now: an adapted contract may inflate it more.
+        region = self.assessment.region_around(planned.measured, planned.position_error_m)
+        return replace(planned, region=region)
 
     def _envelope_from(self, state: State) -> Envelope:
         """Return the envelope with room for a speed that is still to be slowed down from."""

@@ -160,6 +160,20 @@ class Obstacle:
     position_error_m: float
     region: RegionOfInfluence
 
+    def confirms(self, earlier: Obstacle, position_error_m: float) -> bool:
+        """Tell whether all that was measured since agrees with an earlier state of the obstacle.
+
+        Every face lies within the error of every measurement of it, so that one which comes to lie
+        farther out by no more than both errors does not say that the earlier bound was wrong.
+
+        Args:
+            earlier: the obstacle as it was known before.
+            position_error_m: of a face, where a sensor reports less.
+        """
+        errors_m = [max(o.position_error_m, position_error_m) for o in (self, earlier)]
+        bound = earlier.measured.inflated(sum(errors_m))
+        return self.members == earlier.members and bound.enclosing(self.measured) == bound
+
 
 @dataclass(frozen=True)
 class _Track:

@@ -129,6 +129,7 @@ def test_a_drawn_scenario_is_a_scenario_file(written: Callable[[str, Any], Path]
 def test_a_nominal_flight_passes_every_oracle(evidence: Evidence) -> None:
     assert evidence.result.outcome == "arrived"
     assert evidence.result.obstacles_avoided == 1
+    assert evidence.undisturbed
     assert findings(evidence) == {}
 
 

@@ -11,12 +11,13 @@ from pymavlink.dialects.v20 import common as mavlink
 
 from onboard.autonomy import MAX_PENDING_FRAMES, Autonomy
 from onboard.avoidance import Envelope
-from onboard.config import Contract, Mission
+from onboard.config import Contract, Mission, Requirements
 from onboard.contract import TICK_S
 from onboard.events import Event
 from onboard.guidance import Phase
 from onboard.journal import Journal
 from onboard.manoeuvre import cruise
+from onboard.planner import NoPlan, Planner
 from onboard.trajectory import State
 
 EPOCH_UNIX_S = 1_790_000_000.0
@@ -180,6 +181,29 @@ def test_it_avoids_an_obstacle_on_its_line(rig: Rig) -> None:
     assert all(abs(east_m - 0.3) >= 0.5 + 0.30 + 0.05 for east_m in passed_east_m)
     assert [text for text in rig.texts("phase") if "avoid" in text]
     assert rig.texts("violation") == []
+
+
+@pytest.mark.parametrize(("growth_m", "kept"), [(0.09, True), (0.11, False)])
+def test_what_grows_within_the_map_error_may_be_flown_past_as_planned(
+    monkeypatch: pytest.MonkeyPatch,
+    contract: Contract,
+    mission: Mission,
+    growth_m: float,
+    *,
+    kept: bool,
+) -> None:
+    """Both measurements may be 0.05 m off: 0.1 m farther out does not say that a plan is unsafe."""
+    plain = contract.model_copy(update={"requirements": Requirements(passive_safety=False)})
+    rig = Rig(Autonomy(plain, mission, epoch_unix_s=EPOCH_UNIX_S))
+    seen = box((20.0, 0.0))
+    rig.obstacles, rig.mode = [seen], OFFBOARD
+    rig.run(30.0, until=lambda: rig.phase is Phase.AVOID and rig.position_ned_m[0] > 18.0)
+    monkeypatch.setattr(Planner, "plan", lambda *_: NoPlan(()))
+    rig.obstacles = [seen | {"size_m": [1.0 + 2.0 * growth_m] * 2}]
+    rig.run(30.0, until=lambda: rig.phase is not Phase.AVOID)
+    assert bool(rig.texts("plan_kept")) is kept
+    assert rig.phase is (Phase.CRUISE if kept else Phase.HOLD)
+    assert bool(rig.texts("violation")) is not kept
 
 
 def test_setpoints_stop_with_the_ticks(cruising: Rig) -> None:

@@ -154,6 +154,27 @@ def test_obstacle_is_remembered_and_only_grows(obstacle_map: ObstacleMap) -> Non
     assert known.measured == Box(9.5, 10.7, -0.5, 0.5)
 
 
+def test_a_face_farther_out_by_no_more_than_both_errors_confirms_the_earlier_one(
+    obstacle_map: ObstacleMap,
+) -> None:
+    def known() -> Obstacle:
+        found = obstacle_map.of_track("a")
+        assert found is not None
+        return found
+
+    obstacle_map.add("a", square((10.0, 0.0)), 0.05)
+    earlier = known()
+    obstacle_map.add("a", square((10.0, 0.12)), 0.08)
+    assert known().confirms(earlier, 0.0)
+    obstacle_map.add("a", square((10.0, 0.14)), 0.08)
+    assert not known().confirms(earlier, 0.0)
+    assert known().confirms(earlier, 0.07)  # the contract's error where a sensor claims less
+    obstacle_map.add("b", square((10.0, 0.0)), 0.05)
+    other = obstacle_map.of_track("b")
+    assert other is not None
+    assert not other.confirms(earlier, 1.0)
+
+
 def test_obstacle_of_interest_is_met_within_the_horizon(obstacle_map: ObstacleMap) -> None:
     obstacle_map.add("beside", square((10.0, 5.0)), 0.0)
     obstacle_map.add("ahead", square((12.0, 0.0)), 0.0)
