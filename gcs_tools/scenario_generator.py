@@ -17,6 +17,7 @@ import numpy as np
 
 from gcs_tools.preflight import check
 from gcs_tools.scenario import Expectation, Outcome, Plant, Scenario
+from onboard.autonomy import POSE_TIMING_S
 from onboard.config import Contract, Mission, SensorTerms, VehicleTerms
 from onboard.contract import Assessment, assess
 from sitl.faults import Fault, FaultKind
@@ -476,9 +477,10 @@ def _ned_m(heading_rad: float, along_m: float, across_m: float) -> tuple[float, 
 
 def _plant(draw: random.Random, contract: Contract, down_m: float) -> Plant:
     """Return a vehicle and a sensor that are as good as the contract says, and some wind."""
-    error_m = contract.sensor.position_error_m
     direction_rad = draw.uniform(-math.pi, math.pi)
     wind_mps = draw.choice((0.0, draw.uniform(0.0, _MEAN_WIND_MAX_MPS)))
+    turbulence_mps = draw.choice((0.0, draw.uniform(0.0, _TURBULENCE_MAX_MPS)))
+    noise_share, frame = draw.random(), draw.choice(("local_ned", "body_frd"))
     return Plant.model_validate(
         {
             "multirotor": {
@@ -488,20 +490,31 @@ def _plant(draw: random.Random, contract: Contract, down_m: float) -> Plant:
             "start": {"position_ned_m": [0.0, 0.0, down_m]},
             "wind": {
                 "mean_ned_mps": [*_ned_m(direction_rad, wind_mps, 0.0), 0.0],
-                "turbulence_mps": draw.choice((0.0, draw.uniform(0.0, _TURBULENCE_MAX_MPS))),
+                "turbulence_mps": turbulence_mps,
             },
             "sensors": [
                 {
                     "range_m": contract.sensor.detection_range_m,
                     "field_of_view_deg": contract.sensor.field_of_view_deg,
-                    # Uniform in a square: this is the error along either axis of the leg.
-                    "noise_m": error_m * draw.uniform(0.0, math.sqrt(0.5)),
-                    "uncertainty_m": error_m,
-                    "frame": draw.choice(("local_ned", "body_frd")),
+                    "noise_m": noise_share * _noise_max_m(contract, frame),
+                    "uncertainty_m": contract.sensor.position_error_m,
+                    "frame": frame,
                 }
             ],
         }
     )
+
+
+def _noise_max_m(contract: Contract, frame: str) -> float:
+    """Return how wrong either coordinate of a centre may be within the contract's position error.
+
+    Uniform in a square, it adds up along the leg.  What the body sees is placed with a pose whose
+    time is as exact as telemetry, and a vehicle at speed has moved on by then.
+    """
+    vehicle, error_m = contract.vehicle, contract.sensor.position_error_m
+    if frame == "body_frd":
+        error_m -= (vehicle.cruise_speed_mps + vehicle.velocity_error_mps[0]) * POSE_TIMING_S
+    return max(error_m, 0.0) * math.sqrt(0.5)
 
 
 # ------------------------------------------------------------------ what breaks the contract
@@ -626,8 +639,9 @@ def _drawn_amount(draw: random.Random, kind: FaultKind, scenario: Scenario) -> f
             return sensor.detection_range_m * draw.uniform(0.3, 1.0)
         case "detections_shifted":
             # Undeclared, but together with the noise still within the contract's position error.
-            noise_m = max(each.noise_m for each in scenario.plant.sensors)
-            return draw.random() * (sensor.position_error_m - noise_m * math.sqrt(2.0))
+            (each,) = scenario.plant.sensors
+            free_m = _noise_max_m(scenario.contract, each.frame) - each.noise_m
+            return draw.random() * free_m * math.sqrt(2.0)
         case "detections_wrong_units":
             return draw.choice(_UNITS)
         case _ if kind in _AMOUNT_RANGES:

@@ -61,7 +61,9 @@ class SensorTerms(FileModel):
     detection_range_m: Positive = Field(description="D_od")
     field_of_view_deg: Annotated[float, Field(gt=0.0, le=360.0)]
     frame_age_max_s: Positive = Field(description="older or missing frames are a sensor failure")
-    position_error_m: NonNegative = Field(description="of each face of a detected obstacle")
+    position_error_m: NonNegative = Field(
+        description="of each face of a detected obstacle, as placed with the pose at its stamp"
+    )
 
 
 class EnvironmentTerms(FileModel):
