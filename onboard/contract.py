@@ -13,8 +13,6 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, Generic
 
-import numpy as np
-
 from onboard.agility import GRAVITY_MPS2, AccelerationLimits, Agility, InputSet
 from onboard.config import Contract
 from onboard.recentring import Corridor, Drift, drift_of, required_view
@@ -364,7 +362,7 @@ def _recentring_clauses(
     terms: Terms[Q], derived: Derived[Q], ops: Arithmetic[Q]
 ) -> tuple[Clause[Q], ...]:
     wanted = terms.recentring_speed_mps > 0.0
-    if not np.any(wanted):
+    if not ops.anywhere(wanted):
         return ()
     view_rad = required_view(recentring_drift(terms, derived, ops), terms.detection_range_m, ops)
     return (

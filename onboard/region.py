@@ -91,6 +91,7 @@ class Arithmetic(Generic[Q]):
     minimum: Callable[[Q, Q], Q]
     maximum: Callable[[Q, Q], Q]
     where: Callable[[Any, Q, Q], Q]
+    anywhere: Callable[[Any], Any]
 
 
 SCALAR: Arithmetic[float] = Arithmetic(
@@ -100,6 +101,7 @@ SCALAR: Arithmetic[float] = Arithmetic(
     minimum=min,
     maximum=max,
     where=lambda condition, yes, no: yes if condition else no,
+    anywhere=bool,
 )
 ARRAY: Arithmetic[FloatArray] = Arithmetic(
     sqrt=np.sqrt,
@@ -108,6 +110,7 @@ ARRAY: Arithmetic[FloatArray] = Arithmetic(
     minimum=np.minimum,
     maximum=np.maximum,
     where=np.where,
+    anywhere=np.any,
 )
 
 
