@@ -28,6 +28,9 @@ _CROSSING_MIN_S = 0.25
 # Longest crossing time, in the larger of the times to sidestep and to approach at speed.
 _PATIENCE = 2.5
 
+# Where nothing is in the way any more: long enough for whatever is left to be done gently.
+_UNHURRIED_S = 2.0
+
 # A start slower than this share of the exit speed counts as this fast.
 _SLOW_SHARE = 0.3
 
@@ -139,7 +142,7 @@ def crossing_times(along: AxisTask, across: AxisTask, count: int) -> CrossingTim
     earliest_s = max(_time_to_reach(across, across.crossing_m[0]), _CROSSING_MIN_S)
     front_m = along.crossing_m[1]
     if math.isinf(front_m):
-        latest_s, waiting = 3.0 * earliest_s, False
+        latest_s, waiting = max(3.0 * earliest_s, _UNHURRIED_S), False
     else:
         braking = _profile(along, 0.0)
         waiting = braking.duration_s < earliest_s

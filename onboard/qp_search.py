@@ -285,9 +285,15 @@ class _Search:
             self._best, self._best_candidate = plan, candidate
 
     def _narrow(self, candidate: _Candidate, axis: int) -> None:
-        """Rule out what is harder than a candidate that failed: sooner sideways, later along."""
+        """Rule out what is harder than a candidate that failed: sooner sideways, later along.
+
+        Where the front face is out of reach it is not in the way: there was too little time to get
+        back below the greatest speed by as much as the solver is off.
+        """
         soonest_s, latest_s = self._window_s[candidate.side]
-        if axis == Y:
+        along, _ = self._tasks[candidate.side]
+        reach_m = along.speed_before_mps[1] * candidate.crossing_s
+        if axis == Y or reach_m < along.crossing_m[1]:
             soonest_s = max(soonest_s, candidate.crossing_s)
         else:
             latest_s = min(latest_s, candidate.crossing_s)

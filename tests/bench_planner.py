@@ -1,12 +1,15 @@
-"""Planner benchmark: ``python -m tests.bench_planner [--count N] [--seed S]``.
+"""Planner benchmark: ``python -m tests.bench_planner [--count N] [--seed S] [--peer N]``.
 
 Random pre-conditions inside compliant contracts, both shapes of the collision set, planned one
-after the other on one core.  Times are of `Planner.plan`, certification included.
+after the other on one core.  Times are of `Planner.plan`, certification included.  With ``--peer``,
+and in ``make bench``, the first of each variety are planned by IPOPT too.
 """
 
 from __future__ import annotations
 
 import argparse
+import functools
+import math
 import time
 from collections import Counter
 from dataclasses import dataclass
@@ -14,7 +17,11 @@ from random import Random
 
 import numpy as np
 
+from onboard.avoidance import DELAY_COST_M2PS4, AvoidanceProblem
 from onboard.planner import Plan, Planner
+from onboard.trajectory import X
+from tests.ipopt_peer import Direct, TwoPhase
+from tests.measurement import Measurement
 from tests.onboard.avoidance_cases import Variety, draw
 
 VARIETIES = {
@@ -27,8 +34,17 @@ VARIETIES = {
 }
 
 
+# Contracts that comply allow for a lag; without it accelerations jump, which no vehicle can fly.
+COMPLIANT = tuple(name for name, variety in VARIETIES.items() if variety.lag)
+# Problems of each variety that IPOPT gets: 500 in all; the direct form only the first few.
+PEER_PROBLEMS = 100
+DIRECT_PROBLEMS = 10
+# Costs below this have no meaningful ratio: nearly nothing had to be done.
+COST_MIN_M2PS3 = 0.1
+
+
 @dataclass(frozen=True)
-class Measurement:
+class Timing:
     """What one variety of problems gave.
 
     Attributes:
@@ -42,7 +58,7 @@ class Measurement:
     max_ms: float
 
 
-def measure(variety: Variety, count: int, seed: int) -> Measurement:
+def measure(variety: Variety, count: int, seed: int) -> Timing:
     """Plan ``count`` problems; the first few more, to warm up, are not counted."""
     planner, rng = Planner(), Random(seed)
     for _ in range(5):
@@ -56,7 +72,86 @@ def measure(variety: Variety, count: int, seed: int) -> Measurement:
         times_ms.append(1e3 * (time.perf_counter() - begin_s))
         kinds[plan.kind if isinstance(plan, Plan) else "none"] += 1
     p50_ms, p99_ms = np.percentile(times_ms, [50, 99])
-    return Measurement(kinds, float(p50_ms), float(p99_ms), max(times_ms))
+    return Timing(kinds, float(p50_ms), float(p99_ms), max(times_ms))
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """Planner and IPOPT on the same problems.
+
+    Attributes:
+        gaps: how much dearer the planner's plans are than the best that IPOPT finds, as a share of
+            effort and time flown, which differ from the cost of Eq. 17 by a constant.
+        gaps_of_cost: the same as a share of the cost, where that is worth a ratio.
+        ours_ms, two_phase_ms, direct_ms: median times.
+        unsolved: problems that IPOPT does not solve.
+    """
+
+    gaps: list[float]
+    gaps_of_cost: list[float]
+    ours_ms: float
+    two_phase_ms: float
+    direct_ms: float
+    unsolved: int
+
+
+@functools.cache
+def compare(count: int = PEER_PROBLEMS, seed: int = 1) -> Comparison:
+    """Plan ``count`` problems of each variety by the planner and by IPOPT."""
+    planner, two_phase, direct = Planner(), TwoPhase(), Direct()
+    gaps, gaps_of_cost, ours_s, theirs_s, direct_s = ([] for _ in range(5))  # type: ignore[var-annotated]
+    unsolved = 0
+    for name in COMPLIANT:
+        rng = Random(seed)
+        for number in range(count):
+            problem = draw(rng, VARIETIES[name])
+            begin_s = time.perf_counter()
+            plan = planner.plan(problem)
+            ours_s.append(time.perf_counter() - begin_s)
+            best = two_phase.plan(problem)
+            theirs_s.append(best.solve_s)
+            if number < DIRECT_PROBLEMS:
+                direct_s.append(direct.plan(problem).solve_s)
+            if math.isinf(best.cost) or not isinstance(plan, Plan):
+                unsolved += 1
+                continue
+            excess = plan.cost - best.cost
+            gaps.append(excess / (best.cost + _cost_of_time(problem)))
+            if best.cost > COST_MIN_M2PS3:
+                gaps_of_cost.append(excess / best.cost)
+    ours_ms, theirs_ms, direct_ms = (
+        1e3 * float(np.median(times_s)) for times_s in (ours_s, theirs_s, direct_s)
+    )
+    return Comparison(gaps, gaps_of_cost, ours_ms, theirs_ms, direct_ms, unsolved)
+
+
+def _cost_of_time(problem: AvoidanceProblem) -> float:
+    """What the flight to the border costs without an obstacle, at exit speed."""
+    distance_m = problem.region.x_pob_m - problem.start.position_leg_m[X]
+    return DELAY_COST_M2PS4 * distance_m / problem.exit_speed_mps
+
+
+def bench_plan_time() -> Measurement:
+    """Median time of a plan against IPOPT's two-phase form from four starts."""
+    found = compare()
+    return Measurement(found.ours_ms, "ms", peer=found.two_phase_ms, peer_name="IPOPT, two-phase")
+
+
+def bench_plan_time_direct() -> Measurement:
+    """The same against Eq. 17 as it is written."""
+    found = compare()
+    return Measurement(found.ours_ms, "ms", peer=found.direct_ms, peer_name="IPOPT, direct")
+
+
+def bench_plan_cost_gap() -> Measurement:
+    """Mean excess over the best of IPOPT, in effort and time."""
+    return Measurement(100.0 * float(np.mean(compare().gaps)), "%", peer=4.0, peer_name="bound")
+
+
+def bench_plan_cost_gap_p95() -> Measurement:
+    """The excess that one plan in twenty is above."""
+    gap = float(np.percentile(compare().gaps, 95))
+    return Measurement(100.0 * gap, "%", peer=12.0, peer_name="bound")
 
 
 def main() -> None:
@@ -64,6 +159,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--count", type=int, default=1000, help="problems for each variety")
     parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--peer", type=int, default=0, help="problems for IPOPT, of each variety")
     arguments = parser.parse_args()
     print(f"{'problems':20} {'qp':>6} {'vertex':>6} {'brake':>6} {'none':>6}  ms p50   p99   max")
     for name, variety in VARIETIES.items():
@@ -71,6 +167,19 @@ def main() -> None:
         counts = " ".join(f"{result.kinds[kind]:6}" for kind in ("qp", "vertex", "brake", "none"))
         times = f"{result.p50_ms:6.2f} {result.p99_ms:5.1f} {result.max_ms:5.1f}"
         print(f"{name:20} {counts}  {times}", flush=True)
+    if arguments.peer:
+        _print_comparison(compare(arguments.peer, arguments.seed))
+
+
+def _print_comparison(found: Comparison) -> None:
+    for name, gaps in (("effort and time", found.gaps), ("cost", found.gaps_of_cost)):
+        mean, p95 = np.mean(gaps), np.percentile(gaps, 95)
+        print(f"above the best of IPOPT, share of {name}: mean {mean:.1%}, p95 {p95:.1%}", end="")
+        print(f", max {max(gaps):.1%} ({len(gaps)} problems)")
+    for name, theirs_ms in (("two-phase", found.two_phase_ms), ("direct", found.direct_ms)):
+        ratio = theirs_ms / found.ours_ms
+        print(f"IPOPT, {name}: {theirs_ms:.1f} ms, {ratio:.0f} times our {found.ours_ms:.2f} ms")
+    print(f"not solved by IPOPT: {found.unsolved}")
 
 
 if __name__ == "__main__":

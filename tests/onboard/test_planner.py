@@ -22,6 +22,7 @@ from onboard.planner import NoPlan, Plan, Planner
 from onboard.qp_solver import QpSolver
 from onboard.region import Box, Encounter, RegionOfInfluence
 from onboard.trajectory import State, Trajectory
+from tests.bench_planner import compare
 from tests.onboard.avoidance_cases import Variety, draw
 
 VARIETIES = [
@@ -100,6 +101,15 @@ def test_brakes_where_no_avoidance_is_left_and_says_why_where_that_fails_too(
     doomed = planner.plan(at(region.keep_out.x_min_m - 0.2 * room_m, lane_m=0.0))
     assert isinstance(doomed, NoPlan)
     assert any("inside the keep-out box" in reason for reason in doomed.reasons)
+
+
+def test_plans_are_hardly_dearer_than_the_best_that_ipopt_finds() -> None:
+    """Among them starts beside the obstacle, at the greatest speed, with next to nothing to do."""
+    found = compare(count=36)
+    assert found.unsolved <= 2
+    assert np.mean(found.gaps) <= 0.04
+    assert np.percentile(found.gaps, 95) <= 0.12
+    assert max(found.gaps) <= 0.5
 
 
 def digest() -> str:
