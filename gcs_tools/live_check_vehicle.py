@@ -396,9 +396,12 @@ def _fence_polygons(facts: VehicleFacts) -> Finding:
 
 
 def _battery(facts: VehicleFacts, needed_s: float, endurance_s: float | None) -> Finding:
-    left_s, share = facts.battery_time_s, facts.battery_share
-    if left_s is None and share is not None and endurance_s is not None:
-        left_s = max(share - CHARGE_RESERVE, 0.0) * endurance_s
+    reckoned_s, share = facts.battery_time_s, facts.battery_share
+    endured_s = None
+    if share is not None and endurance_s is not None:
+        endured_s = max(share - CHARGE_RESERVE, 0.0) * endurance_s
+    # What a vehicle reckons with its motors off may be days: the shorter time counts.
+    left_s = min((each for each in (reckoned_s, endured_s) if each is not None), default=None)
     if left_s is None:
         lacking = "charge" if share is None else "remaining time: give --endurance"
         return _unknown("battery", f"the vehicle reports no {lacking}")

@@ -14,8 +14,9 @@ from typing import Any
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sitl.ardupilot import Copter
+from sitl.arm_authorisation import ArmAuthorisation
 from sitl.battery import BatteryReading
-from sitl.commander import Actuation
+from sitl.commander import Actuation, Verdict
 from sitl.commands import Command, CommandContext, execute
 from sitl.config import VehicleConfig
 from sitl.flavour import Flavour
@@ -76,6 +77,7 @@ class Autopilot:
             self.flavour.settings(self.parameters), truth, config.home
         )
         self._missions = MissionTransfer(self.commander.mission)
+        self._arm_authorisation = ArmAuthorisation()
         self._parameter_protocol = ParameterProtocol(
             self.parameters, bytewise=self.flavour.integers_bytewise
         )
@@ -97,6 +99,7 @@ class Autopilot:
             "MANUAL_CONTROL": self._on_manual_control,
             "COMMAND_LONG": self._on_command,
             "COMMAND_INT": self._on_command,
+            "COMMAND_ACK": self._on_command_ack,
             "SET_MODE": self._on_set_mode,
             "HEARTBEAT": self._on_heartbeat,
             "TIMESYNC": self._on_timesync,
@@ -167,6 +170,7 @@ class Autopilot:
             battery = replace(battery, remaining=0.0)
         actuation = self.commander.update(estimate, battery, thrust_share, period_s)
         self._missions.step(truth.time_s)
+        self._arm_authorisation.step(truth.time_s)
         self._snapshot = Snapshot(
             estimate, battery, self.commander, self._home, self.flavour, self._start_unix_s
         )
@@ -229,19 +233,39 @@ class Autopilot:
         if message.target == self._system_id:
             self.commander.receive_sticks(message)
 
-    def _on_command(self, message: Any, peer: _Peer, _: float) -> None:
+    def _on_command(self, message: Any, peer: _Peer, now_s: float) -> None:
         command = Command.of(message)
-        result = execute(command, self._context(peer))
-        peer.link.send(
-            mavlink.MAVLink_command_ack_message(
-                command.number,
-                result,
-                0,
-                0,
-                message.get_srcSystem(),
-                message.get_srcComponent(),
+        sender = message.get_srcSystem(), message.get_srcComponent()
+
+        def acknowledge(result: int) -> None:
+            peer.link.send(
+                mavlink.MAVLink_command_ack_message(command.number, result, 0, 0, *sender)
             )
-        )
+
+        authoriser = self.commander.settings.arm_authoriser
+        if authoriser is None or not self._needs_authorisation(command, now_s):
+            acknowledge(execute(command, self._context(peer)))
+            return
+
+        def answer(permitted: bool) -> None:
+            if permitted:
+                acknowledge(execute(command, self._context(peer)))
+                return
+            self.commander.say(mavlink.MAV_SEVERITY_CRITICAL, "Arming denied: not authorized")
+            acknowledge(Verdict.TEMPORARILY_REJECTED)
+
+        timeout_s = self.commander.settings.arm_authorisation_timeout_s
+        self._broadcast(self._arm_authorisation.ask(authoriser, timeout_s, answer, now_s))
+
+    def _needs_authorisation(self, command: Command, now_s: float) -> bool:
+        """Tell whether somebody has to agree: to arming that nothing else speaks against."""
+        may_be_asked = not self.commander.armed and not self.commander.prearm_failures()
+        return command.arms and may_be_asked and not self._arm_authorisation.permits(now_s)
+
+    def _on_command_ack(self, message: Any, _: _Peer, now_s: float) -> None:
+        authoriser = self.commander.settings.arm_authoriser
+        if authoriser is not None:
+            self._arm_authorisation.receive(message, authoriser, now_s)
 
     def _on_set_mode(self, message: Any, _: _Peer, __: float) -> None:
         """SET_MODE, the old message: as MAV_CMD_DO_SET_MODE, but nobody is told the result."""

@@ -37,6 +37,13 @@ class Command:
     parameters: tuple[float, ...]
     frame: int
 
+    @property
+    def arms(self) -> bool:
+        """Whether it arms, and not by force."""
+        switch, force = self.parameters[:2]
+        arming = self.number == mavlink.MAV_CMD_COMPONENT_ARM_DISARM and switch == 1.0
+        return arming and force != _ARM_FORCE
+
     @classmethod
     def of(cls, message: Any) -> Command:
         """Return the command that a COMMAND_LONG or COMMAND_INT carries."""

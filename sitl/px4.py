@@ -34,6 +34,9 @@ _PARAMETERS = (
     ParameterSpec("BAT_CRIT_THR", 0.07, 0.05, 0.5, "remaining charge: critical"),
     ParameterSpec("BAT_EMERGEN_THR", 0.05, 0.03, 0.5, "remaining charge: emergency"),
     ParameterSpec("BAT_LOW_THR", 0.15, 0.0, 0.5, "remaining charge: low"),
+    ParameterSpec("COM_ARM_AUTH_ID", 10, 0, 255, "system that authorises arming"),
+    ParameterSpec("COM_ARM_AUTH_REQ", 0, 0, 1, "arming needs authorisation"),
+    ParameterSpec("COM_ARM_AUTH_TO", 0.4, 0.1, 5.0, "authorisation unanswered to denied [s]"),
     ParameterSpec("COM_DISARM_LAND", 2.0, -1.0, 20.0, "landed to disarmed [s]; negative: never"),
     ParameterSpec("COM_DISARM_PRFLT", 10.0, -1.0, 120.0, "armed without take-off to disarmed [s]"),
     ParameterSpec("COM_DL_LOSS_T", 10, 5, 300, "ground station silent to lost [s]"),
@@ -311,6 +314,8 @@ class Px4(Flavour):
             disarm_landed_s=p["COM_DISARM_LAND"],
             disarm_grounded_s=p["COM_DISARM_PRFLT"],
             failure_injection=bool(p["SYS_FAILURE_EN"]),
+            arm_authoriser=int(p["COM_ARM_AUTH_ID"]) if p["COM_ARM_AUTH_REQ"] else None,
+            arm_authorisation_timeout_s=p["COM_ARM_AUTH_TO"],
         )
 
     def commander(

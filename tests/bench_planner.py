@@ -99,7 +99,11 @@ class Comparison:
 def compare(count: int = PEER_PROBLEMS, seed: int = 1) -> Comparison:
     """Plan ``count`` problems of each variety by the planner and by IPOPT."""
     planner, two_phase, direct = Planner(), TwoPhase(), Direct()
-    gaps, gaps_of_cost, ours_s, theirs_s, direct_s = ([] for _ in range(5))  # type: ignore[var-annotated]
+    gaps: list[float] = []
+    gaps_of_cost: list[float] = []
+    ours_s: list[float] = []
+    theirs_s: list[float] = []
+    direct_s: list[float] = []
     unsolved = 0
     for name in COMPLIANT:
         rng = Random(seed)

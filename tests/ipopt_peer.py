@@ -25,7 +25,7 @@ from onboard.spline import PIECES, TOTAL_PIECES
 from onboard.trajectory import X, Y
 
 NODES: Final = TOTAL_PIECES + 1
-_OPTIONS: Final = {
+_OPTIONS: Final[dict[str, Any]] = {
     "print_time": False,
     "ipopt.print_level": 0,
     "ipopt.sb": "yes",

@@ -73,6 +73,12 @@ def test_a_vehicle_in_order() -> None:
         ({"fence_items": None}, "geofence polygons", UNKNOWN),
         ({"battery_time_s": 70.0}, "battery", BROKEN),
         ({"battery_time_s": None}, "battery", UNKNOWN),
+        # Reckoned with the motors off.
+        (
+            {"battery_time_s": 90_000.0, "battery_share": 0.25, "endurance_s": 900.0},
+            "battery",
+            BROKEN,
+        ),
         ({"battery_time_s": None, "battery_share": None, "endurance_s": 900.0}, "battery", UNKNOWN),
         ({"battery_time_s": None, "endurance_s": 900.0}, "battery", HOLDS),
         (
