@@ -10,7 +10,8 @@ fly: $(VENV)/.ground
 	$(BIN)/clearway fly
 
 test: lint
-	$(BIN)/pytest --numprocesses 2 --dist worksteal
+	$(BIN)/pytest --numprocesses 2 --dist worksteal -m 'not real_time'
+	$(BIN)/pytest -m real_time
 
 lint: $(VENV)/.dev
 	$(BIN)/ruff format --check .

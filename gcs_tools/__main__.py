@@ -91,6 +91,12 @@ def _add_preflight(commands: Any) -> None:
     parser.add_argument(
         "--endurance", type=_positive, metavar="S", help="hover time of a full battery"
     )
+    parser.add_argument(
+        "--authorise",
+        type=_positive,
+        metavar="S",
+        help="then answer the vehicle's arm requests by the verdict for so many seconds",
+    )
     _add_output_options(parser, "table", "json")
     parser.set_defaults(command=_preflight)
 
@@ -282,6 +288,7 @@ def _preflight(options: argparse.Namespace) -> int:
         vehicle_url=options.vehicle,
         zenoh_config=options.zenoh_config,
         endurance_s=options.endurance,
+        authorise_s=options.authorise,
         input_set=options.input_set,
         form=options.form,
         output=options.output,

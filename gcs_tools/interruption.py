@@ -17,6 +17,11 @@ class Interruption:
     def __init__(self) -> None:
         self._signal_number: int | None = None
 
+    @property
+    def requested(self) -> bool:
+        """Whether somebody has."""
+        return self._signal_number is not None
+
     def check(self) -> None:
         """Go on if nobody has.
 

@@ -129,16 +129,20 @@ def run_preflight(
     vehicle_url: str | None,
     zenoh_config: Path | None,
     endurance_s: float | None,
+    authorise_s: float | None,
     input_set: InputSet,
     form: Format,
     output: Path | None,
 ) -> Verdict:
-    """Check, write the result, and return the verdict.
+    """Check, write the result, and return the verdict; answer arm requests by it if so asked.
 
     Raises:
         FileError: a file is not usable.
         CommandError: no Zenoh session, or the output or the picture cannot be written.
+        VehicleError: there is nobody whose requests to arm could be answered.
     """
+    if authorise_s is not None and vehicle_url is None:
+        raise CommandError("--authorise answers a vehicle that asks: give --vehicle")
     contract = load_contract(files.contract, files.overrides)
     obstacles = None if files.field is None else load_field(files.field)
     mission = None if files.mission is None else load_yaml(files.mission, Mission)
@@ -155,7 +159,16 @@ def run_preflight(
         result = replace(result, findings=findings)
     table = partial(print_preflight, result, str(files.contract))
     write_document(result.document(), table, form=form, path=output)
+    if authorise_s is not None and vehicle_url is not None:
+        _authorise(vehicle_url, result.verdict, authorise_s)
     return result.verdict
+
+
+def _authorise(vehicle_url: str, verdict: Verdict, duration_s: float) -> None:
+    from gcs_tools.arm_authorisation import answer_arm_requests  # noqa: PLC0415  as in `_look`
+
+    console = Console(stderr=True, highlight=False)
+    answer_arm_requests(vehicle_url, verdict, duration_s, console.print)
 
 
 def _look(

@@ -279,7 +279,7 @@ async def connected_vehicle(
         Interrupted: the operator gave up.
     """
     identity = Configuration.create_with_component_type(ComponentType.GROUND_STATION)
-    async with _quiet(), Mavsdk(identity) as mavsdk:
+    async with quiet(), Mavsdk(identity) as mavsdk:
         try:
             await mavsdk.add_any_connection(url)
         except MavsdkError as error:
@@ -320,7 +320,7 @@ async def _autopilot_of(system: Any) -> Autopilot:
 
 
 @asynccontextmanager
-async def _quiet() -> AsyncIterator[None]:
+async def quiet() -> AsyncIterator[None]:
     """Send MAVSDK's chatter to the ``mavsdk`` logger instead of the terminal."""
 
     def receive(level: LogLevel, message: str, _file: str | None, _line: int) -> bool:

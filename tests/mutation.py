@@ -25,22 +25,27 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[1]
-_AGILITY, _CONTRACT, _REGION = (
-    f"tests/onboard/test_{name}.py" for name in ("agility", "contract", "region")
+_AGILITY, _CONTRACT, _RECENTRING, _REGION = (
+    f"tests/onboard/test_{name}.py" for name in ("agility", "contract", "recentring", "region")
 )
 _BY_HAND = (
     "test_lane_of_a_worked_example",
     "test_boundary_of_the_worked_example",
     "test_border_with_drift_by_hand",
     "test_the_region_lies_around_its_obstacle",
+    "test_lane_holds_who_enters_beside_the_face_and_drifts_on",
     "test_slow_drift_costs_no_time_and_fast_drift_must_be_outrun",
 )
 
 # Which tests have to notice a change to which file, the quickest first.
 TESTS = {
     "onboard/agility.py": (_AGILITY, _CONTRACT),
-    "onboard/contract.py": (_CONTRACT,),
-    "onboard/region.py": (*(f"{_REGION}::{name}" for name in _BY_HAND), _REGION, _CONTRACT),
+    "onboard/contract.py": (_CONTRACT, _RECENTRING),
+    "onboard/recentring.py": (_RECENTRING,),
+    "onboard/region.py": (
+        *(f"{_REGION}::{name}" for name in _BY_HAND),
+        *(_REGION, _RECENTRING, _CONTRACT),
+    ),
 }
 
 OPTIONS = (

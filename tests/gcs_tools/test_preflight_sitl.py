@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import signal
 import struct
 import subprocess
 import sys
@@ -11,15 +12,19 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+import pytest
 import yaml
 import zenoh
 from pymavlink import mavutil
 
+from gcs_tools.arm_authorisation import AUTHORISER_SYSTEM_ID
 from gcs_tools.processes import Children, free_ports
 from onboard.config import ZenohEndpoints
 from onboard.daemon import open_session
 from tests.gcs_tools.running import CONFIG, Clearway, Ran, until
 from tests.gcs_tools.terminal import terminal
+
+pytestmark = pytest.mark.real_time
 
 CONTRACT, MISSION = CONFIG / "paper_contract.yaml", CONFIG / "paper_mission.yaml"
 PX4 = {"COM_OF_LOSS_T": 0.5, "COM_RC_IN_MODE": 4}
@@ -67,10 +72,9 @@ class Site:
             "--format", "json", *more,
         ]  # fmt: skip
 
-    def preflight(self, clearway: Clearway, *more: str) -> tuple[Ran, dict[str, str]]:
-        ran = clearway(*self.arguments(*more))
-        found = json.loads(ran.out)["live"]
-        return ran, {f"{each['subject']} {each['name']}": each["verdict"] for each in found}
+    def preflight(self, clearway: Clearway) -> tuple[Ran, dict[str, str]]:
+        ran = clearway(*self.arguments())
+        return ran, verdicts(ran.out)
 
     def cleared(self) -> bool:
         with open_session(ZenohEndpoints(connect=(self.endpoints[0],))) as session:
@@ -93,6 +97,41 @@ class Site:
             assert link.recv_match(type="PARAM_VALUE", blocking=True, timeout=10.0)
         finally:
             link.close()
+
+    def arm(self) -> int:
+        """Ask to arm as any ground station would; return the MAV_RESULT."""
+        link = mavutil.mavlink_connection(f"udpin:127.0.0.1:{self.ports[2]}", source_system=200)
+        try:
+            assert link.wait_heartbeat(timeout=10.0)
+            link.mav.command_long_send(1, 1, 400, 0, 1, 0, 0, 0, 0, 0, 0)
+            ack = link.recv_match(
+                condition="COMMAND_ACK.command == 400", type="COMMAND_ACK",
+                blocking=True, timeout=10.0,
+            )  # fmt: skip
+            return int(ack.result)
+        finally:
+            link.close()
+
+    @contextmanager
+    def authorising(self) -> Iterator[None]:
+        """Check, and while the context lasts answer requests to arm by the verdict."""
+        command = [sys.executable, "-m", "gcs_tools", *self.arguments("--authorise", "60")]
+        answering = subprocess.Popen(
+            command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True
+        )
+        try:
+            assert answering.stderr is not None
+            assert "answering arm requests for 60 s" in answering.stderr.readline()
+            yield
+        finally:
+            answering.send_signal(signal.SIGINT)
+            answering.communicate(timeout=20.0)
+
+
+def verdicts(written: str | bytes) -> dict[str, str]:
+    """What was found live, by subject and name."""
+    found = json.loads(written)["live"]
+    return {f"{each['subject']} {each['name']}": each["verdict"] for each in found}
 
 
 @contextmanager
@@ -117,21 +156,35 @@ def test_px4_is_cleared_until_a_parameter_is_wrong(clearway: Clearway, tmp_path:
         assert found["vehicle COM_OBL_RC_ACT"] == "broken"
         # What an earlier check granted is withdrawn.
         assert not place.cleared()
-        ran, found = place.preflight(clearway, "--set", "vehicle.radius_m=0.29")
-        assert found["daemon contract"] == "broken"
         with terminal() as screen:
-            command = [sys.executable, "-m", "gcs_tools", *place.arguments()]
-            subprocess.run(  # its exit code was looked at above
-                command,
-                stdout=subprocess.DEVNULL,
-                stderr=screen.written_to,
-                timeout=60,
-                check=False,
-            )
+            command = place.arguments("--set", "vehicle.radius_m=0.29")
+            written = subprocess.run(
+                [sys.executable, "-m", "gcs_tools", *command],
+                stdout=subprocess.PIPE, stderr=screen.written_to, timeout=60, check=False,
+            ).stdout  # fmt: skip
+        assert verdicts(written)["daemon contract"] == "broken"
         assert screen.shares == sorted(screen.shares)
         assert max(screen.shares) == round(100 * 10 / 11)  # the last of eleven steps was begun
         assert screen.estimates
         assert any("looking: telemetry rates" in line for line in screen.lines)
+
+
+def test_px4_that_has_to_ask_arms_only_if_the_check_passed(tmp_path: Path) -> None:
+    asks = {"COM_ARM_AUTH_REQ": 1, "COM_ARM_AUTH_ID": AUTHORISER_SYSTEM_ID, "COM_ARM_AUTH_TO": 1.0}
+    temporarily_rejected, accepted = 1, 0
+    with site(tmp_path, "px4", {**PX4, **asks}) as place:
+        assert place.arm() == temporarily_rejected  # nobody answers
+        place.tune("COM_OBL_RC_ACT", 3)
+        with place.authorising():
+            assert place.arm() == temporarily_rejected
+        place.tune("COM_OBL_RC_ACT", 5)
+        with place.authorising():
+            assert place.arm() == accepted
+
+
+def test_authorising_needs_a_vehicle(clearway: Clearway) -> None:
+    ran = clearway("preflight", "--contract", str(CONTRACT), "--authorise", "10")
+    assert (ran.code, "--vehicle" in ran.err) == (2, True)
 
 
 def test_ardupilot_tells_what_it_lacks(clearway: Clearway, tmp_path: Path) -> None:

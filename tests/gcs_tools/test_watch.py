@@ -271,6 +271,7 @@ def running(*arguments: str, stdout: int = subprocess.PIPE) -> Iterator[subproce
                 process.communicate(timeout=30.0)
 
 
+@pytest.mark.real_time
 def test_the_page_follows_a_flight_that_is_going_on(tmp_path: Path) -> None:
     out = tmp_path / "flight"
     onboard = out / "onboard.yaml"

@@ -253,6 +253,7 @@ def test_slow_drift_costs_no_time_and_fast_drift_must_be_outrun() -> None:
     t_s = math.sqrt(2.0)
     assert time_to_clear(still, SCALAR) == pytest.approx(t_s)
     assert time_to_clear(replace(still, lateral_speed_mps=2.0 * t_s), SCALAR) == pytest.approx(t_s)
+    assert time_to_clear(replace(still, lateral_speed_mps=2.4), SCALAR) == pytest.approx(t_s)
     # Outrun: 3 t + t² = 4 + 9/4 m.
     outrun_s = (math.sqrt(9.0 + 25.0) - 3.0) / 2.0
     assert time_to_clear(replace(still, lateral_speed_mps=3.0), SCALAR) == pytest.approx(outrun_s)
@@ -266,6 +267,17 @@ def test_slow_drift_costs_no_time_and_fast_drift_must_be_outrun() -> None:
 
 
 # --- lane
+
+
+def test_lane_holds_who_enters_beside_the_face_and_drifts_on() -> None:
+    """Next to no obstacle: 0.5 m/s are stopped within 1/16 m by 2 m/s² and 1/32 m by 4 m/s²."""
+    for left_mps2, right_mps2 in ((4.0, 2.0), (2.0, 4.0)):
+        limits = AccelerationLimits(2.0, 2.0, left_mps2, right_mps2)
+        e = replace(Encounter.ideal(limits, 5.0, (1e-9, 1e-9)), lateral_speed_mps=0.5)
+        region = dimensions(e, SCALAR)
+        # Towards the side that is pushed to the harder, outrunning the drift needs more.
+        narrower_m = min(region.overhang_left_m, region.overhang_right_m)
+        assert narrower_m == pytest.approx(3.0 / 32.0, abs=1e-6)
 
 
 def furthest_beyond_face_m(
