@@ -21,8 +21,8 @@ from gcs_tools.arm_authorisation import AUTHORISER_SYSTEM_ID
 from gcs_tools.processes import Children, free_ports
 from onboard.config import ZenohEndpoints
 from onboard.daemon import open_session
-from tests.gcs_tools.running import CONFIG, Clearway, Ran, until
-from tests.gcs_tools.terminal import terminal
+from tests.gcs_tools.running import CONFIG, Clearway, until
+from tests.gcs_tools.terminal import Terminal, terminal
 
 pytestmark = pytest.mark.real_time
 
@@ -72,10 +72,6 @@ class Site:
             "--format", "json", *more,
         ]  # fmt: skip
 
-    def preflight(self, clearway: Clearway) -> tuple[Ran, dict[str, str]]:
-        ran = clearway(*self.arguments())
-        return ran, verdicts(ran.out)
-
     def cleared(self) -> bool:
         with open_session(ZenohEndpoints(connect=(self.endpoints[0],))) as session:
             statuses = session.declare_subscriber(
@@ -113,19 +109,25 @@ class Site:
             link.close()
 
     @contextmanager
-    def authorising(self) -> Iterator[None]:
-        """Check, and while the context lasts answer requests to arm by the verdict."""
-        command = [sys.executable, "-m", "gcs_tools", *self.arguments("--authorise", "60")]
+    def authorising(self, code: int) -> Iterator[dict[str, str]]:
+        """Check, and while the context lasts answer requests to arm by the verdict.
+
+        Args:
+            code: with which the check has to exit.
+        """
+        path = self.directory / "preflight.json"
+        arguments = self.arguments("--authorise", "60", "-o", str(path))
         answering = subprocess.Popen(
-            command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True
+            [sys.executable, "-m", "gcs_tools", *arguments], stderr=subprocess.PIPE, text=True
         )
         try:
             assert answering.stderr is not None
             assert "answering arm requests for 60 s" in answering.stderr.readline()
-            yield
+            yield verdicts(path.read_bytes())
         finally:
             answering.send_signal(signal.SIGINT)
             answering.communicate(timeout=20.0)
+        assert answering.returncode == code
 
 
 def verdicts(written: str | bytes) -> dict[str, str]:
@@ -142,44 +144,40 @@ def site(directory: Path, flavour: str, parameters: dict[str, float]) -> Iterato
         yield running
 
 
-def test_px4_is_cleared_until_a_parameter_is_wrong(clearway: Clearway, tmp_path: Path) -> None:
-    with site(tmp_path, "px4", PX4) as place:
-        assert not place.cleared()
-        ran, found = place.preflight(clearway)
-        assert ran.code == 0, {name: v for name, v in found.items() if v != "holds"}
-        assert found["daemon contract"] == found["daemon clearance"] == "holds"
-        assert found["vehicle geofence polygons"] == "holds"
-        assert place.cleared()
+def test_px4_is_cleared_and_may_arm_once_all_is_well(tmp_path: Path) -> None:
+    asks = {"COM_ARM_AUTH_REQ": 1, "COM_ARM_AUTH_ID": AUTHORISER_SYSTEM_ID, "COM_ARM_AUTH_TO": 1.0}
+    temporarily_rejected, accepted = 1, 0
+    with site(tmp_path, "px4", {**PX4, **asks}) as place:
+        assert place.arm() == temporarily_rejected  # nobody answers
         place.tune("COM_OBL_RC_ACT", 3)
-        ran, found = place.preflight(clearway)
-        assert ran.code == 1
-        assert found["vehicle COM_OBL_RC_ACT"] == "broken"
+        with place.authorising(code=1) as found:
+            assert found["vehicle COM_OBL_RC_ACT"] == "broken"
+            assert not place.cleared()
+            assert place.arm() == temporarily_rejected
+        place.tune("COM_OBL_RC_ACT", 5)
+        with place.authorising(code=0) as found:
+            assert found["daemon contract"] == found["daemon clearance"] == "holds"
+            assert found["vehicle geofence polygons"] == "holds"
+            assert place.cleared()
+            assert place.arm() == accepted
+        found, screen = on_a_terminal(place.arguments("--set", "vehicle.radius_m=0.29"))
+        assert found["daemon contract"] == "broken"
         # What an earlier check granted is withdrawn.
         assert not place.cleared()
-        with terminal() as screen:
-            command = place.arguments("--set", "vehicle.radius_m=0.29")
-            written = subprocess.run(
-                [sys.executable, "-m", "gcs_tools", *command],
-                stdout=subprocess.PIPE, stderr=screen.written_to, timeout=60, check=False,
-            ).stdout  # fmt: skip
-        assert verdicts(written)["daemon contract"] == "broken"
         assert screen.shares == sorted(screen.shares)
         assert max(screen.shares) == round(100 * 10 / 11)  # the last of eleven steps was begun
         assert screen.estimates
         assert any("looking: telemetry rates" in line for line in screen.lines)
 
 
-def test_px4_that_has_to_ask_arms_only_if_the_check_passed(tmp_path: Path) -> None:
-    asks = {"COM_ARM_AUTH_REQ": 1, "COM_ARM_AUTH_ID": AUTHORISER_SYSTEM_ID, "COM_ARM_AUTH_TO": 1.0}
-    temporarily_rejected, accepted = 1, 0
-    with site(tmp_path, "px4", {**PX4, **asks}) as place:
-        assert place.arm() == temporarily_rejected  # nobody answers
-        place.tune("COM_OBL_RC_ACT", 3)
-        with place.authorising():
-            assert place.arm() == temporarily_rejected
-        place.tune("COM_OBL_RC_ACT", 5)
-        with place.authorising():
-            assert place.arm() == accepted
+def on_a_terminal(arguments: list[str]) -> tuple[dict[str, str], Terminal]:
+    with terminal() as screen:
+        command = [sys.executable, "-m", "gcs_tools", *arguments]
+        ran = subprocess.run(
+            command, stdout=subprocess.PIPE, stderr=screen.written_to, timeout=60, check=False
+        )
+    assert ran.returncode == 1
+    return verdicts(ran.stdout), screen
 
 
 def test_authorising_needs_a_vehicle(clearway: Clearway) -> None:
@@ -189,11 +187,13 @@ def test_authorising_needs_a_vehicle(clearway: Clearway) -> None:
 
 def test_ardupilot_tells_what_it_lacks(clearway: Clearway, tmp_path: Path) -> None:
     with site(tmp_path, "ardupilot", ARDUPILOT) as place:
-        ran, found = place.preflight(clearway)
+        ran = clearway(*place.arguments())
+        found = verdicts(ran.out)
         assert ran.code == 0, {name: v for name, v in found.items() if v != "holds"}
         assert found["vehicle PSC_JERK_XY"] == "holds"
         place.tune("FS_THR_ENABLE", 1)
-        ran, found = place.preflight(clearway)
+        ran = clearway(*place.arguments())
+        found = verdicts(ran.out)
         # This SITL has no FS_OPTIONS, which might have excused it.
         assert ran.code == 2
         assert found["vehicle FS_THR_ENABLE"] == "could not be checked"
