@@ -12,15 +12,16 @@ import zenoh
 from gcs_tools.errors import CommandError
 from gcs_tools.interruption import interruptible
 from gcs_tools.live_check_bus import BusCheck, BusConfig
-from gcs_tools.live_check_vehicle import judge, survey
+from gcs_tools.live_check_vehicle import judge
 from gcs_tools.preflight_finding import Finding, Verdict
 from gcs_tools.vehicle import CONNECT_TIMEOUT_S, UrlError, Vehicle, VehicleError, connected_vehicle
+from gcs_tools.vehicle_survey import survey
 from onboard.config import Mission
 from onboard.contract import Assessment
 from onboard.daemon import open_session
 
-# Of a look at everything: eight of `survey`, and connecting, the bus, clearing the daemon.
-STEPS = 11
+# Of a look at everything: nine of `survey`, and connecting, the bus, clearing the daemon.
+STEPS = 12
 Report = Callable[[str], None]
 
 

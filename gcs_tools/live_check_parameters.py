@@ -128,9 +128,15 @@ def check_parameters(
 
 def reach_m(assessment: Assessment, mission: Mission) -> float:
     """Return how far from its start a mission may take the vehicle, avoidances included."""
-    ends = [(leg.end_ned_m, leg.target_half_width_m) for leg in mission.legs]
-    beside_m = assessment.inflated.roi_width_m / 2.0
-    return max(math.dist(mission.start_ned_m, at) + max(width, beside_m) for at, width in ends)
+    ends = [leg.end_ned_m for leg in mission.legs]
+    beside_m = corridor_m(assessment, mission)
+    return max(math.dist(mission.start_ned_m, at) + beside_m for at in ends)
+
+
+def corridor_m(assessment: Assessment, mission: Mission) -> float:
+    """Return how far beside its legs a mission may take the vehicle."""
+    targets_m = (leg.target_half_width_m for leg in mission.legs)
+    return max(assessment.inflated.roi_width_m / 2.0, *targets_m)
 
 
 def tilt_required_deg(assessment: Assessment) -> float:

@@ -19,6 +19,7 @@ from sitl.battery import BatteryReading
 from sitl.commander import Actuation, Verdict
 from sitl.commands import Command, CommandContext, execute
 from sitl.config import VehicleConfig
+from sitl.fence import FenceStore
 from sitl.flavour import Flavour
 from sitl.mavlink_link import MavlinkLink
 from sitl.mission_transfer import MissionTransfer
@@ -76,7 +77,7 @@ class Autopilot:
         self.commander = self.flavour.commander(
             self.flavour.settings(self.parameters), truth, config.home
         )
-        self._missions = MissionTransfer(self.commander.mission)
+        self._missions = MissionTransfer(self.commander.mission, FenceStore())
         self._arm_authorisation = ArmAuthorisation()
         self._parameter_protocol = ParameterProtocol(
             self.parameters, bytewise=self.flavour.integers_bytewise

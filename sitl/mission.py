@@ -208,6 +208,14 @@ class MissionStore:
         item = self.current_item
         return item is not None and not item.takes_off
 
+    def refusal(self, number: int, item: MissionItem) -> int | None:
+        """Return why an item cannot be flown, as MAV_MISSION_RESULT; None if it can."""
+        return None if number < self.first else item.refusal(self.origin)
+
+    def is_current(self, number: int) -> bool:
+        """Whether an item is flown, or to be flown next."""
+        return number == self.current
+
     def replace(self, items: tuple[MissionItem, ...]) -> None:
         """Take a new mission, or none."""
         self.items = items

@@ -260,6 +260,7 @@ class Px4(Flavour):
             mavlink.MAVLINK_MSG_ID_BATTERY_STATUS: 1.0,
             mavlink.MAVLINK_MSG_ID_MISSION_CURRENT: 1.0,
             mavlink.MAVLINK_MSG_ID_SYSTEM_TIME: 1.0,
+            mavlink.MAVLINK_MSG_ID_ESTIMATOR_STATUS: 1.0,
             mavlink.MAVLINK_MSG_ID_HOME_POSITION: 0.5,
         }
     )

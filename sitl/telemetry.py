@@ -344,6 +344,17 @@ def ekf_status_report(s: Snapshot) -> Any:
     return mavlink.MAVLink_ekf_status_report_message(flags, 0.01, 0.01, 0.01, 0.01, 0.0)
 
 
+def estimator_status(s: Snapshot) -> Any:
+    """ESTIMATOR_STATUS: PX4's way to say the same."""
+    lost = mavlink.ESTIMATOR_ATTITUDE | mavlink.ESTIMATOR_CONST_POS_MODE
+    flags = _EKF_GOOD if s.commander.estimator_ready else lost
+    ratios = (0.01, 0.01, 0.01, 0.01, math.nan, math.nan)  # no range finder, no air speed
+    return mavlink.MAVLink_estimator_status_message(
+        round(s.truth.time_s * 1e6), flags, *ratios, 0.1, 0.1
+    )
+
+
+# These flags mean the same in both messages.
 _EKF_GOOD = (
     mavlink.EKF_ATTITUDE
     | mavlink.EKF_VELOCITY_HORIZ
@@ -375,6 +386,7 @@ BUILDERS: dict[int, Callable[[Snapshot], Any]] = {
     mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION: autopilot_version,
     mavlink.MAVLINK_MSG_ID_MISSION_CURRENT: mission_current,
     mavlink.MAVLINK_MSG_ID_EKF_STATUS_REPORT: ekf_status_report,
+    mavlink.MAVLINK_MSG_ID_ESTIMATOR_STATUS: estimator_status,
 }
 
 _DATA_STREAMS = {

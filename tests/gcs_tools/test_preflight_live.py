@@ -3,15 +3,23 @@
 from __future__ import annotations
 
 import json
+import math
 from dataclasses import replace
 from typing import Any
 
 import pytest
 
+from gcs_tools.geofence import FenceItem, GeographicOrigin
 from gcs_tools.live_check_bus import contract_finding, telemetry_finding
 from gcs_tools.live_check_detections import Sample, check_detections
-from gcs_tools.live_check_vehicle import VehicleFacts, flight_time_s, judge
+from gcs_tools.live_check_vehicle import flight_time_s, judge
 from gcs_tools.preflight_finding import Verdict
+from gcs_tools.vehicle_survey import (
+    ClockComparison,
+    EstimatorStatus,
+    VehicleFacts,
+    compare_clocks,
+)
 from onboard.config import Mission, load_contract
 from onboard.contract import assess
 from tests.gcs_tools.running import CONFIG
@@ -26,12 +34,14 @@ FACTS = VehicleFacts(
     flavour="px4",
     version=(1, 15, 0),
     rates_hz={"ATTITUDE": 10.0, "LOCAL_POSITION_NED": 10.0},
-    round_trip_s=0.004,
+    estimator=EstimatorStatus(flags=0x33F, worst_ratio=0.1),
+    clock=ClockComparison(round_trip_s=0.004, offset_s=-12.0, unsteady_s=0.0),
     home_ned_m=(0.0, 0.0, 0.0),
     position_ned_m=(0.2, 0.0, 0.0),
     battery_share=0.9,
     battery_time_s=600.0,
-    fence_items=0,
+    origin=GeographicOrigin(47.4, 8.5),
+    fence=(),
 )
 
 
@@ -46,10 +56,12 @@ def test_a_vehicle_in_order() -> None:
         "firmware",
         "ATTITUDE",
         "link delay",
+        "clock",
+        "estimator",
         "home",
         "start",
         "battery",
-        "geofence polygons",
+        "geofence areas",
     )
     found = judged()
     assert {name: found[name] for name in names} == dict.fromkeys(names, HOLDS)
@@ -63,14 +75,24 @@ def test_a_vehicle_in_order() -> None:
         ({"version": None}, "firmware", UNKNOWN),
         ({"flavour": None}, "parameters", UNKNOWN),
         ({"rates_hz": {"ATTITUDE": 10.0}}, "LOCAL_POSITION_NED", BROKEN),
-        ({"round_trip_s": 0.2}, "link delay", BROKEN),
-        ({"round_trip_s": None}, "link delay", UNKNOWN),
+        ({"clock": ClockComparison(0.2, 0.0, 0.0)}, "link delay", BROKEN),
+        ({"clock": None}, "link delay", UNKNOWN),
+        ({"clock": ClockComparison(0.004, 0.0, 0.05)}, "clock", BROKEN),
+        ({"clock": None}, "clock", UNKNOWN),
+        ({"estimator": None}, "estimator", UNKNOWN),
+        ({"estimator": EstimatorStatus(0x33F, math.nan)}, "estimator", UNKNOWN),
+        ({"estimator": EstimatorStatus(0x33F, 0.6)}, "estimator", BROKEN),
+        ({"estimator": EstimatorStatus(0x33F & ~2, 0.1)}, "estimator", BROKEN),
+        ({"estimator": EstimatorStatus(0x33F | 1024, 0.1)}, "estimator", BROKEN),
         ({"home_ned_m": None}, "home", UNKNOWN),
         ({"home_ned_m": (0.0, 0.0, -3.0)}, "home", BROKEN),
         ({"position_ned_m": None}, "start", UNKNOWN),
         ({"position_ned_m": (3.0, 0.0, 0.0)}, "start", BROKEN),
-        ({"fence_items": 5}, "geofence polygons", UNKNOWN),
-        ({"fence_items": None}, "geofence polygons", UNKNOWN),
+        ({"fence": None}, "geofence areas", UNKNOWN),
+        ({"origin": None}, "geofence areas", UNKNOWN),
+        ({"fence": (FenceItem(5003, 100.0, 47.4, 8.5),)}, "geofence areas", HOLDS),
+        ({"fence": (FenceItem(5003, 48.0, 47.4, 8.5),)}, "geofence areas", BROKEN),
+        ({"fence": (FenceItem(5003, 0.0, 47.4, 8.5),)}, "geofence areas", UNKNOWN),
         ({"battery_time_s": 70.0}, "battery", BROKEN),
         ({"battery_time_s": None}, "battery", UNKNOWN),
         # Reckoned with the motors off.
@@ -90,6 +112,21 @@ def test_a_vehicle_in_order() -> None:
 )
 def test_each_answer_has_its_verdict(changes: dict[str, Any], name: str, verdict: Verdict) -> None:
     assert judged(**changes)[name] is verdict
+
+
+def test_clocks_are_compared_within_what_the_link_allows() -> None:
+    # The vehicle is 5 s behind; ways there and back differ from one exchange to the next.
+    exchanges = [
+        (10_000_000_000, 5_001_000_000, 10_003_000_000),
+        (11_000_000_000, 6_001_000_000, 11_002_000_000),
+    ]
+    found = compare_clocks(exchanges)
+    assert found.round_trip_s == pytest.approx(0.003)
+    assert found.offset_s == pytest.approx(-5.0)
+    assert found.unsteady_s == 0.0
+    # Set by 50 ms: 1 ms of that the link may have been.
+    jumped = compare_clocks([*exchanges, (12_000_000_000, 7_051_000_000, 12_002_000_000)])
+    assert jumped.unsteady_s == pytest.approx(0.048)
 
 
 def test_the_flight_time_has_a_reserve() -> None:

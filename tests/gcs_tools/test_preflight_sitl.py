@@ -21,6 +21,7 @@ from gcs_tools.arm_authorisation import AUTHORISER_SYSTEM_ID
 from gcs_tools.processes import Children, free_ports
 from onboard.config import ZenohEndpoints
 from onboard.daemon import open_session
+from sitl.config import HomeConfig
 from tests.gcs_tools.running import CONFIG, Clearway, until
 from tests.gcs_tools.terminal import Terminal, terminal
 
@@ -108,6 +109,25 @@ class Site:
         finally:
             link.close()
 
+    def fence(self, radius_m: float) -> None:
+        """Have the vehicle stay within a circle around its home, as any ground station would."""
+        link = mavutil.mavlink_connection(f"udpin:127.0.0.1:{self.ports[2]}", source_system=200)
+        mission_type, global_frame = mavutil.mavlink.MAV_MISSION_TYPE_FENCE, 0
+        circle = mavutil.mavlink.MAV_CMD_NAV_FENCE_CIRCLE_INCLUSION
+        home = HomeConfig()
+        at = (round(home.latitude_deg * 1e7), round(home.longitude_deg * 1e7), 0.0)
+        try:
+            assert link.wait_heartbeat(timeout=10.0)
+            link.mav.mission_count_send(1, 1, 1, mission_type)
+            assert link.recv_match(type="MISSION_REQUEST_INT", blocking=True, timeout=10.0)
+            parameters = (radius_m, 0.0, 0.0, 0.0)
+            link.mav.mission_item_int_send(
+                1, 1, 0, global_frame, circle, 0, 1, *parameters, *at, mission_type
+            )
+            assert link.recv_match(type="MISSION_ACK", blocking=True, timeout=10.0).type == 0
+        finally:
+            link.close()
+
     @contextmanager
     def authorising(self, code: int) -> Iterator[dict[str, str]]:
         """Check, and while the context lasts answer requests to arm by the verdict.
@@ -157,7 +177,7 @@ def test_px4_is_cleared_and_may_arm_once_all_is_well(tmp_path: Path) -> None:
         place.tune("COM_OBL_RC_ACT", 5)
         with place.authorising(code=0) as found:
             assert found["daemon contract"] == found["daemon clearance"] == "holds"
-            assert found["vehicle geofence polygons"] == "holds"
+            assert found["vehicle geofence areas"] == "holds"
             assert place.cleared()
             assert place.arm() == accepted
         found, screen = on_a_terminal(place.arguments("--set", "vehicle.radius_m=0.29"))
@@ -165,7 +185,7 @@ def test_px4_is_cleared_and_may_arm_once_all_is_well(tmp_path: Path) -> None:
         # What an earlier check granted is withdrawn.
         assert not place.cleared()
         assert screen.shares == sorted(screen.shares)
-        assert max(screen.shares) == round(100 * 10 / 11)  # the last of eleven steps was begun
+        assert max(screen.shares) == round(100 * 11 / 12)  # the last of twelve steps was begun
         assert screen.estimates
         assert any("looking: telemetry rates" in line for line in screen.lines)
 
@@ -187,10 +207,12 @@ def test_authorising_needs_a_vehicle(clearway: Clearway) -> None:
 
 def test_ardupilot_tells_what_it_lacks(clearway: Clearway, tmp_path: Path) -> None:
     with site(tmp_path, "ardupilot", ARDUPILOT) as place:
+        place.fence(radius_m=60.0)
         ran = clearway(*place.arguments())
         found = verdicts(ran.out)
         assert ran.code == 0, {name: v for name, v in found.items() if v != "holds"}
-        assert found["vehicle PSC_JERK_XY"] == "holds"
+        assert found["vehicle PSC_JERK_XY"] == found["vehicle geofence areas"] == "holds"
+        assert "inclusion circle by " in ran.out
         place.tune("FS_THR_ENABLE", 1)
         ran = clearway(*place.arguments())
         found = verdicts(ran.out)

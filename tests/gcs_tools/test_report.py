@@ -373,6 +373,7 @@ def test_the_slider_moves_the_vehicle_along_the_log(
         "Tilt", "Heading", "Rotor speeds, ground truth", "Tracking error",
         "Contract used: required as a share of declared",
     }  # fmt: skip
+    page.until("document.getElementById('band').textContent")  # drawn once its size is known
     band = page.evaluate("document.getElementById('band').textContent")
     assert all(f"front/{number}" in band for number in (1, 2, 3))
     assert band.count("✓") == 6

@@ -13,6 +13,7 @@ from sitl.geodesy import geographic_from_ned
 from sitl.modes import Mode
 from tests.sitl.mavlink_client import NAN, Client, in_air, mode_of, on_ground
 
+MISSION, FENCE = mavlink.MAV_MISSION_TYPE_MISSION, mavlink.MAV_MISSION_TYPE_FENCE
 RELATIVE = mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT_INT
 Item = tuple[int, tuple[float, float, float, float], tuple[float, float, float]]
 
@@ -28,24 +29,29 @@ def waypoint(north_m: float, east_m: float, height_m: float, hold_s: float = 0.0
     return command, (hold_s, 0.0, 0.0, NAN), (north_m, east_m, height_m)
 
 
-def message(client: Client, number: int, item: Item, frame: int = RELATIVE) -> Any:
+def message(
+    client: Client, number: int, item: Item, frame: int = RELATIVE, mission_type: int = MISSION
+) -> Any:
     command, parameters, (north_m, east_m, height_m) = item
     return mavlink.MAVLink_mission_item_int_message(
-        1, 1, number, frame, command, 0, 1, *parameters, *place(client, north_m, east_m), height_m
-    )
+        1, 1, number, frame, command, 0, 1, *parameters, *place(client, north_m, east_m), height_m,
+        mission_type,
+    )  # fmt: skip
 
 
 def result_of(client: Client) -> int:
     return int(client.of("MISSION_ACK")[-1].type)
 
 
-def upload(client: Client, items: Sequence[Item]) -> int:
+def upload(client: Client, items: Sequence[Item], mission_type: int = MISSION) -> int:
     """Answer the vehicle's requests, as a ground station does; return the acknowledgement."""
     client.received.clear()
-    client.send(mavlink.MAVLink_mission_count_message(1, 1, len(items)))
+    client.send(mavlink.MAVLink_mission_count_message(1, 1, len(items), mission_type))
     while not client.of("MISSION_ACK"):
-        number = client.of("MISSION_REQUEST_INT")[-1].seq
-        client.send(message(client, number, items[number]))
+        request = client.of("MISSION_REQUEST_INT")[-1]
+        assert request.mission_type == mission_type
+        client.send(message(client, request.seq, items[request.seq], mission_type=mission_type))
+    assert client.of("MISSION_ACK")[-1].mission_type == mission_type
     return result_of(client)
 
 
@@ -158,6 +164,60 @@ def test_what_cannot_be_flown_is_refused(item: Item, frame: int, result: int) ->
     assert client.vehicle.autopilot.commander.mission.items[0].takes_off  # the old one stays
 
 
+def fence_corner(north_m: float, east_m: float, corners: float = 3.0) -> Item:
+    command = mavlink.MAV_CMD_NAV_FENCE_POLYGON_VERTEX_INCLUSION
+    return command, (corners, 0.0, 0.0, 0.0), (north_m, east_m, 0.0)
+
+
+def fence_circle(radius_m: float) -> Item:
+    return mavlink.MAV_CMD_NAV_FENCE_CIRCLE_EXCLUSION, (radius_m, 0.0, 0.0, 0.0), (9.0, 9.0, 0.0)
+
+
+def test_a_geofence_is_kept_beside_the_mission() -> None:
+    client = on_ground()
+    fence = [fence_corner(-5.0, 0.0), fence_corner(30.0, -9.0), fence_corner(30.0, 9.0)]
+    fence.append(fence_circle(2.0))
+    assert upload(client, [TAKE_OFF, LAND]) == mavlink.MAV_MISSION_ACCEPTED
+    assert upload(client, fence, FENCE) == mavlink.MAV_MISSION_ACCEPTED
+    for mission_type, items in ((MISSION, [TAKE_OFF, LAND]), (FENCE, fence)):
+        client.send(mavlink.MAVLink_mission_request_list_message(1, 1, mission_type))
+        assert client.of("MISSION_COUNT")[-1].count == len(items)
+        for number, item in enumerate(items):
+            client.send(mavlink.MAVLink_mission_request_int_message(1, 1, number, mission_type))
+            answer = client.of("MISSION_ITEM_INT")[-1]
+            sent = message(client, number, item, mission_type=mission_type)
+            for field in ("seq", "mission_type", "command", "param1", "x", "y"):
+                assert getattr(answer, field) == getattr(sent, field)
+    client.send(mavlink.MAVLink_mission_clear_all_message(1, 1, FENCE))
+    client.send(mavlink.MAVLink_mission_request_list_message(1, 1, FENCE))
+    assert client.of("MISSION_COUNT")[-1].count == 0
+    assert len(client.vehicle.autopilot.commander.mission.items) == 2
+
+
+@pytest.mark.parametrize(
+    ("item", "frame", "result"),
+    [
+        (TAKE_OFF, RELATIVE, mavlink.MAV_MISSION_UNSUPPORTED),
+        (fence_circle(2.0), mavlink.MAV_FRAME_LOCAL_NED, mavlink.MAV_MISSION_UNSUPPORTED_FRAME),
+        (fence_corner(0.0, 0.0, 2.0), RELATIVE, mavlink.MAV_MISSION_INVALID_PARAM1),
+        (fence_circle(0.0), RELATIVE, mavlink.MAV_MISSION_INVALID_PARAM1),
+        (fence_circle(NAN), RELATIVE, mavlink.MAV_MISSION_INVALID_PARAM1),
+    ],
+)
+def test_what_bounds_nothing_is_refused(item: Item, frame: int, result: int) -> None:
+    client = on_ground()
+    client.send(mavlink.MAVLink_mission_count_message(1, 1, 1, FENCE))
+    client.send(message(client, 0, item, frame, FENCE))
+    assert result_of(client) == result
+
+
+def test_an_item_of_the_other_list_is_no_answer() -> None:
+    client = on_ground()
+    client.send(mavlink.MAVLink_mission_count_message(1, 1, 1, FENCE))
+    client.send(message(client, 0, TAKE_OFF, mission_type=MISSION))
+    assert result_of(client) == mavlink.MAV_MISSION_ERROR
+
+
 def test_a_second_client_waits_for_the_first_ones_upload() -> None:
     client = on_ground()
     other = Client(client.vehicle, link=1, system=255, component=190)
@@ -166,7 +226,7 @@ def test_a_second_client_waits_for_the_first_ones_upload() -> None:
     assert result_of(other) == mavlink.MAV_MISSION_DENIED
 
 
-def test_clearing_empties_the_list_and_fences_are_not_supported() -> None:
+def test_clearing_empties_the_list_and_rally_points_are_not_supported() -> None:
     client = on_ground()
     upload(client, [TAKE_OFF, LAND])
     client.send(mavlink.MAVLink_mission_clear_all_message(1, 1))
@@ -177,6 +237,6 @@ def test_clearing_empties_the_list_and_fences_are_not_supported() -> None:
     assert result_of(client) == mavlink.MAV_MISSION_INVALID_SEQUENCE
     client.send(mavlink.MAVLink_mission_set_current_message(1, 1, 7))
     assert result_of(client) == mavlink.MAV_MISSION_INVALID_SEQUENCE
-    fence = mavlink.MAV_MISSION_TYPE_FENCE
-    client.send(mavlink.MAVLink_mission_count_message(1, 1, 3, fence))
+    rally = mavlink.MAV_MISSION_TYPE_RALLY
+    client.send(mavlink.MAVLink_mission_count_message(1, 1, 3, rally))
     assert result_of(client) == mavlink.MAV_MISSION_UNSUPPORTED

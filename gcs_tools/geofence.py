@@ -1,0 +1,128 @@
+"""A geofence of polygons and circles (MAV_CMD_NAV_FENCE_*), and how far a mission stays from it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final, NamedTuple
+
+from shapely import LineString, Point, Polygon
+
+_RETURN_POINT: Final = 5000
+_POLYGON: Final = {5001: True, 5002: False}  # whether the vehicle has to stay within
+_CIRCLE: Final = {5003: True, 5004: False}
+_EARTH_RADIUS_M: Final = 6_371_000.0
+
+
+class FenceError(ValueError):
+    """Items that make no geofence; the message is for people."""
+
+
+class FenceItem(NamedTuple):
+    """One item as it is on board.
+
+    Attributes:
+        command: MAV_CMD.
+        amount: corners of its polygon, or radius of its circle [m].
+        latitude_deg, longitude_deg: where.
+    """
+
+    command: int
+    amount: float
+    latitude_deg: float
+    longitude_deg: float
+
+
+class GeographicOrigin(NamedTuple):
+    """Where local NED has its origin on the Earth."""
+
+    latitude_deg: float
+    longitude_deg: float
+
+    def north_east_m(self, item: FenceItem) -> tuple[float, float]:
+        """Place an item in local NED, on a sphere: for a few kilometres."""
+        north_m = math.radians(item.latitude_deg - self.latitude_deg) * _EARTH_RADIUS_M
+        per_rad_m = _EARTH_RADIUS_M * math.cos(math.radians(self.latitude_deg))
+        return north_m, math.radians(item.longitude_deg - self.longitude_deg) * per_rad_m
+
+    @classmethod
+    def of_home(
+        cls, latitude_deg: float, longitude_deg: float, home_ned_m: Sequence[float]
+    ) -> GeographicOrigin:
+        """Return the origin, from a home that is known in both ways."""
+        per_rad_m = _EARTH_RADIUS_M * math.cos(math.radians(latitude_deg))
+        return cls(
+            latitude_deg - math.degrees(home_ned_m[0] / _EARTH_RADIUS_M),
+            longitude_deg - math.degrees(home_ned_m[1] / per_rad_m),
+        )
+
+
+@dataclass(frozen=True)
+class FenceArea:
+    """One polygon or circle, in local NED (north, east).
+
+    Attributes:
+        corners_ned_m: of a polygon; of a circle, its centre alone.
+        radius_m: of a circle; None for a polygon.
+        keeps_in: whether the vehicle has to stay within, rather than without.
+    """
+
+    corners_ned_m: tuple[tuple[float, float], ...]
+    radius_m: float | None
+    keeps_in: bool
+
+    def __str__(self) -> str:
+        kind = "inclusion" if self.keeps_in else "exclusion"
+        return f"{kind} {'polygon' if self.radius_m is None else 'circle'}"
+
+    def margin_m(self, path: LineString) -> float:
+        """Return how wide the corridor around a path may be on each side; negative if not at all.
+
+        Raises:
+            FenceError: the polygon's edges cross each other.
+        """
+        if self.radius_m is not None:
+            centre = Point(self.corners_ned_m[0])
+            if self.keeps_in:
+                return self.radius_m - float(max(centre.distance(Point(at)) for at in path.coords))
+            return float(path.distance(centre)) - self.radius_m
+        area = Polygon(self.corners_ned_m)
+        if not area.is_valid:
+            raise FenceError(f"{self}: its edges cross each other")
+        right = path.within(area) if self.keeps_in else path.disjoint(area)
+        return float(path.distance(area.exterior)) if right else -math.inf
+
+
+def fence_areas(items: Sequence[FenceItem], origin: GeographicOrigin) -> list[FenceArea]:
+    """Put the items of a geofence together.
+
+    Raises:
+        FenceError: an item is not of a geofence, or a polygon is not complete.
+    """
+    areas, left = [], list(items)
+    while left:
+        first = left[0]
+        if first.command in _POLYGON:
+            count = _corner_count(first)
+            corners, left = left[:count], left[count:]
+            if len(corners) < count or {each[:2] for each in corners} != {first[:2]}:
+                raise FenceError(f"a polygon of {count} corners is not complete")
+            outline = tuple(map(origin.north_east_m, corners))
+            areas.append(FenceArea(outline, None, _POLYGON[first.command]))
+            continue
+        del left[0]
+        if first.command in _CIRCLE:
+            if not 0.0 < first.amount < math.inf:
+                raise FenceError(f"a circle of radius {first.amount:g} m")
+            centre = origin.north_east_m(first)
+            areas.append(FenceArea((centre,), first.amount, _CIRCLE[first.command]))
+        elif first.command != _RETURN_POINT:
+            raise FenceError(f"command {first.command} is not known in a geofence")
+    return areas
+
+
+def _corner_count(item: FenceItem) -> int:
+    if not (math.isfinite(item.amount) and item.amount >= 3):
+        raise FenceError(f"a polygon of {item.amount:g} corners")
+    return int(item.amount)
