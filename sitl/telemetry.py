@@ -213,7 +213,8 @@ def altitude(s: Snapshot) -> Any:
 def sys_status(s: Snapshot) -> Any:
     """SYS_STATUS: health, battery, and in the pre-arm bit whether arming would succeed."""
     present = _ESTIMATOR_SENSORS | _OTHER_SENSORS | mavlink.MAV_SYS_STATUS_PREARM_CHECK
-    health = _OTHER_SENSORS
+    # Nothing breaches a geofence that is not enforced; MAVProxy announces a breach without this.
+    health = _OTHER_SENSORS | mavlink.MAV_SYS_STATUS_GEOFENCE
     if s.commander.estimator_ready:
         health |= _ESTIMATOR_SENSORS & ~s.commander.failures.failed_sensors
     if not s.commander.prearm_failures():

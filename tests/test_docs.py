@@ -9,12 +9,15 @@ import sys
 from pathlib import Path
 
 import pytest
+import yaml
 import zenoh
 
 from onboard.config import ZenohEndpoints, load_contract
 from onboard.contract import assess
 from onboard.daemon import open_session
 from onboard.obstacles import parse_frame
+from tests.sitl.process import configured, free_port, running
+from tests.sitl.test_mavproxy import mavproxy
 
 ROOT = Path(__file__).parents[1]
 PAGES = (ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md")))
@@ -49,6 +52,42 @@ def test_contracts_to_start_from_comply(vehicle: str) -> None:
     assert assessment.compliant
     plan_jerk_mps3 = assessment.limits.right_mps2 / assessment.terms.attitude_lag_s
     assert plan_jerk_mps3 <= 10.0  # as the vehicles' numbers were measured
+
+
+def test_mavsdk_flies_as_the_readme_says(tmp_path: Path) -> None:
+    (program,), (said,) = blocks(ROOT / "README.md", "python"), blocks(ROOT / "README.md", "text")
+    port = free_port(socket.SOCK_DGRAM)
+    links = [f"udpout://127.0.0.1:{port}"]
+    path, _ = configured(tmp_path, mavlink=links, speed_factor=3.0)
+    with running(path):
+        done = subprocess.run(
+            [sys.executable, "-c", program.replace("14550", str(port))],
+            capture_output=True,
+            text=True,
+            timeout=60.0,
+            check=True,
+        )
+    printed = [line for line in done.stdout.splitlines() if "|" not in line]  # MAVSDK's own log
+    assert printed == said.splitlines()
+
+
+def test_mavproxy_flies_as_the_readme_says(tmp_path: Path) -> None:
+    (transcript,) = blocks(ROOT / "README.md", "console")
+    example = yaml.safe_load((ROOT / "config" / "ardupilot_sitl.yaml").read_text(encoding="utf-8"))
+    changes = {key: example[key] for key in ("flavour", "parameters")}
+    with mavproxy(tmp_path, **changes) as (console, observer):
+        for line in transcript.splitlines()[1:]:
+            prompt, is_typed, command = line.partition("> ")
+            if is_typed:
+                console.expect(f"{prompt}> ")
+                console.say(command)
+                if command.startswith("param set"):  # it goes out a little later
+                    observer.wait_for("PARAM_VALUE", "PARAM_VALUE.param_id == 'GUID_TIMEOUT'")
+            else:
+                console.expect(line)
+            if "Takeoff" in line:  # what MAVProxy does not tell
+                observer.wait_for("LOCAL_POSITION_NED", "abs(LOCAL_POSITION_NED.z + 5) < 0.1")
+        observer.wait_for("HEARTBEAT", "not HEARTBEAT.base_mode & 128")
 
 
 def test_the_sensor_of_the_vehicle_page_is_understood() -> None:

@@ -1,7 +1,8 @@
 """Theory F: the clause, the corridor, and a slow simulation of what they promise."""
 
 import math
-from dataclasses import replace
+from dataclasses import fields, replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -10,10 +11,11 @@ from hypothesis import strategies as st
 
 from onboard.agility import AccelerationLimits
 from onboard.config import Contract
-from onboard.contract import TICK_S, Clause, assess
+from onboard.contract import TICK_S, Clause, Terms, assess, clauses, derive
+from onboard.frames import FloatArray
 from onboard.manoeuvre import stop_at
 from onboard.recentring import DEAD_BAND_M, Corridor, Drift, drift_of, required_view
-from onboard.region import SCALAR, Box, Encounter
+from onboard.region import ARRAY, SCALAR, Box, Encounter
 from onboard.trajectory import State, Y
 from tests.onboard.avoidance_cases import Variety
 from tests.onboard.avoidance_cases import draw as drawn_problem
@@ -111,6 +113,37 @@ def test_clause_adds_up_what_the_contract_states(contract: Contract) -> None:
     needed_rad = 2.0 * (slope_rad + math.asin(room_m * math.cos(slope_rad) / 12.0))
     assert clause.required == pytest.approx(math.degrees(needed_rad))
     assert clause.declared == pytest.approx(120.0)
+
+
+def test_what_is_noticed_later_than_silence_counts(contract: Contract) -> None:
+    """Silence is noticed after 0.32 s, an object after the reaction time where that is longer."""
+    drifting = changed(contract, recentring_speed_mps=0.3)
+    required_deg = clause_of(drifting).required
+    prompt = changed(drifting, reaction_time_s=0.32)
+    assert clause_of(prompt).required == pytest.approx(required_deg, abs=1e-3)
+    assert clause_of(changed(drifting, reaction_time_s=0.5)).required > required_deg + 0.5
+
+
+def test_clause_asks_nothing_where_nothing_drifts(contract: Contract) -> None:
+    """On a surface with the recentring speed as its axis."""
+    scalar = Terms.of(changed(contract, recentring_speed_mps=0.3))
+    values: dict[str, Any] = {each.name: getattr(scalar, each.name) for each in fields(Terms)}
+    for name, value in values.items():
+        if isinstance(value, float):
+            values[name] = np.full(2, value)
+    values["recentring_speed_mps"] = np.array([0.0, 0.3])
+    terms: Terms[FloatArray] = Terms(**values)
+    found = {each.name: each.required for each in clauses(terms, derive(terms, ARRAY), ARRAY)}
+    assert found["recentring"][0] == 0.0
+    assert found["recentring"][1] == pytest.approx(
+        clause_of(changed(contract, recentring_speed_mps=0.3)).required
+    )
+
+
+def test_recentring_has_a_corridor(contract: Contract) -> None:
+    corridor = assess(changed(contract, recentring_speed_mps=0.3)).corridor
+    assert corridor is not None
+    assert math.hypot(corridor.reach_m, corridor.side_m) < 12.0
 
 
 def test_recentring_widens_every_region(contract: Contract) -> None:

@@ -1,4 +1,7 @@
-"""MAVProxy as a process against the simulator as a process, watched on another link."""
+"""MAVProxy as a process against the simulator as a process, watched on another link.
+
+The flight is the transcript of the README: `tests/test_docs.py`.
+"""
 
 from __future__ import annotations
 
@@ -103,29 +106,6 @@ def mavproxy(directory: Path, **config: Any) -> Iterator[tuple[Console, Observer
             assert process.stdin is not None
             process.stdin.close()  # it waits at its prompt
             process.wait(timeout=10.0)
-
-
-def armed(*, mode: int) -> str:
-    return f"HEARTBEAT.custom_mode == {mode} and HEARTBEAT.base_mode & 128"
-
-
-def test_mavproxy_flies_ardupilot(tmp_path: Path) -> None:
-    with mavproxy(tmp_path, flavour="ardupilot") as (console, observer):
-        console.expect("Received")  # the parameters, fetched unasked
-        console.expect("parameters")
-        console.say("param set GUID_TIMEOUT 1")
-        observer.wait_for("PARAM_VALUE", "PARAM_VALUE.param_id == 'GUID_TIMEOUT'")
-        console.say("param fetch GUID_TIMEOUT")
-        console.expect("GUID_TIMEOUT = 1.0000000")
-        console.say("mode GUIDED")
-        observer.wait_for("HEARTBEAT", "HEARTBEAT.custom_mode == 4")
-        console.say("arm throttle")
-        observer.wait_for("HEARTBEAT", armed(mode=4))
-        console.say("takeoff 5")
-        observer.wait_for("LOCAL_POSITION_NED", "abs(LOCAL_POSITION_NED.z + 5) < 0.1")
-        console.say("mode LAND")
-        observer.wait_for("HEARTBEAT", "HEARTBEAT.custom_mode == 9")
-        observer.wait_for("HEARTBEAT", "not HEARTBEAT.base_mode & 128")
 
 
 @pytest.mark.parametrize("flavour", ["px4", "ardupilot"])
