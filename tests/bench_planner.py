@@ -19,8 +19,9 @@ import numpy as np
 
 from onboard.avoidance import DELAY_COST_M2PS4, AvoidanceProblem
 from onboard.planner import Plan, Planner
+from onboard.spline import TOTAL_PIECES
 from onboard.trajectory import X
-from tests.ipopt_peer import Direct, TwoPhase
+from tests.ipopt_peer import DIRECT_PIECES, Direct, TwoPhase
 from tests.measurement import Measurement
 from tests.onboard.avoidance_cases import Variety, draw
 
@@ -38,7 +39,7 @@ VARIETIES = {
 COMPLIANT = tuple(name for name, variety in VARIETIES.items() if variety.lag)
 # Problems of each variety that IPOPT gets: 500 in all; the direct form only the first few.
 PEER_PROBLEMS = 100
-DIRECT_PROBLEMS = 10
+DIRECT_PROBLEMS = 6
 # Costs below this have no meaningful ratio: nearly nothing had to be done.
 COST_MIN_M2PS3 = 0.1
 
@@ -83,7 +84,8 @@ class Comparison:
         gaps: how much dearer the planner's plans are than the best that IPOPT finds, as a share of
             effort and time flown, which differ from the cost of Eq. 17 by a constant.
         gaps_of_cost: the same as a share of the cost, where that is worth a ratio.
-        ours_ms, two_phase_ms, direct_ms: median times.
+        ours_ms, two_phase_ms: median times.
+        direct_ms: median times by number of pieces.
         unsolved: problems that IPOPT does not solve.
     """
 
@@ -91,19 +93,22 @@ class Comparison:
     gaps_of_cost: list[float]
     ours_ms: float
     two_phase_ms: float
-    direct_ms: float
+    direct_ms: dict[int, float]
     unsolved: int
 
 
 @functools.cache
-def compare(count: int = PEER_PROBLEMS, seed: int = 1) -> Comparison:
-    """Plan ``count`` problems of each variety by the planner and by IPOPT."""
-    planner, two_phase, direct = Planner(), TwoPhase(), Direct()
+def compare(
+    count: int = PEER_PROBLEMS, seed: int = 1, direct_count: int = DIRECT_PROBLEMS
+) -> Comparison:
+    """Plan ``count`` problems of each variety by the planner and by IPOPT, some in direct form."""
+    planner, two_phase = Planner(), TwoPhase()
+    direct = {pieces: Direct(pieces) for pieces in (TOTAL_PIECES, DIRECT_PIECES)}
     gaps: list[float] = []
     gaps_of_cost: list[float] = []
     ours_s: list[float] = []
     theirs_s: list[float] = []
-    direct_s: list[float] = []
+    direct_s: dict[int, list[float]] = {pieces: [] for pieces in direct}
     unsolved = 0
     for name in COMPLIANT:
         rng = Random(seed)
@@ -114,8 +119,8 @@ def compare(count: int = PEER_PROBLEMS, seed: int = 1) -> Comparison:
             ours_s.append(time.perf_counter() - begin_s)
             best = two_phase.plan(problem)
             theirs_s.append(best.solve_s)
-            if number < DIRECT_PROBLEMS:
-                direct_s.append(direct.plan(problem).solve_s)
+            for pieces, peer in direct.items() if number < direct_count else ():
+                direct_s[pieces].append(peer.plan(problem).solve_s)
             if math.isinf(best.cost) or not isinstance(plan, Plan):
                 unsolved += 1
                 continue
@@ -123,10 +128,13 @@ def compare(count: int = PEER_PROBLEMS, seed: int = 1) -> Comparison:
             gaps.append(excess / (best.cost + _cost_of_time(problem)))
             if best.cost > COST_MIN_M2PS3:
                 gaps_of_cost.append(excess / best.cost)
-    ours_ms, theirs_ms, direct_ms = (
-        1e3 * float(np.median(times_s)) for times_s in (ours_s, theirs_s, direct_s)
-    )
+    direct_ms = {pieces: _median_ms(times_s) for pieces, times_s in direct_s.items() if times_s}
+    ours_ms, theirs_ms = _median_ms(ours_s), _median_ms(theirs_s)
     return Comparison(gaps, gaps_of_cost, ours_ms, theirs_ms, direct_ms, unsolved)
+
+
+def _median_ms(times_s: list[float]) -> float:
+    return 1e3 * float(np.median(times_s))
 
 
 def _cost_of_time(problem: AvoidanceProblem) -> float:
@@ -141,10 +149,18 @@ def bench_plan_time() -> Measurement:
     return Measurement(found.ours_ms, "ms", peer=found.two_phase_ms, peer_name="IPOPT, two-phase")
 
 
-def bench_plan_time_direct() -> Measurement:
-    """The same against Eq. 17 as it is written."""
+def bench_plan_time_direct_coarse() -> Measurement:
+    """The same against Eq. 17 as it is written, with as few nodes as ours, which cuts corners."""
     found = compare()
-    return Measurement(found.ours_ms, "ms", peer=found.direct_ms, peer_name="IPOPT, direct")
+    name = f"IPOPT, direct, {TOTAL_PIECES} pieces"
+    return Measurement(found.ours_ms, "ms", peer=found.direct_ms[TOTAL_PIECES], peer_name=name)
+
+
+def bench_plan_time_direct() -> Measurement:
+    """The same with nodes so close that next to nothing is cut between them."""
+    found = compare()
+    name = f"IPOPT, direct, {DIRECT_PIECES} pieces"
+    return Measurement(found.ours_ms, "ms", peer=found.direct_ms[DIRECT_PIECES], peer_name=name)
 
 
 def bench_plan_cost_gap() -> Measurement:
@@ -180,7 +196,8 @@ def _print_comparison(found: Comparison) -> None:
         mean, p95 = np.mean(gaps), np.percentile(gaps, 95)
         print(f"above the best of IPOPT, share of {name}: mean {mean:.1%}, p95 {p95:.1%}", end="")
         print(f", max {max(gaps):.1%} ({len(gaps)} problems)")
-    for name, theirs_ms in (("two-phase", found.two_phase_ms), ("direct", found.direct_ms)):
+    direct = {f"direct, {pieces} pieces": each for pieces, each in found.direct_ms.items()}
+    for name, theirs_ms in ({"two-phase": found.two_phase_ms} | direct).items():
         ratio = theirs_ms / found.ours_ms
         print(f"IPOPT, {name}: {theirs_ms:.1f} ms, {ratio:.0f} times our {found.ours_ms:.2f} ms")
     print(f"not solved by IPOPT: {found.unsolved}")

@@ -46,6 +46,25 @@ def test_room_to_come_to_rest_by_hand() -> None:
     assert drift.ending_s == pytest.approx(0.5 + 0.4 + 0.3)
 
 
+def test_the_weaker_side_decides_how_soon_a_drift_ends() -> None:
+    mirrored = replace(ENCOUNTER, left_mps2=LIMITS.right_mps2, right_mps2=LIMITS.left_mps2)
+    for e in (ENCOUNTER, mirrored):
+        drift = drift_of(e, speed_min_mps=2.0, margin_m=0.7, notice_s=0.3, ops=SCALAR)
+        assert drift.ending_s == pytest.approx(0.5 + 0.4 + 0.3)
+
+
+def test_standing_still_is_the_slowest() -> None:
+    """An error above the cruise speed: a drift then goes sideways only."""
+    backwards = required_view(Drift(0.5, -1.0, 1.0, 1.0), 2.0, SCALAR)
+    assert backwards == pytest.approx(required_view(Drift(0.5, 0.0, 1.0, 1.0), 2.0, SCALAR))
+    assert backwards == pytest.approx(math.pi)
+
+
+def test_more_than_80_degrees_to_each_side_is_not_relied_upon() -> None:
+    corridor = Corridor.of(Drift(0.5, 2.0, 1.0, 1.0), math.radians(300.0))
+    assert corridor.side_m / corridor.reach_m == pytest.approx(math.tan(math.radians(80.0)))
+
+
 def test_required_view_by_hand() -> None:
     """Room 1 m, range 2 m: 30° beyond a slope of nothing; beyond a slope of 1:1 its cosine less."""
     assert required_view(Drift(0.0, 2.0, 1.0, 1.0), 2.0, SCALAR) == pytest.approx(math.pi / 3.0)
@@ -88,8 +107,9 @@ def test_a_drift_begins_after_a_straight_way_and_at_a_steady_speed() -> None:
     corridor = Corridor(4.0, 2.0, 2.0, 1.0)
     assert corridor.seen(1.0, straight_m=4.0)
     assert not corridor.seen(1.0, straight_m=3.9)
-    assert not corridor.seen(DEAD_BAND_M / 2.0, straight_m=4.0)
+    assert not corridor.seen(DEAD_BAND_M, straight_m=4.0)
     assert corridor.steady(2.0, 2.1)
+    assert corridor.steady(2.0 - 1e-9, 2.1)  # round-off is no slowing down
     assert not corridor.steady(2.1, 1.9)
     assert not corridor.steady(1.9, 2.1)
 
