@@ -18,7 +18,9 @@ from sitl.commander import Commander, Verdict
 from sitl.config import HomeConfig
 from sitl.controller import Setpoint
 from sitl.flavour import Flavour
+from sitl.guided_reference import GuidedReference, ReferenceLimits
 from sitl.modes import Mode
+from sitl.multirotor import GRAVITY_MPS2
 from sitl.offboard import OffboardStream
 from sitl.parameters import ParameterSpec, ParameterStore
 from sitl.setpoint_message import MotionTarget, is_given, is_whole, read_target, turned
@@ -101,6 +103,7 @@ class CopterCommander(Commander):
         super().__init__(settings, truth, origin, Copter.mission_first_item)
         self._origin = origin
         self._stream: OffboardStream | None = None
+        self._reference = GuidedReference(truth, _reference_limits(settings))
         self._mission_started = False
 
     def prearm_failures(self) -> list[str]:
@@ -144,6 +147,7 @@ class CopterCommander(Commander):
     def _follow(self, target: MotionTarget) -> None:
         if self._stream is None:
             self._stream = OffboardStream(math.inf)
+            self._reference = GuidedReference(self._truth, _reference_limits(self.settings))
             self._auto.target_ned_m = None
         self._stream.receive(
             target.setpoint(),
@@ -176,7 +180,8 @@ class CopterCommander(Commander):
 
     def _follow_setpoints(self, period_s: float) -> Setpoint:
         if self._stream is not None:
-            return self._stream.setpoint(self._truth.time_s, self._auto.reference.yaw_rad)
+            target = self._stream.setpoint(self._truth.time_s, self._auto.reference.yaw_rad)
+            return self._reference.follow(target, period_s)
         self._auto.fly(Mode.OFFBOARD, self._truth, period_s)
         return self._auto.setpoint()
 
@@ -199,6 +204,11 @@ class CopterCommander(Commander):
     def _enter(self, mode: Mode, *, failsafe: bool) -> None:
         super()._enter(mode, failsafe=failsafe)
         self._stream = None
+
+
+def _reference_limits(settings: FlightSettings) -> ReferenceLimits:
+    at_angle_max_mps2 = GRAVITY_MPS2 * math.tan(settings.tilt_max_rad)
+    return ReferenceLimits(settings.jerk_mps3, settings.acceleration_mps2, at_angle_max_mps2)
 
 
 def _ned_target(target: MotionTarget, truth: VehicleTruth) -> MotionTarget | None:
