@@ -68,12 +68,16 @@ def test_more_than_80_degrees_to_each_side_is_not_relied_upon() -> None:
 def test_required_view_by_hand() -> None:
     """Room 1 m, range 2 m: 30° beyond a slope of nothing; beyond a slope of 1:1 its cosine less."""
     assert required_view(Drift(0.0, 2.0, 1.0, 1.0), 2.0, SCALAR) == pytest.approx(math.pi / 3.0)
+    near = required_view(Drift(0.0, 2.0, 1.6, 1.0), 2.0, SCALAR)
+    assert near == pytest.approx(2.0 * math.asin(0.8))
     steep = required_view(Drift(2.0, 2.0, 1.0, 1.0), 2.0, SCALAR)
     assert steep == pytest.approx(2.0 * (math.pi / 4.0 + math.asin(0.5 * math.sqrt(0.5))))
 
 
 def test_no_view_will_do_where_the_range_is_shorter_than_the_room() -> None:
-    assert required_view(Drift(0.5, 2.0, 3.0, 1.0), 2.0, SCALAR) > 2.0 * math.pi
+    twice_round = pytest.approx(4.0 * math.pi)
+    assert required_view(Drift(0.5, 2.0, 3.0, 1.0), 2.0, SCALAR) == twice_round
+    assert required_view(Drift(0.0, 2.0, 2.0, 1.0), 2.0, SCALAR) == twice_round
 
 
 @given(st.floats(0.05, 1.0), st.floats(1.0, 8.0), st.floats(0.3, 3.0), st.floats(4.0, 30.0))
@@ -99,6 +103,7 @@ def test_corridor_lies_between_the_vehicle_and_the_line() -> None:
         beside = Box(0.0, 1.0, *sorted((sign * 0.5, sign * 1.1)))
         assert corridor.meets(sign * 3.0, beside)
         assert not corridor.meets(sign * 3.2, beside)
+        assert corridor.meets(sign * 0.6, beside)
         beyond = Box(0.0, 1.0, *sorted((sign * 3.1, sign * 4.0)))
         assert not corridor.meets(sign * 3.0, beyond)
 
