@@ -16,6 +16,7 @@ from gcs_tools.vehicle_survey import ANSWER_TIMEOUT_S, COUNTED, LISTEN_S, PINGS,
 from onboard.config import Mission
 from onboard.contract import Assessment
 from onboard.navigator import START_TOLERANCE_M
+from onboard.watches import CLOCK_TOLERANCE_S
 
 # Older firmware behaves in ways that nobody has measured for this service.
 OLDEST_VERSION: Mapping[str, tuple[int, int, int]] = {"px4": (1, 14, 0), "ardupilot": (4, 5, 0)}
@@ -24,8 +25,6 @@ RATE_MIN_HZ = 5.0
 GROUND_TIME_S = 60.0
 TIME_RESERVE = 4.0 / 3.0
 CHARGE_RESERVE = 0.2
-# No vehicle's clock drifts by this much in a few exchanges: it was set, or something resets it.
-CLOCK_JUMP_MAX_S = 0.01
 # Of the default gates; PX4 by default arms up to this (COM_ARM_EKF_POS, _VEL, _YAW).
 INNOVATION_RATIO_MAX = 0.5
 
@@ -137,9 +136,10 @@ def _clock(facts: VehicleFacts) -> Finding:
     offset_s, unsteady_s = facts.clock.offset_s, facts.clock.unsteady_s
     text = (
         f"{abs(offset_s):.3f} s {'ahead of' if offset_s > 0.0 else 'behind'} this computer's, "
-        f"jumped by {unsteady_s * 1e3:.1f} ms, limit {CLOCK_JUMP_MAX_S * 1e3:g} ms"
+        f"jumped by {unsteady_s * 1e3:.1f} ms, limit {CLOCK_TOLERANCE_S * 1e3:g} ms"
     )
-    return _known("clock", holds=unsteady_s <= CLOCK_JUMP_MAX_S, text=text)
+    # None drifts by this much in a few exchanges: it was set, or something resets it.
+    return _known("clock", holds=unsteady_s <= CLOCK_TOLERANCE_S, text=text)
 
 
 def _estimator(facts: VehicleFacts) -> Finding:

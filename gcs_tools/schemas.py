@@ -10,6 +10,7 @@ from pydantic import BaseModel
 from pydantic.json_schema import GenerateJsonSchema
 
 from gcs_tools.errors import CommandError
+from gcs_tools.live_check_bus import BusConfig
 from gcs_tools.scenario import ScenarioFile
 from onboard.config import Contract, DaemonConfig, Mission
 from sitl.config import SitlConfig
@@ -23,6 +24,7 @@ MODELS: MappingProxyType[str, type[BaseModel]] = MappingProxyType(
         "scenario": ScenarioFile,
         "onboard": DaemonConfig,
         "sitl": SitlConfig,
+        "bus": BusConfig,
     }
 )
 

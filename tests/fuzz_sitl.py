@@ -15,7 +15,7 @@ import atheris
 from sitl.vehicle import warm_up
 
 # Numba cannot compile instrumented code: what flies is imported and compiled before.
-_COMPILED = {"sitl.controller", "sitl.jit", "sitl.multirotor"}
+_COMPILED = {"sitl.controller", "sitl.inner_loop", "sitl.jit", "sitl.multirotor"}
 warm_up()
 for _name in [name for name in sys.modules if name.startswith("sitl.")]:
     if _name not in _COMPILED:
@@ -36,7 +36,8 @@ def main() -> None:
         for number, seed in enumerate(fuzz_target.seeds()):
             (corpus / f"seed-{number}").write_bytes(seed)
         target = fuzz_target.Target()
-        arguments = [f"-runs={options.runs}", "-max_len=600", "-print_final_stats=1", str(corpus)]
+        arguments = [f"-runs={options.runs}", "-max_len=600", "-print_final_stats=1"]
+        arguments += [f"-artifact_prefix={corpus}/", str(corpus)]
         atheris.Setup([sys.argv[0], *arguments], target.feed)
         atheris.Fuzz()
 

@@ -18,6 +18,7 @@ from onboard.daemon import open_session
 from onboard.obstacles import parse_frame
 from tests.sitl.process import configured, free_port, running
 from tests.sitl.test_mavproxy import mavproxy
+from tests.transcripts import with_answers
 
 ROOT = Path(__file__).parents[1]
 PAGES = (ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md")))
@@ -88,6 +89,15 @@ def test_mavproxy_flies_as_the_readme_says(tmp_path: Path) -> None:
             if "Takeoff" in line:  # what MAVProxy does not tell
                 observer.wait_for("LOCAL_POSITION_NED", "abs(LOCAL_POSITION_NED.z + 5) < 0.1")
         observer.wait_for("HEARTBEAT", "not HEARTBEAT.base_mode & 128")
+
+
+def test_the_preflight_page_shows_what_is_printed(tmp_path: Path) -> None:
+    """Of its transcripts the one that needs no vehicle."""
+    (tmp_path / "config").symlink_to(ROOT / "config")
+    page = ROOT / "docs" / "preflight.md"
+    (block,) = (each for each in blocks(page, "console") if "cruise_speed_mps=6" in each)
+    transcript = f"```console\n{block}```"
+    assert with_answers(transcript, tmp_path) == transcript
 
 
 def test_the_sensor_of_the_vehicle_page_is_understood() -> None:

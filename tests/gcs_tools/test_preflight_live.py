@@ -77,7 +77,7 @@ def test_a_vehicle_in_order() -> None:
         ({"rates_hz": {"ATTITUDE": 10.0}}, "LOCAL_POSITION_NED", BROKEN),
         ({"clock": ClockComparison(0.2, 0.0, 0.0)}, "link delay", BROKEN),
         ({"clock": None}, "link delay", UNKNOWN),
-        ({"clock": ClockComparison(0.004, 0.0, 0.05)}, "clock", BROKEN),
+        ({"clock": ClockComparison(0.004, 0.0, 0.15)}, "clock", BROKEN),
         ({"clock": None}, "clock", UNKNOWN),
         ({"estimator": None}, "estimator", UNKNOWN),
         ({"estimator": EstimatorStatus(0x33F, math.nan)}, "estimator", UNKNOWN),

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 import yaml
 
+from gcs_tools.live_check_bus import BusConfig
 from gcs_tools.live_flight import Endpoints, write_configuration
 from gcs_tools.scenario import Scenario, ScenarioFile, load_scenario, obstacle_list
 from gcs_tools.schemas import MODELS
@@ -27,6 +28,7 @@ READERS: dict[str, Callable[[Path], object]] = {
     "field": load_field,
     "scenario": lambda path: load_yaml(path, ScenarioFile),
     "onboard": lambda path: load_yaml(path, DaemonConfig),
+    "bus": lambda path: load_yaml(path, BusConfig),
 }
 
 

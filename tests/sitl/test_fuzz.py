@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 import random
+import subprocess
+import sys
+from pathlib import Path
 
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from tests.sitl.fuzz_target import Target, framed, seeds
 
+ROOT = Path(__file__).parents[2]
 RUNS = 12_000
 
 
@@ -27,6 +31,15 @@ def test_made_up_bytes_neither_crash_nor_move_a_signed_vehicle() -> None:
     for _ in range(RUNS):
         target.feed(mutated(corpus, chance))
     assert target.inputs == RUNS
+
+
+def test_the_fuzzer_itself_runs() -> None:
+    command = [sys.executable, "-m", "tests.fuzz_sitl", "--runs", "300"]
+    ran = subprocess.run(
+        command, cwd=ROOT, capture_output=True, text=True, timeout=120.0, check=False
+    )
+    assert ran.returncode == 0, ran.stderr
+    assert "stat::number_of_executed_units: 3" in ran.stderr
 
 
 def test_the_corpus_reaches_every_handler() -> None:
