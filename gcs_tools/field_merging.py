@@ -15,11 +15,14 @@ from dataclasses import dataclass
 from itertools import islice
 
 import numpy as np
+from shapely import STRtree, box
 
 from onboard.frames import FloatArray
 
 # A field with more pairs in conflict is refused by these alone; naming them all takes for ever.
 PAIRS_MAX = 1_000_000
+# Boxes looked up in the index at a time: what is found for them is held in memory.
+_QUERIES = 4096
 # Boxes grow within a round, so that few are needed; what is left in conflict is refused.
 _ROUNDS_MAX = 20
 _ROUND_OFF = 1e-9
@@ -95,22 +98,14 @@ def _gathered(merged: Merged, parents: list[int], regions_of: Regions) -> Merged
 
 
 def intersecting_pairs(boxes_m: FloatArray) -> Iterator[tuple[int, int]]:
-    """Yield the index pairs of boxes, (N, 4), that share a point.
-
-    They are found by a sweep along the longer spread.
-    """
-    edges_m = boxes_m.reshape(-1, 2, 2)
-    spread_m = np.ptp(edges_m[:, :, 0], axis=0) if len(boxes_m) else np.zeros(2)
-    along = int(np.argmax(spread_m))
-    order = np.argsort(edges_m[:, along, 0], kind="stable")
-    lower_m, upper_m = edges_m[order, :, 0], edges_m[order, :, 1]
-    ends = np.searchsorted(lower_m[:, along], upper_m[:, along], side="right")
-    across = 1 - along
-    for first, end in enumerate(ends.tolist()):
-        rest = slice(first + 1, end)
-        overlaps = (lower_m[rest, across] <= upper_m[first, across]) & (
-            upper_m[rest, across] >= lower_m[first, across]
-        )
-        for offset in np.flatnonzero(overlaps).tolist():
-            i, j = int(order[first]), int(order[first + 1 + offset])
-            yield min(i, j), max(i, j)
+    """Yield the index pairs of boxes, (N, 4), that share a point."""
+    west_m, east_m, south_m, north_m = boxes_m.T
+    rectangles = box(west_m, south_m, east_m, north_m)
+    tree = STRtree(rectangles)
+    for begin in range(0, len(boxes_m), _QUERIES):
+        ones, others = tree.query(rectangles[begin : begin + _QUERIES])
+        ones += begin
+        later = others > ones
+        ones, others = ones[later], others[later]
+        order = np.lexsort((others, ones))
+        yield from zip(ones[order].tolist(), others[order].tolist(), strict=True)

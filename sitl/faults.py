@@ -59,6 +59,7 @@ LinkKind = Literal[
 ]
 VehicleKind = Literal[
     "position_reset",
+    "position_misreported",
     "attitude_stuck",
     "gps_lost",
     "mode_rejected",
@@ -96,7 +97,8 @@ AMOUNTS: Final[dict[str, tuple[float, str]]] = {
     "thrust_lost": (0.9, "share of its speed that every rotor reaches"),
     "attitude_slow": (3.0, "attitude feedback [1/s]"),
     "telemetry_corrupted": (0.2, "share of datagrams of which one byte changes"),
-    "position_reset": (3.0, "metres to the east"),
+    "position_reset": (3.0, "metres to the east, of the estimate that is told and flown by"),
+    "position_misreported": (0.3, "metres to the east, of what is told but not flown by"),
 }
 
 
@@ -244,18 +246,21 @@ class FaultInjector:
             spoilt = bytearray(data)
             spoilt[self._random.randrange(len(spoilt))] ^= 1 << self._random.randrange(8)
             data = bytes(spoilt)
-        reset = self._active.get("position_reset")
+        reset = self._active.get("position_reset") or self._active.get("position_misreported")
         level, mute = "attitude_stuck" in self._active, "heartbeats_lost" in self._active
         if reset is None and not (level or mute):
             return data
         east_m = 0.0 if reset is None else reset.value
-        return self._codec.edited(data, east_m, level=level, mute=mute)
+        target_east_m = east_m if "position_reset" in self._active else 0.0
+        return self._codec.edited(data, east_m, target_east_m, level=level, mute=mute)
 
     def setpoints(self, data: bytes) -> bytes:
         """Return what the vehicle hears of what the service sent."""
         data = self._carried("up", data)
-        cut = "setpoints_lost" in self._active or "link_partitioned" in self._active
-        return b"" if cut else data
+        if "setpoints_lost" in self._active or "link_partitioned" in self._active:
+            return b""
+        reset = self._active.get("position_reset")
+        return data if reset is None else self._codec.displaced(data, -reset.value)
 
     def _carried(self, way: str, data: bytes) -> bytes:
         """Send a datagram over the imperfect links that are present; return what arrives now."""
@@ -443,10 +448,14 @@ class _Codec:
     def __init__(self) -> None:
         self._vehicle = mavlink.MAVLink(None, 1, mavlink.MAV_COMP_ID_AUTOPILOT1)
         self._vehicle.robust_parsing = True
+        self._service = mavlink.MAVLink(None)
+        self._service.robust_parsing = True
         self._rival = mavlink.MAVLink(None, 1, mavlink.MAV_COMP_ID_ONBOARD_COMPUTER)
 
-    def edited(self, data: bytes, east_m: float, *, level: bool, mute: bool) -> bytes:
-        """Return the same messages with local positions moved, and if asked attitudes level.
+    def edited(
+        self, data: bytes, east_m: float, target_east_m: float, *, level: bool, mute: bool
+    ) -> bytes:
+        """Return the same messages with positions and targets moved, and if asked attitudes level.
 
         Muted, there are no heartbeats among them.
         """
@@ -457,12 +466,30 @@ class _Codec:
                 continue
             if kind == "LOCAL_POSITION_NED":
                 message.y += east_m
+            elif kind == "POSITION_TARGET_LOCAL_NED":
+                message.y += target_east_m
             elif kind == "ATTITUDE" and level:
                 message.roll = message.pitch = 0.0
             else:
                 changed += message.get_msgbuf()
                 continue
             changed += message.pack(self._vehicle)
+        return bytes(changed)
+
+    def displaced(self, data: bytes, east_m: float) -> bytes:
+        """Return the same messages with target positions moved.
+
+        A vehicle whose estimate has jumped flies to where its estimate says, not to where it is.
+        """
+        changed = bytearray()
+        for message in self._service.parse_buffer(data) or []:
+            if message.get_type() != "SET_POSITION_TARGET_LOCAL_NED":
+                changed += message.get_msgbuf()
+                continue
+            message.y += east_m
+            sender = mavlink.MAVLink(None, message.get_srcSystem(), message.get_srcComponent())
+            sender.seq = message.get_seq()
+            changed += message.pack(sender)
         return bytes(changed)
 
     def go_elsewhere(self) -> bytes:

@@ -154,7 +154,7 @@ sizes = st.floats(0.0, 20.0)
 
 
 @given(st.lists(st.tuples(coordinates, coordinates, sizes, sizes), max_size=25))
-def test_the_sweep_finds_what_comparing_all_pairs_finds(
+def test_the_index_finds_what_comparing_all_pairs_finds(
     corners: list[tuple[float, float, float, float]],
 ) -> None:
     boxes = [Box(x, x + along, y, y + across) for x, y, along, across in corners]
