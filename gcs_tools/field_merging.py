@@ -99,8 +99,8 @@ def _gathered(merged: Merged, parents: list[int], regions_of: Regions) -> Merged
 
 def intersecting_pairs(boxes_m: FloatArray) -> Iterator[tuple[int, int]]:
     """Yield the index pairs of boxes, (N, 4), that share a point."""
-    west_m, east_m, south_m, north_m = boxes_m.T
-    rectangles = box(west_m, south_m, east_m, north_m)
+    x_min_m, x_max_m, y_min_m, y_max_m = boxes_m.T
+    rectangles = box(x_min_m, y_min_m, x_max_m, y_max_m)
     tree = STRtree(rectangles)
     for begin in range(0, len(boxes_m), _QUERIES):
         ones, others = tree.query(rectangles[begin : begin + _QUERIES])

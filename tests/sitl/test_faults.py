@@ -239,6 +239,22 @@ def test_window_counts_from_the_named_entry_into_a_phase() -> None:
     assert stalled == [False, False, False, False, True, True, False]
 
 
+def test_a_reset_of_the_estimate_does_not_fly_the_vehicle_aside(tmp_path: Path) -> None:
+    """What it is asked to hold is where it believes to be, 3 m beside where it is."""
+    scenario = load_scenario(next(path for path in SCENARIOS if path.stem == "estimator_reset"))
+    flight = SimulatedFlight(
+        scenario.contract,
+        scenario.mission,
+        scenario.sitl_config(seed=1),
+        scenario.obstacles,
+        faults=scenario.faults,
+        time_limit_s=120.0,
+    )
+    fly(flight, tmp_path)
+    truths = read_log(tmp_path / "truth.mcap").topic("/truth")
+    assert max(abs(truth["position_ned_m"][1]) for truth in truths) < 1.0
+
+
 @pytest.mark.parametrize("path", SCENARIOS, ids=lambda path: path.stem)
 def test_broken_assumption_ends_as_expected(path: Path, tmp_path: Path) -> None:
     scenario = load_scenario(path)
