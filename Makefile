@@ -4,28 +4,24 @@ VENV := .venv
 BIN := $(VENV)/bin
 PIP_INSTALL = $(BIN)/python -m pip install --quiet --disable-pip-version-check --no-compile --constraint constraints.txt
 
-WHEN_IDLE = nice -n 19
-
-.PHONY: fly test test-against-the-clock test-the-rest lint bench clean
+.PHONY: fly test test-in-any-time lint bench clean
 
 fly: $(VENV)/.ground
 	$(BIN)/clearway fly
 
-# Flights against the clock need a core whenever they ask for one; all else takes what is left.
+# Flights in real time need the machine to themselves; all else goes on at once before them.
 test: $(VENV)/.dev
-	$(MAKE) --jobs 3 --keep-going --output-sync test-against-the-clock test-the-rest lint
-
-test-against-the-clock: $(VENV)/.dev
+	$(MAKE) --jobs 2 --keep-going --output-sync lint test-in-any-time
 	$(BIN)/pytest -m real_time
 
-test-the-rest: $(VENV)/.dev
-	$(WHEN_IDLE) $(BIN)/pytest --numprocesses 2 --dist worksteal -m 'not real_time'
+test-in-any-time: $(VENV)/.dev
+	$(BIN)/pytest --numprocesses 2 --dist worksteal -m 'not real_time'
 
 lint: $(VENV)/.dev
-	$(WHEN_IDLE) $(BIN)/ruff format --check .
-	$(WHEN_IDLE) $(BIN)/ruff check .
-	$(WHEN_IDLE) $(BIN)/mypy
-	$(WHEN_IDLE) $(BIN)/mypy tests
+	$(BIN)/ruff format --check .
+	$(BIN)/ruff check .
+	$(BIN)/mypy
+	$(BIN)/mypy tests
 
 bench: $(VENV)/.dev
 	$(BIN)/python -m tests.bench $(if $(ONLY),--only $(ONLY)) --output build/bench.json

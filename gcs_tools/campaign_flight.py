@@ -189,7 +189,9 @@ def fly_case(case: Case) -> Evidence:
             break
     metadata = {"clearway": {"contract_sha256": scenario.contract.sha256}}
     flight, truth = Log(messages, metadata, True), Log({"/truth": truths}, {}, True)
-    aborted = None if at_rest else "the vehicle did not come to rest within the time limit"
+    aborted = simulation.operator.gave_up
+    if not at_rest:
+        aborted = "the vehicle did not come to rest within the time limit"
     result = result_of(flight, truth, seed=case.seed, aborted=aborted)
     return Evidence(case, result, flight, truth, at_rest)
 

@@ -139,9 +139,8 @@ def _fly_virtual(
         f"({report.virtual_s / report.wall_s:.0f} times real time)"
     )
     flight, truth = _logs(directory)
-    aborted = None if report.landed else "the vehicle did not land within the time limit"
     times_s = report.plan_times_s
-    result = result_of(flight, truth, seed=seed, aborted=aborted, plan_times_s=times_s)
+    result = result_of(flight, truth, seed=seed, aborted=report.aborted, plan_times_s=times_s)
     return result, (flight, truth)
 
 

@@ -39,6 +39,10 @@ _LATERAL_SPEEDS = 3
 # Shares of the greatest speed before the face that are tried when the exit speed comes too late.
 _SLOWER = (1.0, 0.75, 0.5, 0.25, 0.0)
 
+# A drift builds up its speed in about this time, and its acceleration in that: longer than any lag.
+_DRIFT_RISE_S = 1.0
+_DRIFT_RAMP_S = 0.25
+
 # A hover lasts for ever; its trajectory needs some duration.
 _HOVER_S = 1.0
 
@@ -146,11 +150,12 @@ def _from_segments(
 ) -> Trajectory:
     """Put a motion along the leg together with coming to rest sideways, on the line or anywhere.
 
-    A drift uses half the lateral limits, as speeding up does and for the same reason.
+    A drift uses half the lateral limits at most, as speeding up does and for the same reason.
     """
     y, across = start.axis(Y), envelope.across.scaled(_share_of_box(vertical))
     if recentring_mps > 0.0:
-        sideways = displacement(y, 0.0, recentring_mps, across.scaled(0.5))
+        gentle = _drift_limits(across, recentring_mps)
+        sideways = displacement(y, 0.0, recentring_mps, gentle)
     else:
         sideways = speed_change(y, 0.0, across)
     return Trajectory.from_profiles(
@@ -158,6 +163,20 @@ def _from_segments(
         Profile(*start.axis(X)[:2], (*along, Segment(_HOVER_S, 0.0))),
         Profile(*y[:2], sideways),
         vertical,
+    )
+
+
+def _drift_limits(across: AxisLimits, speed_mps: float) -> AxisLimits:
+    """Limits with which a drift is begun and ended where nothing urges.
+
+    So small a speed at full acceleration is there before the attitude is: the vehicle overshoots
+    it, by more than the contract allows (config/scenarios/recentring.yaml).
+    """
+    half, gentle_mps2 = across.scaled(0.5), speed_mps / _DRIFT_RISE_S
+    return AxisLimits(
+        max(half.acceleration_min_mps2, -gentle_mps2),
+        min(half.acceleration_max_mps2, gentle_mps2),
+        min(half.jerk_max_mps3, gentle_mps2 / _DRIFT_RAMP_S),
     )
 
 

@@ -27,6 +27,8 @@ STREAMS: Final = {
     mavlink.MAVLINK_MSG_ID_VFR_HUD: -1,
     mavlink.MAVLINK_MSG_ID_GPS_RAW_INT: -1,
 }
+# A vehicle that may not be armed for so long will not be.
+ARMING_PATIENCE_S: Final = 30.0
 HEIGHT_TOLERANCE_M: Final = 0.15
 SETTLED_MPS: Final = 0.1
 
@@ -50,10 +52,15 @@ class Operator:
     Args:
         system_id: MAVLink id of the vehicle.
         altitude_m: height above the local origin to take off to.
+
+    Attributes:
+        step: what it is about.
+        gave_up: why it never took off; None unless so.
     """
 
     def __init__(self, system_id: int, altitude_m: float) -> None:
         self.step = Step.ARM
+        self.gave_up: str | None = None
         self._system_id = system_id
         self._altitude_m = altitude_m
         self._outgoing = _Outgoing()
@@ -93,7 +100,7 @@ class Operator:
 
     def advance(self, now_s: float) -> None:
         """Go on with the script."""
-        self._change_step()
+        self._change_step(now_s)
         if now_s < self._repeat_s:
             return
         self._repeat_s = now_s + REPEAT_S
@@ -121,11 +128,13 @@ class Operator:
             case Step.LAND:
                 self._command(mavlink.MAV_CMD_NAV_LAND)
 
-    def _change_step(self) -> None:
+    def _change_step(self, now_s: float) -> None:
         before = self.step
         match self.step:
             case Step.ARM if self._armed:
                 self.step = Step.TAKE_OFF
+            case Step.ARM if now_s > ARMING_PATIENCE_S:
+                self.step, self.gave_up = Step.DONE, "the vehicle cannot be armed"
             case Step.TAKE_OFF if self._height_m > HEIGHT_TOLERANCE_M:
                 self.step = Step.CLIMB
             case Step.CLIMB if self._settled:

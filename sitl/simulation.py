@@ -82,13 +82,13 @@ class SimulationReport:
     Attributes:
         virtual_s, wall_s: simulated time and the time it took.
         plan_times_s: wall time of each plan.
-        landed: whether the operator brought the vehicle down within the time limit.
+        aborted: why the operator did not fly the vehicle and bring it down again; None if so.
     """
 
     virtual_s: float
     wall_s: float
     plan_times_s: list[float] = field(default_factory=list)
-    landed: bool = True
+    aborted: str | None = None
 
 
 class Simulation:
@@ -123,6 +123,13 @@ class Simulation:
     def over(self) -> bool:
         """Whether the vehicle is back on the ground."""
         return self.operator.step is Step.DONE
+
+    @property
+    def aborted(self) -> str | None:
+        """Why the operator did not fly the vehicle and bring it down again; None if so."""
+        if self.over:
+            return self.operator.gave_up
+        return "the vehicle did not land within the time limit"
 
     @property
     def at_tick(self) -> bool:
@@ -281,5 +288,5 @@ def fly(
         virtual_s=simulation.now_s,
         wall_s=time.perf_counter() - began_s,
         plan_times_s=simulation.autonomy.navigator.plan_times_s,
-        landed=simulation.over,
+        aborted=simulation.aborted,
     )

@@ -158,20 +158,6 @@ def test_live_flight_of_the_paper(tmp_path: Path) -> None:
 
 
 @pytest.mark.real_time
-def test_ctrl_c_in_flight_leaves_nothing_running(tmp_path: Path) -> None:
-    with flying(tmp_path) as flight:
-        started = processes_of(flight)
-        until(lambda: "Takeoff detected" in (tmp_path / "sitl.log").read_text(), timeout_s=60.0)
-        flight.send_signal(signal.SIGINT)
-        _, err = flight.communicate(timeout=30.0)
-    assert flight.returncode == 128 + signal.SIGINT
-    assert err == "clearway: error: interrupted\n"
-    assert not any(is_alive(pid) for pid in started.values())
-    # Both were asked to stop, not killed: their logs are complete.
-    assert all(read_log(tmp_path / name).complete for name in ("flight.mcap", "truth.mcap"))
-
-
-@pytest.mark.real_time
 def test_the_autopilot_stops_the_vehicle_when_the_daemon_is_killed(tmp_path: Path) -> None:
     with flying(tmp_path) as flight:
         started = processes_of(flight)

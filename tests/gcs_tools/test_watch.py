@@ -18,11 +18,12 @@ from urllib.parse import urlsplit
 import pytest
 from rich.console import Console
 
+from gcs_tools.flight_log import read_log
 from gcs_tools.watch_feed import _BACKLOG, EVENTS_KEPT, Feed
 from gcs_tools.watch_server import serving
 from gcs_tools.watch_terminal import view
 from tests.gcs_tools.browser import Page, chromium
-from tests.gcs_tools.running import Clearway, until
+from tests.gcs_tools.running import Clearway, children_of, is_alive, until
 from tests.gcs_tools.terminal import terminal
 
 STATUS = {
@@ -272,7 +273,7 @@ def running(*arguments: str, stdout: int = subprocess.PIPE) -> Iterator[subproce
 
 
 @pytest.mark.real_time
-def test_the_page_follows_a_flight_that_is_going_on(tmp_path: Path) -> None:
+def test_the_page_follows_a_flight_until_it_is_interrupted(tmp_path: Path) -> None:
     out = tmp_path / "flight"
     onboard = out / "onboard.yaml"
     with chromium(tmp_path / "profile") as page, running("fly", "--out", str(out)) as flight:
@@ -294,9 +295,17 @@ def test_the_page_follows_a_flight_that_is_going_on(tmp_path: Path) -> None:
                 command = ("watch", "--daemon-config", str(onboard), "--tui")
                 with running(*command, stdout=screen.written_to):
                     until(lambda: all(any(w in line for line in screen.lines) for w in words))
+            started = children_of(flight.pid)
             flight.send_signal(signal.SIGINT)
             page.until("document.getElementById('contact').textContent.startsWith('no contact')")
             assert page.complaints == []
             watching.send_signal(signal.SIGINT)
             _, err = watching.communicate(timeout=20.0)
             assert (watching.returncode, err) == (0, "")
+        _, err = flight.communicate(timeout=30.0)
+    # Ctrl-C leaves nothing running.
+    assert (flight.returncode, err) == (128 + signal.SIGINT, "clearway: error: interrupted\n")
+    assert set(started) == {"sitl", "onboard"}
+    assert not any(is_alive(pid) for pid in started.values())
+    # Both were asked to stop, not killed: their logs are complete.
+    assert all(read_log(out / name).complete for name in ("flight.mcap", "truth.mcap"))

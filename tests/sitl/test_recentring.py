@@ -29,7 +29,7 @@ def flown(scenario: Scenario, directory: Path) -> Result:
         ),
         directory,
     )
-    assert report.landed
+    assert report.aborted is None
     return result_of(
         read_log(directory / "flight.mcap"), read_log(directory / "truth.mcap"), seed=1
     )

@@ -38,7 +38,7 @@ def messages(log: Path, topic: str) -> Iterator[dict[str, Any]]:
 @pytest.fixture(scope="module")
 def flown(tmp_path_factory: pytest.TempPathFactory) -> Path:
     directory = tmp_path_factory.mktemp("paper")
-    assert fly(flight_of("paper.yaml"), directory).landed
+    assert fly(flight_of("paper.yaml"), directory).aborted is None
     return directory
 
 
