@@ -85,7 +85,7 @@ def _no_surprise(evidence: Evidence) -> Iterator[str]:
     ticks = zip(evidence.states, evidence.truth.topic("/truth"), strict=True)
     hit_s = next(state["time_s"] for state, truth in ticks if truth["collisions"])
     alarmed = any(
-        event["name"] == "violation" and event["time_s"] <= hit_s
+        event["name"] in {"violation", "suspicion"} and event["time_s"] <= hit_s
         for event in evidence.flight.topic("/events")
     )
     if not alarmed:

@@ -344,10 +344,20 @@ class Autonomy:
         if pose is not self._watched_pose:
             self._watched_pose = pose
             # While the autopilot follows somebody else, the next heartbeat tells whom: the pilot,
-            # and we are out, or a second commander.
-            if not self._rival_watch.suspects(now_s):
-                for violation in self._tracking_violations(pose):
+            # and we are out, or a second commander.  What cannot be answered yet is said.
+            for violation in self._tracking_violations(pose):
+                if self._rival_watch.suspects(now_s):
+                    self._report_suspicion(violation, now_s)
+                else:
                     self._broken(violation, now_s)
+
+    def _report_suspicion(self, violation: Violation, now_s: float) -> None:
+        """Say, once in a flight, that the vehicle goes astray and that it is not by our setpoints."""
+        key = (Assumption.SECOND_COMMANDER, "suspected")
+        if key not in self._reported:
+            self._reported.add(key)
+            text = f"not going where we say ({violation}): pilot or second commander?"
+            self._news.append(Event(now_s, "suspicion", Severity.WARNING, text))
 
     def _rival(self, now_s: float) -> Violation | None:
         link = self.link

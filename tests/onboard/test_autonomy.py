@@ -40,6 +40,7 @@ class Rig:
     yaw_rad: float = 0.0
     level: bool = False
     obstacles: list[dict[str, Any]] = field(default_factory=list)
+    target_ned_m: tuple[float, float, float] | None = None
     seeing: bool = True
     speaking: bool = True
     setpoints: list[Any] = field(default_factory=list)
@@ -90,6 +91,9 @@ class Rig:
         roll_rad, pitch_rad = math.atan(right_mps2 / 9.80665), -math.atan(forward_mps2 / 9.80665)
         self._mav.attitude_send(0, roll_rad, pitch_rad, self.yaw_rad, 0.0, 0.0, 0.0)
         self._mav.local_position_ned_send(0, *self.position_ned_m, *self.velocity_ned_mps)
+        if self.target_ned_m is not None:
+            still = (0.0,) * 8
+            self._mav.position_target_local_ned_send(0, 1, 0, *self.target_ned_m, *still)
         self.autonomy.receive_mavlink(bytes(self._bytes), self.now_s)
         self._bytes.clear()
 
@@ -351,6 +355,31 @@ def test_second_commander_ends_in_hold(cruising: Rig) -> None:
     cruising.tick()
     assert cruising.phase is Phase.HOLD
     assert "second_commander (1/195)" in cruising.texts("violation")[0]
+
+
+def test_going_astray_by_a_target_that_is_not_ours_is_said_before_it_can_be_answered(
+    cruising: Rig,
+) -> None:
+    limit_m = cruising.autonomy.assessment.terms.tracking_error_m
+    astray_m = 0.0
+
+    def drive_on() -> bool:
+        nonlocal astray_m
+        north_m, _, down_m = cruising.position_ned_m
+        cruising.target_ned_m = (north_m, 9.0, down_m)
+        if cruising.phase is Phase.CRUISE:
+            astray_m += 0.05
+            cruising.position_ned_m = (north_m, astray_m, down_m)
+        return bool(cruising.texts("suspicion"))
+
+    cruising.run(1.0, until=drive_on)
+    (suspicion,) = cruising.texts("suspicion")
+    assert "tracking_error" in suspicion
+    assert astray_m < limit_m + 0.3
+    assert cruising.phase is Phase.CRUISE
+    cruising.run(1.5, until=lambda: drive_on() and cruising.phase is Phase.HOLD)
+    assert "second_commander" in cruising.texts("violation")[0]
+    assert len(cruising.texts("suspicion")) == 1
 
 
 def test_tick_that_comes_late_ends_in_hold(cruising: Rig) -> None:
