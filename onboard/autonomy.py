@@ -352,7 +352,7 @@ class Autonomy:
                     self._broken(violation, now_s)
 
     def _report_suspicion(self, violation: Violation, now_s: float) -> None:
-        """Say, once in a flight, that the vehicle goes astray and that it is not by our setpoints."""
+        """Say, once in a flight, that the vehicle goes astray and not by our setpoints."""
         key = (Assumption.SECOND_COMMANDER, "suspected")
         if key not in self._reported:
             self._reported.add(key)
