@@ -178,7 +178,7 @@ def fly_case(case: Case) -> Evidence:
     messages: defaultdict[str, list[dict[str, Any]]] = defaultdict(list)
     truths: list[dict[str, Any]] = []
     at_rest = False
-    for records in ticks(simulation):
+    for records in ticks(simulation, shown=False):
         for record in records:
             if record.topic in _TOPICS:
                 messages[f"/{record.topic}"].append(record.payload)

@@ -37,13 +37,14 @@ class Journal:
     Args:
         autonomy: the service; its events are taken from it here and nowhere else.
         timed: record how long plans took; a simulation does not, to be the same every time.
+        shown: record what is for people and viewers, too; nobody looks at a campaign.
     """
 
-    def __init__(self, autonomy: Autonomy, *, timed: bool) -> None:
+    def __init__(self, autonomy: Autonomy, *, timed: bool, shown: bool = True) -> None:
         self.autonomy = autonomy
-        self._timed = timed
+        self._timed, self._shown = timed, shown
         self._scene = Scene()
-        self._slow_due_s = -math.inf
+        self._slow_due_s = -math.inf if shown else math.inf
         self._obstacles_revision = 0
         self._assessment: Assessment | None = None
         # Obstacles are replaced, never changed: what was said of one stays true.
@@ -63,7 +64,8 @@ class Journal:
         for step in self.autonomy.navigator.take_planned():
             plan = self._record("plan", now_s, self._plan(step))
             records.append(plan)
-            records += self._scene.plan(plan.time_unix_s, plan.payload)
+            if self._shown:
+                records += self._scene.plan(plan.time_unix_s, plan.payload)
         records += [self._record("events", e.time_s, e.as_json()) for e in self.autonomy.events()]
         return records
 

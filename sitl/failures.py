@@ -9,7 +9,6 @@ keeps the vehicle from arming; losing gyroscopes or accelerometers in flight end
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
@@ -135,8 +134,8 @@ class Failures:
         if self.position_error_north_m == 0.0:
             return truth
         north_m, east_m, down_m = truth.position_ned_m
-        return replace(
-            truth, position_ned_m=(north_m + self.position_error_north_m, east_m, down_m)
+        return truth._replace(
+            position_ned_m=(north_m + self.position_error_north_m, east_m, down_m)
         )
 
     def _failed(self, unit: int) -> bool:

@@ -164,8 +164,10 @@ class FaultInjector:
             self._phase = phase
             self._entries[phase] = self._entries.get(phase, 0) + 1
             self._entered_s[phase, self._entries[phase]] = now_s
-        self._active = {fault.kind: fault for fault in self._faults if self._present(fault, now_s)}
         self._now_s = now_s
+        if not self._faults:
+            return
+        self._active = {fault.kind: fault for fault in self._faults if self._present(fault, now_s)}
 
     def _present(self, fault: Fault, now_s: float) -> bool:
         origin_s = 0.0 if fault.phase is None else self._entered_s.get((fault.phase, fault.entry))
@@ -238,6 +240,8 @@ class FaultInjector:
 
     def telemetry(self, data: bytes) -> bytes:
         """Return what the service hears of what the vehicle sent."""
+        if not self._faults:
+            return data
         data = self._carried("down", data)
         if "telemetry_lost" in self._active or "link_partitioned" in self._active:
             return b""
@@ -276,6 +280,11 @@ class FaultInjector:
         return self._codec.go_elsewhere() if "second_commander" in self._active else b""
 
     # ------------------------------------------------------------------ process, operator
+
+    @property
+    def any_present(self) -> bool:
+        """Whether any fault is present."""
+        return bool(self._active)
 
     def present(self, kind: FaultKind) -> bool:
         """Tell whether a fault of this kind is present."""

@@ -48,6 +48,8 @@ class PlantFaults:
 
     def apply(self, faults: FaultInjector, now_s: float) -> None:
         """Begin what is present now, and end what is not any more."""
+        if not (faults.any_present or self._broken):
+            return
         for kind in self._kinds:
             amount, broken = faults.amount(kind), kind in self._broken
             if (amount is None) is not broken:

@@ -83,6 +83,7 @@ class ObstacleSensor:
         self.config = config
         self._field = field
         self._neighbourhood = Neighbourhood(field)
+        self._corners: dict[int, list[Point]] = {}
         self._noise = random.Random(f"{seed} {config.source}")
         self._scanner = None
         if config.scanner is not None:
@@ -145,14 +146,16 @@ class ObstacleSensor:
         """Indices of the obstacles with a point within range and field of view."""
         north_m, east_m, _ = truth.position_ned_m
         axis_rad = truth.yaw_rad + math.radians(self.config.yaw_deg)
+        cosine, sine = math.cos(axis_rad), math.sin(axis_rad)
         half_view_rad = math.radians(self.config.field_of_view_deg) / 2.0
         return [
             int(index)
             for index in self._neighbourhood.within((north_m, east_m), range_m)
             if distance_in_view_m(
                 [
-                    _turned((corner_north - north_m, corner_east - east_m), -axis_rad)
-                    for corner_north, corner_east in self._corners_ned_m(int(index))
+                    (cosine * north + sine * east, cosine * east - sine * north)
+                    for corner_north_m, corner_east_m in self._corners_ned_m(int(index))
+                    for north, east in [(corner_north_m - north_m, corner_east_m - east_m)]
                 ],
                 half_view_rad,
             )
@@ -160,6 +163,12 @@ class ObstacleSensor:
         ]
 
     def _corners_ned_m(self, index: int) -> list[Point]:
+        """Corners of an obstacle; they never move."""
+        if index not in self._corners:
+            self._corners[index] = self._find_corners_ned_m(index)
+        return self._corners[index]
+
+    def _find_corners_ned_m(self, index: int) -> list[Point]:
         field = self._field
         north_m, east_m = field.center_ned_m[index].tolist()
         half_along_m, half_across_m = field.half_size_m[index].tolist()

@@ -241,16 +241,21 @@ def without_cycle_collection() -> Iterator[None]:
             gc.enable()
 
 
-def ticks(simulation: Simulation) -> Iterator[list[Record]]:
-    """Advance a flight to its end, or its time limit; yield what each tick leaves behind."""
+def ticks(simulation: Simulation, *, shown: bool = True) -> Iterator[list[Record]]:
+    """Advance a flight to its end, or its time limit; yield what each tick leaves behind.
+
+    Args:
+        simulation: the flight.
+        shown: whether people look at it; see `Journal`.
+    """
     service = simulation.autonomy
-    journal = Journal(service, timed=False)
+    journal = Journal(service, timed=False, shown=shown)
     with without_cycle_collection():
         while not simulation.over and simulation.now_s < simulation.flight.time_limit_s:
             simulation.advance()
             if service is not simulation.autonomy:  # it died, and was started again
                 service = simulation.autonomy
-                journal = Journal(service, timed=False)
+                journal = Journal(service, timed=False, shown=shown)
             if simulation.at_tick:
                 yield journal.collect(simulation.now_s)
 

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
@@ -29,8 +28,7 @@ _ESTIMATOR_SENSORS = (
 _OTHER_SENSORS = mavlink.MAV_SYS_STATUS_SENSOR_MOTOR_OUTPUTS | mavlink.MAV_SYS_STATUS_SENSOR_BATTERY
 
 
-@dataclass(frozen=True)
-class Snapshot:
+class Snapshot(NamedTuple):
     """Everything that telemetry tells about, at one instant."""
 
     truth: VehicleTruth
@@ -62,6 +60,7 @@ class StreamSchedule:
         self._default_rates_hz = dict(default_rates_hz)
         self._interval_s: dict[int, float] = {}
         self._next_s: dict[int, float] = {}
+        self._earliest_s = math.inf
         for message_id, rate_hz in default_rates_hz.items():
             self.set_interval(message_id, 1.0 / rate_hz, 0.0)
 
@@ -69,6 +68,7 @@ class StreamSchedule:
         """Send the message at this interval from now on; ``inf`` stops it."""
         self._interval_s[message_id] = interval_s
         self._next_s[message_id] = now_s if math.isfinite(interval_s) else math.inf
+        self._earliest_s = min(self._next_s.values())
 
     def reset_interval(self, message_id: int, now_s: float) -> None:
         """Send the message at its default interval."""
@@ -81,11 +81,14 @@ class StreamSchedule:
 
     def due(self, now_s: float) -> list[int]:
         """Return the messages to send now; each call takes them off the schedule."""
+        if self._earliest_s > now_s + 1e-6:
+            return []
         ids = [message_id for message_id, next_s in self._next_s.items() if next_s <= now_s + 1e-6]
         for message_id in ids:
             interval_s = self._interval_s[message_id]
             # Keep the phase, but never owe more than one message.
             self._next_s[message_id] = max(self._next_s[message_id] + interval_s, now_s)
+        self._earliest_s = min(self._next_s.values())
         return ids
 
 

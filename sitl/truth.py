@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from typing import NamedTuple
 
 Vector = tuple[float, float, float]
 
 
-@dataclass(frozen=True, slots=True)
-class VehicleTruth:
+class VehicleTruth(NamedTuple):
     """State at one instant.
 
     Attributes:

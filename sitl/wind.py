@@ -59,6 +59,9 @@ class WindModel:
         self._along_mps = 0.0
         self._across = (0.0, 0.0)
         self._down = (0.0, 0.0)
+        north, east, _ = config.mean_ned_mps
+        heading_rad = math.atan2(east, north)
+        self._heading = math.cos(heading_rad), math.sin(heading_rad)
 
     def add(self, gust: Gust) -> None:
         """Let one more gust come."""
@@ -67,7 +70,6 @@ class WindModel:
     def sample(self, now_s: float, height_m: float, velocity_ned_mps: Vector) -> Wind:
         """Return the wind, for the period from ``now_s`` on, where the vehicle flies."""
         north, east, down = self._config.mean_ned_mps
-        heading_rad = math.atan2(east, north)
         for gust in self._config.gusts:
             share = gust.share(now_s)
             north += share * gust.peak_ned_mps[0]
@@ -76,8 +78,9 @@ class WindModel:
         if self._config.turbulence_mps > 0.0:
             air_speed_mps = math.dist(velocity_ned_mps, self._config.mean_ned_mps)
             along, across, sink = self._turbulence(height_m, max(air_speed_mps, _AIR_SPEED_MIN_MPS))
-            north += along * math.cos(heading_rad) - across * math.sin(heading_rad)
-            east += along * math.sin(heading_rad) + across * math.cos(heading_rad)
+            cosine, sine = self._heading
+            north += along * cosine - across * sine
+            east += along * sine + across * cosine
             down += sink
         return Wind(north, east, down)
 
