@@ -6,11 +6,13 @@ grow with the campaign.  Results arrive in any order; each is determined by its 
 
 from __future__ import annotations
 
+import os
+import threading
 from collections.abc import Iterable, Iterator
 from concurrent.futures import FIRST_COMPLETED, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from itertools import islice
-from multiprocessing import get_context
+from multiprocessing import get_context, parent_process
 from typing import Final, NamedTuple
 
 from gcs_tools.campaign_flight import FlightRow, Source, fly_numbered
@@ -41,7 +43,8 @@ def fly_locally(orders: Iterable[Order], jobs: int) -> Iterator[FlightRow]:
         return
     remaining = iter(orders)
     # Fresh interpreters: a forked one would inherit locks of threads that it does not have.
-    with ProcessPoolExecutor(jobs, mp_context=get_context("spawn")) as pool:
+    spawn = get_context("spawn")
+    with ProcessPoolExecutor(jobs, mp_context=spawn, initializer=_end_with_parent) as pool:
         waiting = {
             pool.submit(fly_numbered, *order)
             for order in islice(remaining, jobs * _WAITING_PER_WORKER)
@@ -56,6 +59,18 @@ def fly_locally(orders: Iterable[Order], jobs: int) -> Iterator[FlightRow]:
             raise CommandError("a worker process died: start again to go on from here") from error
         finally:
             pool.shutdown(wait=False, cancel_futures=True)
+
+
+def _end_with_parent() -> None:
+    """Have this worker end when the campaign does, even if that was killed and cannot say so."""
+
+    def wait_for_it() -> None:
+        parent = parent_process()
+        if parent is not None:
+            parent.join()
+        os._exit(1)
+
+    threading.Thread(target=wait_for_it, daemon=True).start()
 
 
 def fly_on_cluster(orders: Iterable[Order], address: str) -> Iterator[FlightRow]:

@@ -6,6 +6,8 @@ import dataclasses
 import math
 import os
 import signal
+import subprocess
+import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -33,7 +35,7 @@ from onboard import region
 from onboard.contract import assess
 from onboard.region import Arithmetic, Encounter
 from sitl.faults import Fault
-from tests.gcs_tools.running import Clearway
+from tests.gcs_tools.running import Clearway, is_alive, until
 
 NOMINAL = GeneratedSource("nominal")
 QUICK = GeneratedSource("quick")
@@ -332,6 +334,24 @@ def test_bad_input_is_one_clear_error(
 
 
 # ---------------------------------------------------------------------------- where it is flown
+
+
+def test_workers_do_not_outlive_a_campaign_that_is_killed(tmp_path: Path) -> None:
+    command = ["campaign", "quick", "--flights", "40", "--jobs", "2", "--out", str(tmp_path)]
+    with subprocess.Popen(
+        [sys.executable, "-m", "gcs_tools", *command],
+        stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
+    ) as campaign:  # fmt: skip
+        listed = Path(f"/proc/{campaign.pid}/task/{campaign.pid}/children")
+        until(lambda: len(listed.read_text(encoding="utf-8").split()) >= 3)
+        workers = [int(pid) for pid in listed.read_text(encoding="utf-8").split()]
+        until(lambda: all("spawn_main" in command_of(pid) for pid in workers[-2:]))
+        campaign.kill()
+    until(lambda: not any(map(is_alive, workers)))
+
+
+def command_of(pid: int) -> str:
+    return Path(f"/proc/{pid}/cmdline").read_text(encoding="utf-8")
 
 
 def test_a_cluster_that_loses_a_worker_flies_the_same_flights() -> None:
