@@ -23,6 +23,7 @@ from onboard.agility import GRAVITY_MPS2
 from onboard.config import Contract
 from onboard.contract import TICK_S
 from onboard.frames import FloatArray
+from sitl.faults import Fault
 
 _FLYING: Final = frozenset({"cruise", "avoid"})
 _ROUND_OFF: Final = 1e-6
@@ -82,6 +83,9 @@ def _no_surprise(evidence: Evidence) -> Iterator[str]:
     case, result = evidence.case, evidence.result
     if case.covered or case.variant not in DISPLACING or not result.collisions:
         return
+    faults = case.scenario.faults
+    if faults and all(_began_in_standby(evidence, fault) for fault in faults):
+        return  # somebody else flew, and was not watched
     ticks = zip(evidence.states, evidence.truth.topic("/truth"), strict=True)
     hit_s = next(state["time_s"] for state, truth in ticks if truth["collisions"])
     alarmed = any(
@@ -311,6 +315,12 @@ def _heading_rad(evidence: Evidence) -> float:
     north_m, east_m = mission.start_ned_m
     end_north_m, end_east_m = mission.legs[0].end_ned_m
     return math.atan2(end_east_m - east_m, end_north_m - north_m)
+
+
+def _began_in_standby(evidence: Evidence, fault: Fault) -> bool:
+    began_s = _onset_s(evidence, fault.phase, fault.entry, fault.start_s)
+    since = (s["phase"] for s in evidence.states if began_s is not None and s["time_s"] >= began_s)
+    return next(since, "") == "standby"
 
 
 def _in_leg(vector_ned: list[float] | tuple[float, ...], heading_rad: float) -> tuple[float, float]:

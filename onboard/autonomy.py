@@ -325,14 +325,16 @@ class Autonomy:
 
     def _watch(self, pose: Pose, now_s: float) -> None:
         """Hold every assumption against what is seen."""
-        jump = None
-        if pose is not self._watched_pose:
+        jump, moved = None, pose is not self._watched_pose
+        self._watched_pose = pose
+        if moved:
             jump = self._position_watch.check_jump(pose)
         if not self.navigator.flying:
-            self._watched_pose = pose
             if jump is not None:
                 self._hold = _hold_at(pose)
                 self.navigator.hover_at(pose, now_s)
+            if self.navigator.phase is not Phase.STANDBY:
+                self._watch_hover(pose, now_s)
             return
         if jump is not None:
             self._broken(jump, now_s, measured=pose)
@@ -341,15 +343,27 @@ class Autonomy:
         for violation in (silent, stale, self._rival(now_s), *self._environment_violations(now_s)):
             if violation is not None:
                 self._broken(violation, now_s)
-        if pose is not self._watched_pose:
-            self._watched_pose = pose
-            # While the autopilot follows somebody else, the next heartbeat tells whom: the pilot,
-            # and we are out, or a second commander.  What cannot be answered yet is said.
-            for violation in self._tracking_violations(pose):
-                if self._rival_watch.suspects(now_s):
-                    self._report_suspicion(violation, now_s)
-                else:
-                    self._broken(violation, now_s)
+        if moved:
+            self._watch_tracking(pose, now_s)
+
+    def _watch_tracking(self, pose: Pose, now_s: float) -> None:
+        """Answer for tracking, as far as the autopilot follows us.
+
+        If it does not, the next heartbeat tells whom it follows: the pilot, and we are out, or a
+        second commander.  Until then what is seen is only said.
+        """
+        for violation in self._tracking_violations(pose):
+            if self._rival_watch.suspects(now_s):
+                self._report_suspicion(violation, now_s)
+            else:
+                self._broken(violation, now_s)
+
+    def _watch_hover(self, pose: Pose, now_s: float) -> None:
+        """Say that somebody else commands what we hold still; there is no more that we could do."""
+        rival = self._rival(now_s)
+        if rival is not None:
+            self._report(rival, now_s)
+        self._watch_tracking(pose, now_s)
 
     def _report_suspicion(self, violation: Violation, now_s: float) -> None:
         """Say, once in a flight, that the vehicle goes astray and not by our setpoints."""
@@ -416,13 +430,15 @@ class Autonomy:
 
     def _broken(self, violation: Violation, now_s: float, measured: Pose | None = None) -> None:
         """Report a violation once per flight, and answer it if we are the ones flying."""
+        if self.navigator.flying:
+            self._report(violation, now_s)
+            self.navigator.answer(violation, now_s, measured)
+
+    def _report(self, violation: Violation, now_s: float) -> None:
         key = (violation.assumption, violation.subject)
-        if not self.navigator.flying:
-            return
         if key not in self._reported:
             self._reported.add(key)
             self._news.append(violation.event(now_s))
-        self.navigator.answer(violation, now_s, measured)
 
     def _stream(self, now_s: float) -> None:
         """Send this tick's setpoint; on the ground none, or ArduPilot would not take off."""

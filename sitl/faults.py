@@ -142,7 +142,7 @@ class FaultInjector:
         self._entered_s: dict[tuple[str, int], float] = {}
         self._entries: dict[str, int] = {}
         self._active: dict[str, Fault] = {}
-        self._stuck: bytes | None = None
+        self._latest: bytes | None = None
         self._frames = 0
         self._delayed: deque[tuple[float, bytes]] = deque()
         self._overtaken: bytes | None = None
@@ -196,10 +196,9 @@ class FaultInjector:
 
     def _spoilt(self, payload: bytes, position_ned_m: tuple[float, float, float]) -> list[bytes]:
         active, self._frames = self._active, self._frames + 1
-        if "detections_stuck" in active:
-            self._stuck = self._stuck or payload
-            return [self._stuck]
-        self._stuck = None
+        if "detections_stuck" in active and self._latest is not None:
+            return [self._latest]
+        self._latest = payload
         if "detections_off" in active or self._is_lost():
             return []
         if "detections_garbage" in active:

@@ -32,6 +32,7 @@ class Rig:
     autonomy: Autonomy
     now_s: float = 0.0
     mode: int = POSCTL
+    told_mode: int | None = None
     armed: bool = True
     landed_state: int = IN_AIR
     position_ned_m: tuple[float, float, float] = (0.0, 0.0, -4.0)
@@ -82,7 +83,8 @@ class Rig:
 
     def _say(self) -> None:
         base_mode = mavlink.MAV_MODE_FLAG_SAFETY_ARMED if self.armed else 0
-        self._mav.heartbeat_send(mavlink.MAV_TYPE_QUADROTOR, 12, base_mode, self.mode, 4)
+        mode = self.mode if self.told_mode is None else self.told_mode
+        self._mav.heartbeat_send(mavlink.MAV_TYPE_QUADROTOR, 12, base_mode, mode, 4)
         self._mav.extended_sys_state_send(0, self.landed_state)
         north_mps2, east_mps2, _ = (0.0, 0.0, 0.0) if self.level else self.acceleration_ned_mps2
         cosine, sine = math.cos(self.yaw_rad), math.sin(self.yaw_rad)
@@ -380,6 +382,21 @@ def test_going_astray_by_a_target_that_is_not_ours_is_said_before_it_can_be_answ
     cruising.run(1.5, until=lambda: drive_on() and cruising.phase is Phase.HOLD)
     assert "second_commander" in cruising.texts("violation")[0]
     assert len(cruising.texts("suspicion")) == 1
+
+
+def test_a_hover_that_somebody_else_ends_is_reported(cruising: Rig) -> None:
+    cruising.now_s += 0.2  # a late tick
+    cruising.run(3.0)
+    assert cruising.phase is Phase.HOLD
+    north_m, east_m, down_m = cruising.position_ned_m
+    cruising.mode = POSCTL  # the rig does not follow us any more; the service is told OFFBOARD
+    cruising.told_mode = OFFBOARD
+    cruising.target_ned_m = (north_m, east_m + 9.0, down_m)
+    for step in range(70):
+        cruising.position_ned_m = (north_m, east_m + 0.05 * step, down_m)
+        cruising.tick()
+    assert len(cruising.texts("suspicion")) == 1
+    assert any("second_commander" in text for text in cruising.texts("violation"))
 
 
 def test_tick_that_comes_late_ends_in_hold(cruising: Rig) -> None:
