@@ -11,7 +11,7 @@ fly: $(VENV)/.ground
 
 # Flights in real time need the machine to themselves; all else goes on at once before them.
 test: $(VENV)/.dev
-	$(MAKE) --jobs 2 --keep-going --output-sync lint test-in-any-time
+	$(MAKE) --jobs 2 --keep-going lint test-in-any-time
 	$(BIN)/pytest -m real_time
 
 test-in-any-time: $(VENV)/.dev
