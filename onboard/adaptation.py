@@ -125,17 +125,27 @@ def _at(assessment: Assessment, speed_mps: float) -> Assessment:
 
 
 def slowing_distance(before: Assessment, speed_mps: float, adapted: Assessment) -> float:
-    """Bound the way made from a speed until the adapted one is reached, in metres."""
+    """Bound the way made from a speed until the adapted one is reached, in metres.
+
+    Braking builds up and ends within the lag T, as if it began T/2 later and ended T/2 earlier;
+    before that it takes up to T/2 to end the half acceleration with which cruises speed up.
+
+    Args:
+        before: the contract until now.
+        speed_mps: greatest speed on the way.
+        adapted: the contract from now on.
+    """
     final_mps = adapted.terms.cruise_speed_mps
     change_m = max(0.0, speed_mps**2 - final_mps**2) / (2.0 * before.limits.brake_mps2)
-    return change_m + speed_mps * before.terms.attitude_lag_s
+    return change_m + 1.5 * speed_mps * before.terms.attitude_lag_s
 
 
 def slows_in_time(before: Assessment, speed_mps: float, adapted: Assessment) -> bool:
     """Tell whether the adapted speed is reached before anything yet unseen could matter.
 
     What lies within the range declared before is known, but for the age of the newest frame; the
-    region of an obstacle just beyond it must not begin before the vehicle has slowed down.
+    region of an obstacle just beyond it must not begin before the vehicle has slowed down.  The
+    arguments are those of `slowing_distance`.
     """
     terms = before.terms
     known_m = terms.detection_range_m - before.inflated.encounter.speed_mps * terms.frame_age_max_s

@@ -33,6 +33,7 @@ from onboard.mavlink import Pose, Setpoint
 from onboard.monitor import Assumption, Violation, measured_size_max
 from onboard.obstacles import Obstacle, ObstacleMap
 from onboard.planner import Plan, Planner
+from onboard.profile import coasting_speed
 from onboard.trajectory import State, Trajectory, X
 
 # A leg starts once the nose points along it, at rest, and the sensor has looked there since.
@@ -213,7 +214,7 @@ class Navigator:
             return False
         if adaptation.slower and not (
             self.phase is Phase.CRUISE
-            and slows_in_time(before, state.velocity_leg_mps[X], adaptation.assessment)
+            and slows_in_time(before, self._peak_mps(state), adaptation.assessment)
         ):
             return False
         self._adopt_terms(adaptation.assessment)
@@ -234,7 +235,7 @@ class Navigator:
     def _slow_down(self, state: State, before: Assessment, now_s: float) -> bool:
         """Cruise on at the adapted speed, unless a known region begins before it is reached."""
         x_m, y_m, _ = state.position_leg_m
-        way_m = slowing_distance(before, state.velocity_leg_mps[X], self.assessment)
+        way_m = slowing_distance(before, self._peak_mps(state), self.assessment)
         if self.obstacles.obstacle_of_interest(x_m, y_m, horizon_m=way_m) is not None:
             return False
         if not self._aligning:
@@ -559,8 +560,13 @@ class Navigator:
 
     def _envelope_from(self, state: State) -> Envelope:
         """Return the envelope with room for a speed that is still to be slowed down from."""
-        speed_max_mps = max(self._envelope.speed_max_mps, state.velocity_leg_mps[X])
+        speed_max_mps = max(self._envelope.speed_max_mps, self._peak_mps(state))
         return replace(self._envelope, speed_max_mps=speed_max_mps)
+
+    def _peak_mps(self, state: State) -> float:
+        """Return the speed that is reached while the jerk limit ends an acceleration."""
+        x = state.axis(X)
+        return max(x.velocity_mps, coasting_speed(x, self._envelope.jerk_max_mps3[X]))
 
     # ------------------------------------------------------------------ bookkeeping
 

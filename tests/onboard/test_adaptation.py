@@ -10,13 +10,16 @@ from onboard.adaptation import (
     SPEED_MIN_MPS,
     SPEED_STEP_MPS,
     adapt,
-    at_compliant_speed,
     slowing_distance,
     slows_in_time,
 )
 from onboard.config import Contract
 from onboard.contract import Assessment, assess, assess_terms
+from onboard.manoeuvre import _HOVER_S, cruise
 from onboard.monitor import Assumption, Violation
+from onboard.navigator import _envelope as envelope_of
+from onboard.profile import AxisState, coasting_speed
+from onboard.trajectory import State
 
 
 @pytest.fixture
@@ -152,15 +155,22 @@ def test_adaptation_cannot_chatter(seen: list[Violation]) -> None:
     assert slowings <= (start_mps - SPEED_MIN_MPS) / SPEED_STEP_MPS
 
 
-def test_slowing_distance_covers_braking_and_lag(assessment: Assessment) -> None:
-    adaptation = at_compliant_speed(
-        replace(assessment, terms=replace(assessment.terms, detection_range_m=5.0)), 2.8
-    )
-    assert adaptation is not None
-    final_mps = adaptation.assessment.terms.cruise_speed_mps
-    braking_m = (2.8**2 - final_mps**2) / (2.0 * assessment.limits.brake_mps2)
-    way_m = slowing_distance(assessment, 2.8, adaptation.assessment)
-    assert way_m == pytest.approx(braking_m + 2.8 * assessment.terms.attitude_lag_s)
+@given(st.floats(0.3, 2.8), st.floats(0.0, 1.0), st.floats(0.0, 1.0))
+def test_slowing_distance_covers_every_way_to_slow_down(
+    speed_mps: float, pushing: float, slower: float
+) -> None:
+    before = assess(Contract.model_validate(EXAMPLE))
+    final_mps = max(slower * speed_mps, SPEED_MIN_MPS / 2.0)
+    terms = replace(before.terms, cruise_speed_mps=final_mps)
+    envelope = envelope_of(before)
+    x = AxisState(0.0, speed_mps, pushing * before.limits.forward_mps2 / 2.0)
+    start = State((0.0,) * 3, (speed_mps, 0.0, 0.0), (x.acceleration_mps2, 0.0, 0.0))
+    slowing = cruise(start, 0.0, envelope, final_mps)
+    peak_mps = max(speed_mps, coasting_speed(x, envelope.jerk_max_mps3[0]))
+    bound_m = slowing_distance(before, peak_mps, replace(before, terms=terms))
+    if final_mps < speed_mps:
+        assert slowing.final.position_leg_m[0] - final_mps * _HOVER_S <= bound_m + 1e-9
+    assert slowing.velocity_range_mps(0)[1] <= peak_mps + 1e-9
 
 
 def test_it_slows_in_time_only_within_what_is_known(assessment: Assessment) -> None:

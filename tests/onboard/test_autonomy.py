@@ -325,6 +325,21 @@ def test_what_still_complies_is_flown_on_perhaps_slower(
     assert cruising.velocity_ned_mps[0] == pytest.approx(speed_mps, abs=0.15)
 
 
+def test_a_vehicle_that_speeds_up_slows_down_just_as_well(
+    contract: Contract, mission: Mission
+) -> None:
+    rig = Rig(Autonomy(contract, mission, epoch_unix_s=EPOCH_UNIX_S), mode=OFFBOARD)
+    # The speed that complies is passed before the acceleration has been taken off.
+    rig.run(20.0, until=lambda: rig.velocity_ned_mps[0] > 2.18)
+    assert rig.acceleration_ned_mps2[0] > 0.2
+    for _ in range(200):
+        rig.autonomy.receive_detection(rig.frame(range_m=5.0), rig.now_s)
+        rig.tick()
+    assert rig.phase is Phase.CRUISE
+    assert rig.texts("certificate") == []
+    assert rig.velocity_ned_mps[0] == pytest.approx(2.2, abs=0.15)
+
+
 def test_neighbours_that_fit_one_obstacle_are_avoided_as_one(cruising: Rig) -> None:
     cruising.obstacles = [box((25.0, 0.2)), box((27.0, 0.5), name="2")]
     cruising.run(40.0, until=lambda: cruising.phase in (Phase.HOLD, Phase.ARRIVED))
