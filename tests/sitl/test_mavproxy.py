@@ -83,7 +83,8 @@ def mavproxy(directory: Path, **config: Any) -> Iterator[tuple[Console, Observer
     script = shutil.which("mavproxy.py", path=str(Path(sys.executable).parent))
     assert script is not None
     command = [
-        *(sys.executable, script, f"--master=udpin:127.0.0.1:{udp}"),
+        # Unbuffered: through a pipe its words would come when some kilobytes of them are together.
+        *(sys.executable, "-u", script, f"--master=udpin:127.0.0.1:{udp}"),
         *("--state-basedir", str(directory), "--default-modules", "mode,arm,wp,param,cmdlong,misc"),
     ]
     with (
