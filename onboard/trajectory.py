@@ -209,22 +209,24 @@ class Trajectory:
         return p, v, a / 2.0, j / 6.0
 
     def from_time(self, time_s: float) -> Trajectory:
-        """Return what remains after an absolute time between start and end.
+        """Return what remains after an absolute time before the end; all of it before the start.
 
         Raises:
             ValueError: nothing remains.
         """
-        piece = max(0, bisect_right(self.knots_s, time_s) - 1)
+        # A piece may be so short that its knots coincide: nothing remains of it.
+        time_s = max(time_s, self.start_s)
+        piece = bisect_right(self.knots_s, time_s) - 1
         if piece >= len(self.durations_s):
             raise ValueError(f"the trajectory ended at {self.end_s} s, before {time_s} s")
         state = self.sample(time_s)
         durations_s = self.durations_s[piece:].copy()
-        durations_s[0] = self.knots_s[piece + 1] - max(time_s, self.start_s)
+        durations_s[0] = self.knots_s[piece + 1] - time_s
         position, velocity, acceleration = (array[piece:].copy() for array in self.motion[:3])
         position[0], velocity[0] = state.position_leg_m, state.velocity_leg_mps
         acceleration[0] = state.acceleration_leg_mps2
         return Trajectory(
-            max(time_s, self.start_s),
+            time_s,
             durations_s,
             position,
             velocity,

@@ -95,6 +95,19 @@ def test_joined_and_moved_in_time(first: Trajectory, second: Trajectory) -> None
     )
 
 
+@pytest.mark.parametrize("time_s", [1.0, 12.1, 12.6])
+def test_the_rest_leaves_pieces_out_that_last_for_nothing(time_s: float) -> None:
+    """Found by a campaign (nominal --seed 1 --only 6136): the first piece was mere round-off."""
+    at_rest = Profile(0.0, 0.0, (Segment(1.5, 0.0),))
+    x = Profile(0.0, 1.0, (Segment(1e-17, -1.0), Segment(1.5, 1.0)))
+    trajectory = Trajectory.from_profiles(12.1, x, at_rest, at_rest)
+    assert trajectory.knots_s[1] == trajectory.start_s
+    rest = trajectory.from_time(time_s)
+    assert rest.start_s == max(time_s, 12.1)
+    assert rest.end_s == trajectory.end_s
+    assert rest.sample(13.0) == pytest.approx(trajectory.sample(13.0))
+
+
 def test_waits_before_and_coasts_after() -> None:
     speeding_up = Profile(1.0, 2.0, (Segment(2.0, 0.0, 1.0),))
     trajectory = Trajectory.from_profiles(10.0, speeding_up, Profile(0.0, 0.0), Profile(0.0, 0.0))
