@@ -24,8 +24,10 @@ CONFIRMATIONS: Final = 3
 POSITION_JUMP_M: Final = 0.5
 # Ticks later than this are the computer's failure, not the scheduler's jitter.
 TICK_OVERRUN_S: Final = 3.0 * TICK_S
-# Acceleration below which tilt says nothing, and the share of it that must be there in time.
+# Acceleration below which tilt says nothing, alone and as a share of the agility: an agile vehicle
+# does more than that against gusts.  And the share of it that must be there in time.
 TILT_ASKED_MPS2: Final = 0.5
+TILT_ASKED_SHARE: Final = 0.25
 TILT_SHARE: Final = 0.4
 # The autopilot itself takes this much back of what is asked for, to mend what a gust has done.
 TILT_FEEDBACK_MPS2: Final = 0.8
@@ -196,7 +198,8 @@ class TiltWatch:
             GRAVITY_MPS2 * math.tan(pose.roll_rad),
         )
         asked_mps2 = math.hypot(*asked_frd_mps2)
-        if asked_mps2 < TILT_ASKED_MPS2:
+        agility_mps2 = GRAVITY_MPS2 * math.tan(min(terms.roll_max_rad, terms.pitch_max_rad))
+        if asked_mps2 < max(TILT_ASKED_MPS2, TILT_ASKED_SHARE * agility_mps2):
             share = TICK_S / TRIM_TIME_S if asked_mps2 < TILT_ASKED_MPS2 / 10.0 else 0.0
             self._trim_mps2 = (
                 self._trim_mps2[0] + share * (tilt_mps2[0] - self._trim_mps2[0]),
