@@ -333,7 +333,7 @@ class Autonomy:
             if jump is not None:
                 self._hold = _hold_at(pose)
                 self.navigator.hover_at(pose, now_s)
-            if self.navigator.phase is not Phase.STANDBY:
+            if moved and self.navigator.phase is not Phase.STANDBY:
                 self._watch_hover(pose, now_s)
             return
         if jump is not None:
