@@ -28,7 +28,8 @@ class DetectionBound(NamedTuple):
     """How a broken assumption shows.
 
     Attributes:
-        assumptions: one of which has to be reported; with none, it shows as the end of control.
+        assumptions: one of which has to be reported, or the event of that name; with none, it shows
+            as the end of control.
         within_s: of the fault's beginning.
     """
 
@@ -99,6 +100,8 @@ _BREAKS: Final[dict[str, _Break]] = {
         lambda fault, _: _lasting_s(fault) + _TICKS_S,
         lambda fault, _: _lasting_s(fault) > TICK_OVERRUN_S + TICK_S,
     ),
+    "disk_full": _Break(("log_ended",), lambda _, __: _TICKS_S),
+    "mission_changed": _Break(("mission_changed",), lambda _, __: _TICKS_S),
     "setpoints_lost": _Break(
         (), lambda _, contract: contract.vehicle.setpoint_loss_timeout_s + _HEARTBEAT_S
     ),

@@ -199,7 +199,6 @@ def true_tracking_error_m(evidence: Evidence) -> float:
 def _setpoints_in_limits(evidence: Evidence) -> Iterator[str]:
     """Inner box of erratum 7 with the climb of erratum 8: what the contract lets plans ask for."""
     vehicle = evidence.case.scenario.contract.vehicle
-    heading_rad = _heading_rad(evidence)
     tan_pitch = math.tan(math.radians(vehicle.pitch_max_deg))
     tan_roll = math.tan(math.radians(vehicle.roll_max_deg))
     thrust_mps2 = vehicle.thrust_to_weight * GRAVITY_MPS2
@@ -207,7 +206,7 @@ def _setpoints_in_limits(evidence: Evidence) -> Iterator[str]:
         asked = state["reference_acceleration_ned_mps2"]
         if asked is None or state["phase"] not in _FLYING:
             continue
-        along_mps2, across_mps2 = _in_leg(asked, heading_rad)
+        along_mps2, across_mps2 = _in_leg(asked, state["leg_heading_rad"])
         lift_mps2 = GRAVITY_MPS2 - asked[2]
         if (
             abs(along_mps2) > tan_pitch * lift_mps2 + _ROUND_OFF
@@ -236,14 +235,13 @@ def _continuous_reference(evidence: Evidence) -> Iterator[str]:
 
 def _entry_condition(evidence: Evidence) -> Iterator[str]:
     """Pre-condition of an induction step: at most V_cruise ahead, and V_recentring aside."""
-    heading_rad = _heading_rad(evidence)
     vehicle = evidence.case.scenario.contract.vehicle
     fastest_mps = vehicle.cruise_speed_mps
     aside_mps = vehicle.recentring_speed_mps + _ENTRY_LATERAL_MPS
     for before, after in pairwise(evidence.states):
         if (before["phase"], after["phase"]) == ("cruise", "avoid"):
             velocity_mps = before["reference_velocity_ned_mps"]
-            along_mps, across_mps = _in_leg(velocity_mps, heading_rad)
+            along_mps, across_mps = _in_leg(velocity_mps, before["leg_heading_rad"])
             if abs(across_mps) > aside_mps or not -1e-6 <= along_mps <= fastest_mps + 1e-6:
                 yield f"avoidance entered at {along_mps:.3f} m/s ahead, {across_mps:.3f} aside"
 
@@ -291,14 +289,14 @@ def _room_required_m(contract: Contract, width_m: float) -> float:
 
 def _exit_condition(evidence: Evidence) -> Iterator[str]:
     """Post-condition of an induction step: out of the region, without lateral speed."""
-    heading_rad, plan = _heading_rad(evidence), None
-    plans = iter(evidence.flight.topic("/plan"))
+    plan, plans = None, iter(evidence.flight.topic("/plan"))
     upcoming = next(plans, None)
     for before, after in pairwise(evidence.states):
         while upcoming is not None and upcoming["time_s"] <= before["time_s"]:
             plan, upcoming = upcoming, next(plans, None)
         if (before["phase"], after["phase"]) != ("avoid", "cruise") or plan is None:
             continue
+        heading_rad = before["leg_heading_rad"]
         _, across_mps = _in_leg(after["reference_velocity_ned_mps"], heading_rad)
         ahead_m, _ = _in_leg(after["reference_position_ned_m"], heading_rad)
         border_m = max(_in_leg(corner, heading_rad)[0] for corner in plan["region_ned_m"])
@@ -316,7 +314,7 @@ def _bounded_memory(evidence: Evidence) -> Iterator[str]:
 
 
 def _heading_rad(evidence: Evidence) -> float:
-    """Direction of the leg; campaigns fly one leg, from the origin, or do not ask."""
+    """Direction of the first leg; campaigns have no other, unless the operator changes it."""
     mission = evidence.case.scenario.mission
     north_m, east_m = mission.start_ned_m
     end_north_m, end_east_m = mission.legs[0].end_ned_m
@@ -364,9 +362,7 @@ def _detected_in_time(evidence: Evidence) -> Iterator[str]:
 def _noticed(evidence: Evidence, assumptions: frozenset[str], until_s: float) -> bool:
     """Tell whether one of them was reported; each is reported once, so earlier counts too."""
     return any(
-        event["name"] == "violation"
-        and event["data"]["assumption"] in assumptions
-        and event["time_s"] <= until_s
+        event["data"].get("assumption", event["name"]) in assumptions and event["time_s"] <= until_s
         for event in evidence.flight.topic("/events")
     )
 

@@ -279,7 +279,7 @@ DISPLACING: Final[frozenset[FaultKind]] = frozenset(
 )
 # What the contract does not even mention, or covers: the mission has to be flown to its end.
 TOLERATED: Final[frozenset[FaultKind]] = frozenset(
-    {"detections_shifted", "link_duplicating", "solver_limited"}
+    {"detections_shifted", "link_duplicating", "solver_limited", "disk_full"}
 )
 
 
@@ -583,6 +583,7 @@ _AMOUNT_RANGES: Final[dict[str, tuple[float, float]]] = {
     "attitude_slow": (1.0, 8.0),
     "telemetry_corrupted": (0.05, 0.4),
     "position_reset": (0.6, 5.0),
+    "mission_changed": (-90.0, 90.0),
 }
 _UNITS: Final = (0.001, 0.01, 0.3048)  # millimetres, centimetres, feet, taken for metres
 # These end by themselves: a stall or a pilot that never ends leaves nothing to observe.

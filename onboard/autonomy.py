@@ -22,6 +22,7 @@ from onboard.config import Contract, Mission
 from onboard.contract import Assessment, assess
 from onboard.events import Event, Severity
 from onboard.guidance import Phase
+from onboard.itinerary import MalformedMissionError, parse_mission
 from onboard.mavlink import TELEMETRY_RATE_HZ, MavlinkEndpoint, Pose, Setpoint
 from onboard.monitor import Assumption, Violation, check_frame, check_obstacle
 from onboard.navigator import Navigator
@@ -125,6 +126,9 @@ class Autonomy:
         self._tick_watch, self._rival_watch = TickWatch(), RivalWatch()
         self._poses = PoseHistory()
         self._pending: deque[bytes] = deque()
+        self._pending_mission: bytes | None = None
+        self._malformed_missions = 0
+        self._log_ended = False
         # What happened in this tick, and all that nobody has asked for yet.
         self._news: list[Event] = []
         self._events: deque[Event] = deque(maxlen=MAX_EVENTS)
@@ -161,6 +165,17 @@ class Autonomy:
         """Take the outcome of a pre-flight check; it is asked for when control is granted."""
         self.clearance.receive(payload)
 
+    def receive_mission(self, payload: bytes, now_s: float) -> None:  # noqa: ARG002  latched
+        """Take a mission to be flown instead of the present one; it is read in the next tick."""
+        self._pending_mission = payload
+
+    def report_log_end(self, reason: str, now_s: float) -> None:
+        """Say, once, that the flight goes on without a log."""
+        if not self._log_ended:
+            self._log_ended = True
+            text = f"flying on without a log: {reason}"
+            self._news.append(Event(now_s, "log_ended", Severity.WARNING, text))
+
     # ------------------------------------------------------------------ outputs
 
     def mavlink_to_send(self) -> bytes:
@@ -192,6 +207,7 @@ class Autonomy:
 
     def _decide(self, now_s: float) -> None:
         self._take_frames(now_s)
+        self._take_mission(now_s)
         pose = self.link.pose
         if pose is not None:
             self._follow_mode(pose, now_s)
@@ -274,6 +290,18 @@ class Autonomy:
         obstacle = obstacles.of_track(obstacle_id)
         if obstacle is not None:
             self.navigator.recheck_plan(obstacle, now_s)
+
+    def _take_mission(self, now_s: float) -> None:
+        payload, self._pending_mission = self._pending_mission, None
+        if payload is None:
+            return
+        try:
+            mission = parse_mission(payload)
+        except MalformedMissionError as error:
+            self._malformed_missions += 1
+            log.debug("dropped a malformed mission: %s", error)
+        else:
+            self.navigator.change_mission(mission, now_s)
 
     def _follow_mode(self, pose: Pose, now_s: float) -> None:
         """Fly only while the pilot lets us: the mode is theirs."""
@@ -495,6 +523,7 @@ class Autonomy:
             "tracking_error_m": watch.position_error_m,
             "velocity_error_mps": watch.velocity_error_mps,
             "cruising": self.navigator.cruising_freely,
+            "leg_heading_rad": self.navigator.leg.heading_rad,
             "detection_age_s": age_s if math.isfinite(age_s) else None,
             "telemetry_age_s": None if pose is None else now_s - pose.time_s,
             "cleared": self.clearance.refusal(self.epoch_unix_s + now_s) is None,
@@ -507,6 +536,7 @@ class Autonomy:
                 "frames_unplaced": self.detections.unplaced_frames,
                 "frames_dropped": self.detections.dropped_frames,
                 "clearances_malformed": self.clearance.malformed,
+                "missions_malformed": self._malformed_missions,
             },
         }
 

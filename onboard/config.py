@@ -7,8 +7,10 @@ from __future__ import annotations
 
 import hashlib
 import json
+import math
+from itertools import pairwise
 from pathlib import Path
-from typing import Annotated, Any, Literal, Self
+from typing import Annotated, Any, Final, Literal, Self
 
 import yaml
 from pydantic import Field, model_validator
@@ -19,6 +21,8 @@ from onboard.yaml_file import FileError, FileModel, load_yaml, read_mapping, val
 Positive = Annotated[float, Field(gt=0.0)]
 NonNegative = Annotated[float, Field(ge=0.0)]
 AcuteAngle = Annotated[float, Field(gt=0.0, lt=90.0)]
+# A leg that ends nearer than this to where it begins has no direction.
+LEG_LENGTH_MIN_M: Final = 0.1
 # YAML has lists only; the numbers inside stay strict.
 Pair = Annotated[tuple[float, float], Field(strict=False)]
 NonNegativePair = Annotated[tuple[NonNegative, NonNegative], Field(strict=False)]
@@ -117,6 +121,16 @@ class Mission(FileModel):
     )
     legs: Annotated[tuple[Leg, ...], Field(strict=False, min_length=1)]
 
+    @model_validator(mode="after")
+    def _legs_have_length(self) -> Self:
+        points_ned_m = [self.start_ned_m, *(leg.end_ned_m for leg in self.legs)]
+        for number, (start_m, end_m) in enumerate(pairwise(points_ned_m)):
+            if math.dist(start_m, end_m) < LEG_LENGTH_MIN_M:
+                raise ValueError(
+                    f"legs.{number}.end_ned_m = {list(end_m)} m is where the leg begins"
+                )
+        return self
+
 
 class MavlinkLink(FileModel):
     """The daemon's MAVLink link."""
@@ -145,6 +159,9 @@ class DaemonConfig(FileModel):
     log_directory: FilePath = Path("flights")
     log_file: FilePath | None = Field(None, description="instead of a new file in log_directory")
     log_level: Literal["debug", "info", "warning", "error"] = "info"
+    mission_changes: bool = Field(
+        False, description="fly what comes on the Zenoh key `mission` instead, even in mid-flight"
+    )
     fly_outside_contract: bool = Field(
         False, description="leave STANDBY although the contract does not comply; for tests"
     )

@@ -96,7 +96,7 @@ async def run(config: DaemonConfig, contract: Contract, mission: Mission, log_pa
         stack.callback(link.close)
         session = stack.enter_context(open_session(config.zenoh))
         bus = Bus(session, config.vehicle, contract)
-        bus.subscribe(autonomy, clock)
+        bus.subscribe(autonomy, clock, mission_changes=config.mission_changes)
         stop = _stop_on_signals()
         spare_the_collector()
         log.info("ready: %s, contract %s", config.mavlink.url, contract.sha256[:12])
@@ -148,6 +148,8 @@ async def _serve(
         if now_s - due_s > LATE_TICK_S:
             log.warning("tick %.0f ms late", (now_s - due_s) * 1e3)
             due_s = now_s
+        if logs.failure is not None:
+            autonomy.report_log_end(logs.failure, now_s)
         autonomy.tick(now_s)
         if data := autonomy.mavlink_to_send():
             link.send(data)
@@ -185,6 +187,11 @@ class Logs:
 
     def __exit__(self, *error: object) -> None:
         self._open.close()
+
+    @property
+    def failure(self) -> str | None:
+        """Why the logs have ended; None as long as they go on."""
+        return self._thread.failure
 
     def write(self, records: list[Record]) -> None:
         """Log what a tick left behind."""
@@ -226,10 +233,12 @@ class Bus:
         key = f"{self._prefix}/contract"
         session.declare_queryable(key, lambda query: query.reply(key, payload))
 
-    def subscribe(self, autonomy: Autonomy, clock: Clock) -> None:
-        """Pass detections and clearances on to the service."""
+    def subscribe(self, autonomy: Autonomy, clock: Clock, *, mission_changes: bool) -> None:
+        """Pass detections and clearances on to the service, and other missions if that is meant."""
         self._pass_on("obstacles", autonomy.receive_detection, clock)
         self._pass_on("clearance", autonomy.receive_clearance, clock)
+        if mission_changes:
+            self._pass_on("mission", autonomy.receive_mission, clock)
 
     def _pass_on(self, key: str, take: Callable[[bytes, float], None], clock: Clock) -> None:
         """Zenoh calls from its own thread, so what it brings has to cross into the loop."""

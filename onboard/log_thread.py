@@ -17,11 +17,29 @@ CAPACITY: Final = 4096
 Job = Callable[[], None]
 
 
-class LogThread:
-    """Does jobs one after the other, in the order in which they came.
+class LogGuard:
+    """Does jobs until one fails with OSError: that ends the log, not the flight.
 
-    A job that fails with OSError ends the log, not the flight: it is reported once, and what comes
-    after is dropped.
+    Attributes:
+        failure: why it ended; None as long as it goes on.
+    """
+
+    def __init__(self) -> None:
+        self.failure: str | None = None
+
+    def do(self, job: Job) -> None:
+        """Do a job, unless the log has ended."""
+        if self.failure is not None:
+            return
+        try:
+            job()
+        except OSError as error:
+            self.failure = str(error)
+            log.error("the flight log ends here: %s", error)  # noqa: TRY400  no defect of ours
+
+
+class LogThread:
+    """Does jobs one after the other, in the order in which they came, as a `LogGuard`.
 
     Args:
         capacity: how many jobs may wait; what comes while they do is dropped and counted.
@@ -31,7 +49,7 @@ class LogThread:
         self.dropped = 0
         self._jobs: queue.SimpleQueue[Job | None] = queue.SimpleQueue()
         self._capacity = capacity
-        self._broken = False
+        self._guard = LogGuard()
         self._thread = threading.Thread(target=self._work, name="log", daemon=True)
         self._thread.start()
 
@@ -45,6 +63,11 @@ class LogThread:
         traceback: TracebackType | None,
     ) -> None:
         self.close()
+
+    @property
+    def failure(self) -> str | None:
+        """Why the log has ended; None as long as it goes on."""
+        return self._guard.failure
 
     def submit(self, job: Job) -> None:
         """Have a job done soon; never waits."""
@@ -64,12 +87,4 @@ class LogThread:
 
     def _work(self) -> None:
         while (job := self._jobs.get()) is not None:
-            if not self._broken:
-                self._do(job)
-
-    def _do(self, job: Job) -> None:
-        try:
-            job()
-        except OSError as error:
-            self._broken = True
-            log.error("the flight log ends here: %s", error)  # noqa: TRY400  no defect of ours
+            self._guard.do(job)

@@ -28,6 +28,7 @@ from onboard.guidance import (
     post_condition,
     pre_condition,
 )
+from onboard.itinerary import Itinerary
 from onboard.manoeuvre import brake_to_hover, stop_at
 from onboard.mavlink import Pose, Setpoint
 from onboard.monitor import Assumption, Violation, measured_size_max
@@ -91,10 +92,7 @@ class Navigator:
         self._adaptive = adaptive
         self._planner = planner
         self._stopwatch = stopwatch
-        self._mission = mission
-        self._waypoints_ned_m = _waypoints(mission)
-        self._leg_index = 0
-        self.leg = LegFrame.between(*self._waypoints_ned_m[:2])
+        self._itinerary = Itinerary(mission)
         self.obstacles = ObstacleMap(self.leg, assessment.region_around, self._merged_size_max_m)
         self._envelope = _envelope(assessment)
         # What is flown now; in STANDBY nothing is.
@@ -107,6 +105,11 @@ class Navigator:
         self._drifting, self._straight_from_x_m = False, 0.0
 
     # ------------------------------------------------------------------ what is flown
+
+    @property
+    def leg(self) -> LegFrame:
+        """Frame of the leg that is flown."""
+        return self._itinerary.frame
 
     def reference(self, time_s: float) -> State | None:
         """Return the reference at a time, leg frame; None in STANDBY."""
@@ -167,10 +170,10 @@ class Navigator:
         """Return why the leg may not be started or resumed from here; empty if it may."""
         x_m, y_m, z_m = self.leg.position_leg(pose.position_ned_m)
         speed_mps = math.hypot(*pose.velocity_ned_mps)
-        beside_max_m = self._mission.legs[self._leg_index].target_half_width_m
+        beside_max_m = self._itinerary.leg.target_half_width_m
         checks = [
             (x_m >= -START_TOLERANCE_M, f"{-x_m:.1f} m before the start of the leg"),
-            (x_m < self._goal_x_m - START_TOLERANCE_M, "the leg is already flown"),
+            (x_m < self._itinerary.length_m - START_TOLERANCE_M, "the leg is already flown"),
             (abs(y_m) <= beside_max_m, f"{abs(y_m):.1f} m beside the leg"),
             (abs(z_m) <= START_TOLERANCE_M, f"{abs(z_m):.1f} m off the cruise height"),
             # From rest only: whatever way braking would take has not been certified.
@@ -195,6 +198,24 @@ class Navigator:
             self._trigger(Trigger.CONTROL_TAKEN, now_s)
         self._reference = self._upcoming = self.avoidance = None
         self._aligning = False
+        self._restart_itinerary()
+
+    def change_mission(self, mission: Mission, now_s: float) -> None:
+        """Fly another mission: from its start in STANDBY, else from where the vehicle stops.
+
+        An avoidance in progress is finished first.  Who hovers in ARRIVED or HOLD goes on hovering;
+        what is flown after the pilot has taken over and handed back is the new mission.
+        """
+        if self._reference is not None and mission.altitude_m != self._itinerary.mission.altitude_m:
+            text = f"mission refused: in flight it has to stay at {-self.leg.origin_ned_m[2]:g} m"
+            self._note(Event(now_s, "mission_refused", Severity.WARNING, text))
+            return
+        self._itinerary.successor = mission
+        self._note(Event(now_s, "mission_changed", Severity.NOTICE, "flying another mission"))
+        if self.phase is Phase.STANDBY:
+            self._restart_itinerary()
+        elif self.cruising_freely and self._reference is not None:
+            self._cruise_from(self._reference.sample(now_s), now_s)
 
     def answer(self, violation: Violation, now_s: float, measured: Pose | None = None) -> None:
         """Answer a failed assumption: by a contract solved again if that complies, else by braking.
@@ -320,20 +341,21 @@ class Navigator:
     def _continue_cruising(self, pose: Pose, now_s: float) -> None:
         if self._reference is None:
             return
+        if now_s >= self._reference.end_s and (self._stops_for_another or not self._aligning):
+            self._finish_leg(now_s)
+            return
         if self._aligning:
             self._await_alignment(pose, now_s)
-            return
-        if now_s >= self._reference.end_s:
-            self._finish_leg(now_s)
             return
         here, soon = self._reference.sample(now_s), self._reference.sample(now_s + TICK_S)
         (x_m, y_m, _), soon_m = here.position_leg_m, soon.position_leg_m[0]
         obstacle = self.obstacles.obstacle_of_interest(x_m, y_m, horizon_m=soon_m - x_m)
-        if obstacle is None or self._goal_x_m < obstacle.region.keep_out.x_min_m:
+        end_x_m = self._reference.final.position_leg_m[X]
+        if obstacle is None or end_x_m < obstacle.region.keep_out.x_min_m:
             self._recentre(here, now_s)
             return
-        if self._goal_x_m <= obstacle.region.x_pob_m:
-            short_m = obstacle.region.x_pob_m - self._goal_x_m
+        if end_x_m <= obstacle.region.x_pob_m and not self._stops_for_another:
+            short_m = obstacle.region.x_pob_m - end_x_m
             self._break(Violation(Assumption.LEG_END_CLEAR, short_m, 0.0, "m", obstacle.id), now_s)
             return
         self._avoid(obstacle, now_s)
@@ -372,26 +394,20 @@ class Navigator:
 
     def _finish_leg(self, now_s: float) -> None:
         assert self._reference is not None  # noqa: S101  the caller checked
-        final = self._reference.final
-        beside_m = max(abs(final.position_leg_m[1]), abs(final.position_leg_m[0] - self._goal_x_m))
-        allowed_m = self._mission.legs[self._leg_index].target_half_width_m
-        if beside_m > allowed_m:
+        x_m, y_m, _ = self._reference.final.position_leg_m
+        beside_m = max(abs(y_m), abs(x_m - self._itinerary.length_m))
+        allowed_m = self._itinerary.leg.target_half_width_m
+        if beside_m > allowed_m and not self._stops_for_another:
             self._break(Violation(Assumption.TARGET_REACHED, beside_m, allowed_m, "m"), now_s)
-        elif self._leg_index + 1 == len(self._mission.legs):
-            self._trigger(Trigger.MISSION_FLOWN, now_s)
-        else:
-            self._start_next_leg(final, now_s)
-
-    def _start_next_leg(self, final: State, now_s: float) -> None:
-        north_m, east_m, _ = self.leg.position_ned(final.position_leg_m)
-        self._leg_index += 1
-        end_ned_m = self._waypoints_ned_m[self._leg_index + 1]
-        here_ned_m = (north_m, east_m, end_ned_m[2])
+            return
         # From where the vehicle is: the last leg may have left it beside its end (erratum 16).
-        self.leg = LegFrame.between(here_ned_m, end_ned_m)
-        self._rebuild_map()
-        self._trigger(Trigger.LEG_FLOWN, now_s)
-        self._align(State((0.0, 0.0, 0.0), (0.0, 0.0, 0.0)), now_s)
+        north_m, east_m, _ = self.leg.position_ned((x_m, y_m, 0.0))
+        if self._itinerary.begin_next(north_m, east_m):
+            self._rebuild_map()
+            self._trigger(Trigger.LEG_FLOWN, now_s)
+            self._align(State((0.0, 0.0, 0.0), (0.0, 0.0, 0.0)), now_s)
+        else:
+            self._trigger(Trigger.MISSION_FLOWN, now_s)
 
     def _align(self, state: State, now_s: float) -> None:
         """Hover and turn the nose, and with it the sensor, along the leg."""
@@ -399,14 +415,18 @@ class Navigator:
         self._aligned_since_s, self._aligning = None, True
 
     def _cruise_from(self, state: State, start_s: float, *, drifting: bool = False) -> None:
-        """Fly on along the leg and stop at its end, or beyond it if that is too near."""
-        self._drifting, self._straight_from_x_m = drifting, state.position_leg_m[X]
+        """Fly on along the leg and stop at its end, or beyond it if that is too near.
+
+        Before another mission, stop as soon as may be.
+        """
+        x_m = state.position_leg_m[X]
+        self._drifting, self._straight_from_x_m = drifting, x_m
         terms = self.assessment.terms
         stopping = stop_at(
             state,
             start_s,
             self._envelope,
-            self._goal_x_m,
+            x_m if self._stops_for_another else self._itinerary.length_m,
             speed_mps=terms.cruise_speed_mps,
             z_m=0.0,
             recentring_mps=terms.recentring_speed_mps if drifting else 0.0,
@@ -420,9 +440,14 @@ class Navigator:
             self._break(Violation(Assumption.SELF_CHECK, 1.0, 0.0, "certificates"), start_s)
 
     @property
-    def _goal_x_m(self) -> float:
-        start, end = self.leg.origin_ned_m, self._waypoints_ned_m[self._leg_index + 1]
-        return math.hypot(end[0] - start[0], end[1] - start[1])
+    def _stops_for_another(self) -> bool:
+        """Whether the vehicle stops where it can, to fly another mission from there."""
+        return self._itinerary.successor is not None
+
+    def _restart_itinerary(self) -> None:
+        if self._stops_for_another:
+            self._itinerary.restart()
+            self._rebuild_map()
 
     # ------------------------------------------------------------------ avoidance
 
@@ -501,6 +526,7 @@ class Navigator:
     def _problem(
         self, obstacle: Obstacle, start: State, start_s: float, exit_speed_mps: float
     ) -> AvoidanceProblem:
+        climb_max_m = self._itinerary.mission.climb_max_m
         return AvoidanceProblem(
             start=start,
             start_s=start_s,
@@ -508,8 +534,8 @@ class Navigator:
             envelope=self._envelope,
             # Round-off in the cruise must not ask for more than the contract's speed.
             exit_speed_mps=min(exit_speed_mps, self._envelope.speed_max_mps),
-            climb_m=self._mission.climb_max_m,
-            climb_preferred=self._mission.climb_max_m > 0.0,
+            climb_m=climb_max_m,
+            climb_preferred=climb_max_m > 0.0,
             coast_time_s=self.assessment.inflated.encounter.coast_time_s,
         )
 
@@ -615,8 +641,3 @@ def _envelope(assessment: Assessment) -> Envelope:
         jerk_max_mps3=(jerk_x_mps3, jerk_y_mps3, jerk_y_mps3),
         speed_max_mps=terms.cruise_speed_mps,
     )
-
-
-def _waypoints(mission: Mission) -> list[tuple[float, float, float]]:
-    points = [mission.start_ned_m, *(leg.end_ned_m for leg in mission.legs)]
-    return [(north_m, east_m, -mission.altitude_m) for north_m, east_m in points]

@@ -69,8 +69,9 @@ VehicleKind = Literal[
     "attitude_slow",
     "motor_failed",
 ]
-ProcessKind = Literal["tick_stall", "solver_limited", "daemon_dead", "operator_takes_over"]
-FaultKind = Literal[DetectionKind, LinkKind, VehicleKind, ProcessKind]
+ProcessKind = Literal["tick_stall", "solver_limited", "daemon_dead", "disk_full"]
+OperatorKind = Literal["operator_takes_over", "mission_changed"]
+FaultKind = Literal[DetectionKind, LinkKind, VehicleKind, ProcessKind, OperatorKind]
 
 # What each kind's amount means, and what it is unless a scenario says otherwise.
 AMOUNTS: Final[dict[str, tuple[float, str]]] = {
@@ -98,6 +99,7 @@ AMOUNTS: Final[dict[str, tuple[float, str]]] = {
     "attitude_slow": (3.0, "attitude feedback [1/s]"),
     "telemetry_corrupted": (0.2, "share of datagrams of which one byte changes"),
     "position_reset": (3.0, "metres to the east, of the estimate that is told and flown by"),
+    "mission_changed": (30.0, "degrees by which what is left of the leg turns to the right"),
     "position_misreported": (0.3, "metres to the east, of what is told but not flown by"),
 }
 

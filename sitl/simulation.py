@@ -23,6 +23,7 @@ from onboard.avoidance import AvoidanceProblem
 from onboard.config import Contract, Mission
 from onboard.guidance import Phase
 from onboard.journal import Journal
+from onboard.log_thread import LogGuard
 from onboard.plan import Plan
 from onboard.planner import Planner
 from onboard.qp_search import QpPlanner
@@ -43,6 +44,8 @@ STEPS_PER_OPERATOR: Final = 10
 # Where virtual time begins; any instant will do, as long as it is always the same.
 EPOCH_UNIX_S: Final = 1_790_000_000.0
 ONBOARD_LINK, OPERATOR_LINK = 0, 1
+# A file that Linux always finds full; where there is none, writing to it fails as well.
+FULL_DISK: Final = Path("/dev/full")
 # How long the operator waits after the mission, and where the service does not fly (it has died, it
 # refuses to depart, the autopilot does not obey it), before landing.
 LINGER_S: Final = 1.0
@@ -115,8 +118,10 @@ class Simulation:
         self._plant_faults = PlantFaults(
             self.scene.vehicle, config.system_id, config.flavour, OPERATOR_LINK
         )
+        self._log = LogGuard()
         self._steps = 0
         self._dead = False
+        self._mission_changed = False
         self._over_since_s = self._idle_since_s = math.inf
 
     @property
@@ -164,8 +169,27 @@ class Simulation:
         if telemetry:
             autonomy.receive_mavlink(telemetry, self.now_s)
         if self.at_tick and not faults.present("tick_stall"):
+            self._fill_disk()
+            self._change_mission()
             autonomy.tick(self.now_s)
             vehicle.receive(faults.setpoints(autonomy.mavlink_to_send()), ONBOARD_LINK)
+
+    def _fill_disk(self) -> None:
+        """End the log when the disk is full; simulation shortcut: until then there is none."""
+        if self._faults.present("disk_full"):
+            self._log.do(_write_to_full_disk)
+        if self._log.failure is not None:
+            self.autonomy.report_log_end(self._log.failure, self.now_s)
+
+    def _change_mission(self) -> None:
+        """Have the operator send another mission, once: what is left of the last leg, turned."""
+        turn_deg = self._faults.amount("mission_changed")
+        if turn_deg is None or self._mission_changed:
+            return
+        self._mission_changed = True
+        here_ned_m = self.scene.vehicle.truth.position_ned_m
+        mission = _turned(self.flight.mission, here_ned_m[:2], math.radians(turn_deg))
+        self.autonomy.receive_mission(mission.model_dump_json().encode(), self.now_s)
 
     def _bury_or_revive(self) -> None:
         dead = self._faults.present("daemon_dead")
@@ -195,6 +219,21 @@ class Simulation:
 def _since(began_s: float, now_s: float, *, present: bool) -> float:
     """Return since when something lasts; infinite while it does not."""
     return min(began_s, now_s) if present else math.inf
+
+
+def _write_to_full_disk() -> None:
+    FULL_DISK.write_text("a line", encoding="ascii")
+
+
+def _turned(mission: Mission, here_ned_m: tuple[float, float], turn_rad: float) -> Mission:
+    """Return a mission of one leg, to where the last one would end if it were turned about here."""
+    last = mission.legs[-1]
+    (north_m, east_m), (end_north_m, end_east_m) = here_ned_m, last.end_ned_m
+    left_m = math.dist(here_ned_m, last.end_ned_m)
+    heading_rad = math.atan2(end_east_m - east_m, end_north_m - north_m) + turn_rad
+    end_ned_m = (north_m + left_m * math.cos(heading_rad), east_m + left_m * math.sin(heading_rad))
+    leg = last.model_copy(update={"end_ned_m": end_ned_m})
+    return mission.model_copy(update={"start_ned_m": here_ned_m, "legs": (leg,)})
 
 
 class _LimitedQp(QpPlanner):

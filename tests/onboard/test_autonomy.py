@@ -527,6 +527,16 @@ def test_defect_of_ours_ends_in_hover_not_in_silence(
     assert cruising.setpoints[-1].vx == pytest.approx(0.0, abs=1e-6)
 
 
+def test_the_end_of_the_log_is_said_once(cruising: Rig) -> None:
+    for _ in range(3):
+        cruising.autonomy.report_log_end("[Errno 28] No space left on device", cruising.now_s)
+        cruising.tick()
+    assert cruising.texts("log_ended") == [
+        "flying on without a log: [Errno 28] No space left on device"
+    ]
+    assert cruising.phase is Phase.CRUISE
+
+
 def test_legs_are_flown_one_after_another_each_with_the_nose_along_it(contract: Contract) -> None:
     mission = Mission.model_validate(
         {

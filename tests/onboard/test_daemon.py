@@ -187,6 +187,34 @@ def test_garbage_on_both_sides_is_counted_and_survived(
         assert daemon.poll() is None
 
 
+def test_a_full_disk_is_said_and_survived(tmp_path: Path, settings: dict[str, Any]) -> None:
+    (tmp_path / settings["log_file"]).symlink_to("/dev/full")
+    with running(tmp_path, settings) as daemon, neighbour(settings) as session:
+        # An event is said once, perhaps before we listen; the status goes on.
+        statuses = session.declare_subscriber("clearway/v1/status")
+        for _ in range(5):
+            statuses.recv()
+        assert daemon.poll() is None
+        daemon.send_signal(signal.SIGINT)
+        _, err = daemon.communicate(timeout=10)
+    assert err.count("the flight log ends here: [Errno 28]") == 1
+    assert "Traceback" not in err
+
+
+@pytest.mark.parametrize("allowed", [True, False])
+def test_another_mission_is_taken_only_where_that_is_meant(
+    tmp_path: Path, settings: dict[str, Any], *, allowed: bool
+) -> None:
+    settings["mission_changes"] = allowed
+    with running(tmp_path, settings), neighbour(settings) as session:
+        statuses = session.declare_subscriber("clearway/v1/status")
+        counted = []
+        for _ in range(5):
+            session.put("clearway/v1/mission", b"not a mission")
+            counted.append(json.loads(statuses.recv().payload.to_bytes())["dropped"])
+    assert (counted[-1]["missions_malformed"] > 0) is allowed
+
+
 def test_autopilot_hears_a_heartbeat_of_component_196(
     tmp_path: Path, settings: dict[str, Any]
 ) -> None:

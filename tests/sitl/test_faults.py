@@ -255,6 +255,30 @@ def test_a_reset_of_the_estimate_does_not_fly_the_vehicle_aside(tmp_path: Path) 
     assert max(abs(truth["position_ned_m"][1]) for truth in truths) < 1.0
 
 
+@pytest.mark.parametrize(
+    ("scenario_name", "event", "texts"),
+    [
+        ("disk_full", "log_ended", ["flying on without a log: [Errno 28] No space left on device"]),
+        ("mission_changed", "mission_changed", ["flying another mission"]),
+    ],
+)
+def test_what_breaks_no_assumption_is_said_once(
+    tmp_path: Path, scenario_name: str, event: str, texts: list[str]
+) -> None:
+    scenario = load_scenario(next(path for path in SCENARIOS if path.stem == scenario_name))
+    flight = SimulatedFlight(
+        scenario.contract,
+        scenario.mission,
+        scenario.sitl_config(seed=1),
+        scenario.obstacles,
+        faults=scenario.faults,
+        time_limit_s=30.0,
+    )
+    fly(flight, tmp_path)
+    events = read_log(tmp_path / "flight.mcap").topic("/events")
+    assert [e["text"] for e in events if e["name"] == event] == texts
+
+
 @pytest.mark.parametrize("path", SCENARIOS, ids=lambda path: path.stem)
 def test_broken_assumption_ends_as_expected(path: Path, tmp_path: Path) -> None:
     scenario = load_scenario(path)
