@@ -158,11 +158,15 @@ def crossing_times(along: AxisTask, across: AxisTask, count: int) -> CrossingTim
 
 
 def _time_to_reach(task: AxisTask, position_m: float) -> float:
-    """Least time to a position ahead; 0 if it lies behind."""
-    if position_m <= 0.0:
+    """Least time from which on a position is kept; 0 if it lies behind and nothing drifts back."""
+    drifting_back = task.start.velocity_mps < 0.0
+    if position_m <= 0.0 and not drifting_back:
         return 0.0
     rushing = _profile(task, min(task.speed_before_mps[1], _UNBOUNDED_MPS))
     reached_s = rushing.last_time_at_s(position_m)
+    if reached_s is None and drifting_back:
+        # Never that far back; but it has to come to an end.
+        return _profile(task, 0.0).duration_s
     if reached_s is not None:
         return reached_s
     coast_m = position_m - rushing.final.position_m

@@ -1,8 +1,7 @@
 """Eq. 17 by QPs: a search over both sides and a grid of horizons.
 
 Horizons are taken in the order of what they should cost (horizons.py), until the best plan found
-is cheaper than the next estimate; then what lies around the best is tried.  A plan counts once it
-certifies.
+is cheaper than the next estimate.  A plan counts once it certifies.
 """
 
 from __future__ import annotations
@@ -32,7 +31,7 @@ if TYPE_CHECKING:
 # Length of the second phase over that of the first.
 _RATIOS = tuple(2.0 ** (k / 3.0) for k in range(-3, 8))
 _RELATIVE_DURATIONS = 1.0 + np.array(_RATIOS)[:, None]
-_CROSSINGS = 8
+_CROSSINGS = 16
 
 # Candidates kept of each side; far more than are ever solved.
 _CANDIDATES_MAX = 60
@@ -43,14 +42,9 @@ _REMAINING_MIN_S = 0.1
 # Growth of the pieces where the vehicle stops early and waits.
 _GROWTH = 1.2
 
-# Axis QPs solved at most: until something certifies, before looking around it, and in all.
+# Axis QPs solved at most: until something certifies, and to better what does.
 _SOLVES_UNTIL_FOUND = 18
-_SOLVES_FIRST = 4
-_SOLVES_MAX = 12
-
-# Factors by which the crossing time is then varied, and candidates tried for each.
-_STEPS = (1.12,)
-_NEIGHBOURS_MAX = 3
+_SOLVES_MAX = 4
 
 # Agility that a climb may add, for crossing times that level flight cannot make.
 _LIFT = 1.2
@@ -62,7 +56,7 @@ _CLIMBS_MAX = 3
 _LEVEL = 1e-9
 
 # A candidate is tried if it may save more than this share of the cost.
-_WORTH_IT = 0.02
+_WORTH_IT = 0.03
 
 
 class _Shape(NamedTuple):
@@ -125,9 +119,7 @@ class QpPlanner:
             # Not level: only the coupled QP knows how to go on.
             best = self._plan_to_climb(search, candidates, incumbent)
         else:
-            best = search.run(candidates, _SOLVES_FIRST)
-            for step in _STEPS:
-                best = search.run(search.neighbours(step), _SOLVES_MAX)
+            best = search.run(candidates)
             if problem.climb_m > 0.0:
                 best = self._plan_to_climb(search, search.promising(), best)
         if best is None:
@@ -192,16 +184,6 @@ class _Search:
         self._untried = self._rank(crossings_s)
         return self._untried
 
-    def neighbours(self, step: float) -> list[_Candidate]:
-        """Return what lies a factor away from the best crossing time, and half of it."""
-        if self._best_candidate is None:
-            return []
-        _, _, side, crossing_s, shape = self._best_candidate
-        near = _around(self._bank_of[side].shapes, shape)
-        factors = np.array([1.0 / step, 1.0, step])
-        found = self._rank({side: crossing_s * factors})
-        return [candidate for candidate in found if candidate.shape in near][:_NEIGHBOURS_MAX]
-
     def promising(self) -> list[_Candidate]:
         """Return the best candidate, or where there is none those that seemed cheapest."""
         return self._untried if self._best_candidate is None else [self._best_candidate]
@@ -241,13 +223,13 @@ class _Search:
                 found += _cheapest(bank, side, crossings_s[side], along, across)
         return sorted(found, key=lambda candidate: candidate.estimate)
 
-    def run(self, candidates: Iterable[_Candidate], solves_max: int) -> Plan | None:
-        """Solve candidates in order until none left can be better, or ``solves_max`` are solved."""
+    def run(self, candidates: Iterable[_Candidate]) -> Plan | None:
+        """Solve candidates in order, until none left can be better or enough have been solved."""
         for candidate in candidates:
             soonest_s, latest_s = self._window_s[candidate.side]
             if not soonest_s < candidate.crossing_s < latest_s:
                 continue
-            if self._solves >= (_SOLVES_UNTIL_FOUND if self._best is None else solves_max):
+            if self._solves >= (_SOLVES_UNTIL_FOUND if self._best is None else _SOLVES_MAX):
                 break
             if not self._may_be_better(candidate.estimate):
                 break
@@ -338,9 +320,3 @@ def _cheapest(
             strict=True,
         )
     ]
-
-
-def _around(shapes: list[_Shape], shape: _Shape) -> list[_Shape]:
-    """Return a shape and those of the next smaller and greater ratio."""
-    index = shapes.index(shape)
-    return shapes[max(index - 1, 0) : index + 2]

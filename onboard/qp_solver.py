@@ -31,7 +31,7 @@ _SETTINGS: dict[str, Any] = {
     "eps_abs": 1e-3,
     "eps_rel": 0.0,
     "check_termination": 10,
-    "max_iter": 600,
+    "max_iter": 1000,
     "polishing": False,
     "verbose": False,
 }

@@ -119,6 +119,23 @@ def digest() -> str:
     return "\n".join(plan.trajectory.jerk_leg_mps3.tobytes().hex() for plan in plans)
 
 
+def test_a_start_beside_the_obstacle_that_drifts_back_turns_round_and_stays_there(
+    planner: Planner,
+) -> None:
+    rng, found = Random(2), 0
+    for _ in range(400):
+        problem = draw(rng, Variety(lopsided=True))
+        _, y_m, _ = problem.start.position_leg_m
+        beside_m = problem.region.keep_out.y_min_m - y_m
+        drift_mps = problem.start.velocity_leg_mps[1]
+        # Where turning round takes less way than there is, or hardly more, but is not done at once.
+        turning_m = drift_mps**2 / (2.0 * problem.envelope.limits.left_mps2)
+        if 0.05 < beside_m and drift_mps > 0.2 and turning_m < beside_m + 0.1:
+            found += 1
+            assert planned(planner, problem).side == "left"
+    assert found >= 3
+
+
 def test_the_same_problem_gives_the_same_plan_in_another_process() -> None:
     code = "from tests.onboard.test_planner import digest; print(digest())"
     other = subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, text=True)
