@@ -15,7 +15,7 @@ test: $(VENV)/.dev
 	$(BIN)/pytest -m real_time
 
 test-in-any-time: $(VENV)/.dev
-	$(BIN)/pytest --numprocesses 2 --dist worksteal -m 'not real_time'
+	$(BIN)/pytest --numprocesses 3 --dist worksteal -m 'not real_time'
 
 lint: $(VENV)/.dev
 	$(BIN)/ruff format --check .

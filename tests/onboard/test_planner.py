@@ -130,7 +130,7 @@ def test_a_start_beside_the_obstacle_that_drifts_back_turns_round_and_stays_ther
         drift_mps = problem.start.velocity_leg_mps[1]
         # Where turning round takes less way than there is, or hardly more, but is not done at once.
         turning_m = drift_mps**2 / (2.0 * problem.envelope.limits.left_mps2)
-        if 0.05 < beside_m and drift_mps > 0.2 and turning_m < beside_m + 0.1:
+        if beside_m > 0.05 and drift_mps > 0.2 and turning_m < beside_m + 0.1:
             found += 1
             assert planned(planner, problem).side == "left"
     assert found >= 3
