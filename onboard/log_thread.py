@@ -35,11 +35,10 @@ class LogGuard:
             job()
         except OSError as error:
             self.failure = str(error)
-            log.error("the flight log ends here: %s", error)  # noqa: TRY400  no defect of ours
 
 
 class LogThread:
-    """Does jobs one after the other, in the order in which they came, as a `LogGuard`.
+    """Does jobs one after the other, in the order in which they came, until one fails.
 
     Args:
         capacity: how many jobs may wait; what comes while they do is dropped and counted.
@@ -87,4 +86,7 @@ class LogThread:
 
     def _work(self) -> None:
         while (job := self._jobs.get()) is not None:
+            going_on = self.failure is None
             self._guard.do(job)
+            if going_on and self.failure is not None:
+                log.error("the flight log ends here: %s", self.failure)

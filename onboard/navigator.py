@@ -394,7 +394,7 @@ class Navigator:
 
     def _finish_leg(self, now_s: float) -> None:
         assert self._reference is not None  # noqa: S101  the caller checked
-        x_m, y_m, _ = self._reference.final.position_leg_m
+        x_m, y_m, z_m = self._reference.final.position_leg_m
         beside_m = max(abs(y_m), abs(x_m - self._itinerary.length_m))
         allowed_m = self._itinerary.leg.target_half_width_m
         if beside_m > allowed_m and not self._stops_for_another:
@@ -405,7 +405,8 @@ class Navigator:
         if self._itinerary.begin_next(north_m, east_m):
             self._rebuild_map()
             self._trigger(Trigger.LEG_FLOWN, now_s)
-            self._align(State((0.0, 0.0, 0.0), (0.0, 0.0, 0.0)), now_s)
+            # Perhaps still a little above the cruise height, after a climb.
+            self._align(State((0.0, 0.0, z_m), (0.0, 0.0, 0.0)), now_s)
         else:
             self._trigger(Trigger.MISSION_FLOWN, now_s)
 

@@ -1,6 +1,7 @@
 """Legs one after another, and missions that replace them in flight."""
 
 import math
+from itertools import pairwise
 
 import pytest
 
@@ -158,3 +159,21 @@ def test_what_is_no_mission_is_counted_and_changes_nothing(cruising: Rig, payloa
     assert dropped["missions_malformed"] == 1
     assert cruising.velocity_ned_mps[0] == pytest.approx(2.8, abs=0.01)
     assert cruising.texts("violation") == []
+
+
+def test_the_new_leg_begins_at_the_height_at_which_the_vehicle_stopped(contract: Contract) -> None:
+    """A climb just flown is not yet undone where the vehicle stops; the setpoints do not jump."""
+    mission = mission_to((60.0, 0.0)).model_copy(update={"climb_max_m": 1.5})
+    rig = Rig(Autonomy(contract, mission, epoch_unix_s=EPOCH_UNIX_S), mode=OFFBOARD)
+    rig.obstacles = [box((24.0, 0.2))]
+    rig.run(20.0, until=lambda: rig.phase is Phase.AVOID)
+    sent(rig, mission_to((30.0, 40.0)))
+    rig.run(60.0, until=lambda: rig.phase is Phase.ARRIVED)
+    down_m = [setpoint.z for setpoint in rig.setpoints]
+    assert min(down_m) < -4.05
+    assert max(abs(after - before) for before, after in pairwise(down_m)) < 0.05
+    steps = [
+        (math.hypot(setpoint.vx, setpoint.vy, setpoint.vz), abs(after.z - setpoint.z))
+        for setpoint, after in pairwise(rig.setpoints)
+    ]
+    assert all(moved_m < 1e-3 for speed_mps, moved_m in steps if speed_mps < 1e-3)
