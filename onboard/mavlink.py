@@ -10,7 +10,7 @@ import logging
 import math
 from collections import deque
 from dataclasses import dataclass, replace
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 from pymavlink.dialects.v20 import common as mavlink
 
@@ -42,8 +42,7 @@ _REQUEST_PERIOD_S: Final = 2.0
 Target = tuple[tuple[float, float, float], tuple[float, float, float]]
 
 
-@dataclass(frozen=True)
-class Setpoint:
+class Setpoint(NamedTuple):
     """One point of a plan, as SET_POSITION_TARGET_LOCAL_NED carries it.
 
     Attributes:
@@ -57,8 +56,7 @@ class Setpoint:
     yaw_ned_rad: float
 
 
-@dataclass(frozen=True)
-class Pose:
+class Pose(NamedTuple):
     """Position, velocity and attitude at one instant of the daemon's clock.
 
     Attributes:

@@ -11,7 +11,7 @@ import functools
 import math
 from collections import defaultdict, deque
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Annotated, Final, Literal
 
 import numpy as np
@@ -103,8 +103,7 @@ class PoseHistory:
             return None
         later_s = time_s - nearest.time_s
         (north_m, east_m, down_m), (vn, ve, vd) = nearest.position_ned_m, nearest.velocity_ned_mps
-        return replace(
-            nearest,
+        return nearest._replace(
             time_s=time_s,
             position_ned_m=(north_m + vn * later_s, east_m + ve * later_s, down_m + vd * later_s),
             yaw_rad=nearest.yaw_rad + self.yaw_rate_radps(time_s) * later_s,

@@ -9,7 +9,7 @@ from __future__ import annotations
 from bisect import bisect_right
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -25,8 +25,7 @@ Vector = tuple[float, float, float]
 X, Y, Z = 0, 1, 2
 
 
-@dataclass(frozen=True)
-class State:
+class State(NamedTuple):
     """Position [m], velocity [m/s] and acceleration [m/s²] in the leg frame."""
 
     position_leg_m: Vector

@@ -8,7 +8,6 @@ Behaviour is that of ArduCopter 4.6 to 4.7, as measured in its own simulator.
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 from types import MappingProxyType
 from typing import Any
 
@@ -216,12 +215,11 @@ def _ned_target(target: MotionTarget, truth: VehicleTruth) -> MotionTarget | Non
     if target.frame == mavlink.MAV_FRAME_LOCAL_NED:
         return target
     if target.frame == mavlink.MAV_FRAME_LOCAL_OFFSET_NED:
-        return replace(target, position_m=_moved(truth.position_ned_m, target.position_m))
+        return target._replace(position_m=_moved(truth.position_ned_m, target.position_m))
     if target.frame not in {mavlink.MAV_FRAME_BODY_NED, mavlink.MAV_FRAME_BODY_OFFSET_NED}:
         return None
     yaw_rad = truth.yaw_rad
-    return replace(
-        target,
+    return target._replace(
         position_m=_moved(truth.position_ned_m, turned(target.position_m, yaw_rad)),
         velocity_mps=turned(target.velocity_mps, yaw_rad),
         acceleration_mps2=turned(target.acceleration_mps2, yaw_rad),

@@ -91,9 +91,7 @@ class Autopilot:
         self._home = config.home
         self._start_unix_s = start_unix_s
         self._peers: dict[int, _Peer] = {}
-        self._snapshot = Snapshot(
-            truth, battery, self.commander, config.home, self.flavour, start_unix_s
-        )
+        self._estimate, self._battery = truth, battery
         self._handlers: dict[str, Callable[[Any, _Peer, float], None]] = {
             "SET_POSITION_TARGET_LOCAL_NED": self._on_setpoint,
             "SET_POSITION_TARGET_GLOBAL_INT": self._on_setpoint,
@@ -172,16 +170,27 @@ class Autopilot:
         actuation = self.commander.update(estimate, battery, thrust_share, period_s)
         self._missions.step(truth.time_s)
         self._arm_authorisation.step(truth.time_s)
-        self._snapshot = Snapshot(
-            estimate, battery, self.commander, self._home, self.flavour, self._start_unix_s
-        )
+        self._estimate, self._battery = estimate, battery
         self._announce()
         for peer in self._peers.values():
-            for message_id in peer.streams.due(truth.time_s):
-                message = BUILDERS[message_id](self._snapshot)
-                if message is not None:
-                    peer.link.send(message)
+            if due := peer.streams.due(truth.time_s):
+                snapshot = self._snapshot()
+                for message_id in due:
+                    message = BUILDERS[message_id](snapshot)
+                    if message is not None:
+                        peer.link.send(message)
         return actuation
+
+    def _snapshot(self) -> Snapshot:
+        """Everything that telemetry tells about, now."""
+        return Snapshot(
+            self._estimate,
+            self._battery,
+            self.commander,
+            self._home,
+            self.flavour,
+            self._start_unix_s,
+        )
 
     def _announce(self) -> None:
         """Tell the operators what has happened, and how far the mission is."""
@@ -198,7 +207,7 @@ class Autopilot:
         mission.reached.clear()
         if mission.announce_current:
             mission.announce_current = False
-            self._broadcast(BUILDERS[mavlink.MAVLINK_MSG_ID_MISSION_CURRENT](self._snapshot))
+            self._broadcast(BUILDERS[mavlink.MAVLINK_MSG_ID_MISSION_CURRENT](self._snapshot()))
 
     def _broadcast(self, message: Any) -> None:
         for peer in self._peers.values():
@@ -346,5 +355,5 @@ class Autopilot:
 
     def _context(self, peer: _Peer) -> CommandContext:
         return CommandContext(
-            self.commander, self.flavour, self._home, self._snapshot, peer.link, peer.streams
+            self.commander, self.flavour, self._home, self._snapshot(), peer.link, peer.streams
         )

@@ -8,8 +8,7 @@ from __future__ import annotations
 import enum
 import math
 from abc import ABC, abstractmethod
-from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import Any, ClassVar, NamedTuple
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
@@ -46,8 +45,7 @@ class Drive(enum.Enum):
     FLY = enum.auto()
 
 
-@dataclass(frozen=True)
-class Actuation:
+class Actuation(NamedTuple):
     """What the controller is to do until the next decision; ``setpoint`` is there to FLY."""
 
     drive: Drive
@@ -286,17 +284,20 @@ class Commander(ABC):
         self._battery_remaining = battery.remaining
         was_on_ground = self.on_ground
         self._land_detector.update(truth, self._setpoint, thrust_share)
+        on_ground = self.on_ground
         if self.armed:
-            self._note_landing(was_on_ground)
+            if on_ground is not was_on_ground:
+                self._note_landing(on_ground=on_ground)
             self._check_setpoints()
             if self._updates % _UPDATES_PER_CHECK == 0:
                 self._check_failsafes()
-            self._disarm_when_due()
+            if on_ground:
+                self._disarm_when_due()
         if not self.armed:
             self._setpoint = None
             return Actuation(Drive.OFF)
         wanted = self._wanted(period_s)
-        if self.on_ground and not self._leaves_ground(wanted):
+        if on_ground and not self._leaves_ground(wanted):
             self._setpoint = None
             self._auto.restart(truth)
             return Actuation(Drive.IDLE)
@@ -376,18 +377,18 @@ class Commander(ABC):
         elif reaction is not Reaction.NONE and self.mode is not Mode.LAND:
             self._enter(_MODE_OF_REACTION[reaction], failsafe=True)
 
-    def _note_landing(self, was_on_ground: bool) -> None:
-        on_ground = self.on_ground
-        if on_ground and not was_on_ground:
+    def _note_landing(self, *, on_ground: bool) -> None:
+        """Say that the vehicle has come down, or has taken off."""
+        if on_ground:
             self.say(mavlink.MAV_SEVERITY_INFO, "Landing detected")
             if self.mode is Mode.MISSION and self._auto.landing:
                 self.mission.item_done()
-        elif was_on_ground and not on_ground:
+        else:
             self._has_flown = True
             self.say(mavlink.MAV_SEVERITY_INFO, "Takeoff detected")
 
     def _disarm_when_due(self) -> None:
-        if not self.armed or not self.on_ground or self._setpoint is not None:
+        if not self.armed or self._setpoint is not None:
             return
         settings = self.settings
         delay_s = settings.disarm_landed_s if self._has_flown else settings.disarm_grounded_s

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 
 from sitl.controller import Setpoint
-from sitl.modes import LandedState
 from sitl.truth import VehicleTruth
 
 _TOUCHDOWN_S = 0.5  # signs of standing must last this long
@@ -14,23 +13,18 @@ _THRUST_SHARE = 0.7  # of the weight: the ground carries the rest
 
 
 class LandDetector:
-    """Landed state of the vehicle.
+    """Whether the vehicle stands or flies; the commander tells taking off and landing apart.
 
     Attributes:
-        state: ON_GROUND or IN_AIR; the commander refines it to TAKEOFF and LANDING.
-        since_s: when the state began.
+        on_ground: whether the vehicle stands.
+        since_s: since when it has done what it does.
     """
 
     def __init__(self, *, on_ground: bool, down_m: float) -> None:
-        self.state = LandedState.ON_GROUND if on_ground else LandedState.IN_AIR
+        self.on_ground = on_ground
         self.since_s = 0.0
         self._ground_down_m = down_m
         self._still_since_s = math.inf
-
-    @property
-    def on_ground(self) -> bool:
-        """Whether the vehicle stands."""
-        return self.state is LandedState.ON_GROUND
 
     def update(self, truth: VehicleTruth, setpoint: Setpoint | None, thrust_share: float) -> None:
         """Judge one tick.
@@ -42,7 +36,7 @@ class LandDetector:
         """
         if self.on_ground:
             if self._ground_down_m - truth.position_ned_m[2] > _LIFTED_M:
-                self._enter(LandedState.IN_AIR, truth.time_s)
+                self._enter(on_ground=False, now_s=truth.time_s)
             return
         if not self._stands(truth, setpoint, thrust_share):
             self._still_since_s = math.inf
@@ -50,7 +44,7 @@ class LandDetector:
         self._still_since_s = min(self._still_since_s, truth.time_s)
         if truth.time_s - self._still_since_s >= _TOUCHDOWN_S:
             self._ground_down_m = truth.position_ned_m[2]
-            self._enter(LandedState.ON_GROUND, truth.time_s)
+            self._enter(on_ground=True, now_s=truth.time_s)
 
     def _stands(self, truth: VehicleTruth, setpoint: Setpoint | None, thrust_share: float) -> bool:
         still = abs(truth.velocity_ned_mps[2]) < 0.15 and truth.ground_speed_mps < 0.3
@@ -58,8 +52,8 @@ class LandDetector:
             still and thrust_share < _THRUST_SHARE and (setpoint is None or _sinks(setpoint, truth))
         )
 
-    def _enter(self, state: LandedState, now_s: float) -> None:
-        self.state = state
+    def _enter(self, *, on_ground: bool, now_s: float) -> None:
+        self.on_ground = on_ground
         self.since_s = now_s
         self._still_since_s = math.inf
 

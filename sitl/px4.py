@@ -8,7 +8,6 @@ stream does.  Behaviour is that of PX4 1.15 to 1.16, as measured in its own simu
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 from types import MappingProxyType
 from typing import Any
 
@@ -213,8 +212,7 @@ class Px4Commander(Commander):
 def _setpoint(target: MotionTarget, yaw_rad: float) -> Setpoint | None:
     """Judge a setpoint as PX4 does; None if it is none, and so no sign of life either."""
     if target.frame == mavlink.MAV_FRAME_BODY_NED:
-        target = replace(
-            target,
+        target = target._replace(
             position_m=NOTHING,  # no positions relative to the body
             velocity_mps=turned(target.velocity_mps, yaw_rad),
             acceleration_mps2=turned(target.acceleration_mps2, yaw_rad),

@@ -9,7 +9,7 @@ from sitl.config import SitlConfig
 from sitl.field import ObstacleField
 from sitl.sensor import ObstacleSensor
 from sitl.truth_log import truth_record
-from sitl.vehicle import AUTOPILOT_RATE_HZ, SimulatedVehicle
+from sitl.vehicle import SimulatedVehicle
 from sitl.world import World
 
 
@@ -47,8 +47,7 @@ class Scene:
 
     def advance(self, until_s: float) -> None:
         """Let time pass until ``until_s``, in the autopilot's ticks."""
-        while (next_s := self._next_tick_s()) <= until_s + 1e-9:
-            self.vehicle.advance(next_s)
+        while self.vehicle.tick_before(until_s):
             self._look()
 
     def take_detections(self) -> list[Detection]:
@@ -59,9 +58,6 @@ class Scene:
     def truth_record(self) -> dict[str, Any]:
         """Ground truth now, ready for JSON."""
         return truth_record(self.vehicle.truth, self.world, self.start_unix_s)
-
-    def _next_tick_s(self) -> float:
-        return (round(self.vehicle.truth.time_s * AUTOPILOT_RATE_HZ) + 1) / AUTOPILOT_RATE_HZ
 
     def _look(self) -> None:
         truth = self.vehicle.truth

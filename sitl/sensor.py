@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 import random
 from collections import deque
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, NamedTuple
 
 from pydantic import Field
 from pydantic_core import to_json
@@ -70,6 +70,13 @@ class SensorConfig(FileModel):
     faults: Annotated[tuple[SensorFault, ...], Field(strict=False)] = ()
 
 
+class _Known(NamedTuple):
+    """One obstacle of the field and where its corners are."""
+
+    box: SeenBox
+    corners_ned_m: list[Point]
+
+
 class ObstacleSensor:
     """Measures at its rate and hands out each frame after its latency; no clock, no I/O."""
 
@@ -83,7 +90,7 @@ class ObstacleSensor:
         self.config = config
         self._field = field
         self._neighbourhood = Neighbourhood(field)
-        self._corners: dict[int, list[Point]] = {}
+        self._known: dict[int, _Known] = {}
         self._noise = random.Random(f"{seed} {config.source}")
         self._scanner = None
         if config.scanner is not None:
@@ -149,12 +156,12 @@ class ObstacleSensor:
         cosine, sine = math.cos(axis_rad), math.sin(axis_rad)
         half_view_rad = math.radians(self.config.field_of_view_deg) / 2.0
         return [
-            int(index)
-            for index in self._neighbourhood.within((north_m, east_m), range_m)
+            index
+            for index in self._neighbourhood.within((north_m, east_m), range_m).tolist()
             if distance_in_view_m(
                 [
                     (cosine * north + sine * east, cosine * east - sine * north)
-                    for corner_north_m, corner_east_m in self._corners_ned_m(int(index))
+                    for corner_north_m, corner_east_m in self._of_field(index).corners_ned_m
                     for north, east in [(corner_north_m - north_m, corner_east_m - east_m)]
                 ],
                 half_view_rad,
@@ -162,32 +169,26 @@ class ObstacleSensor:
             <= range_m
         ]
 
-    def _corners_ned_m(self, index: int) -> list[Point]:
-        """Corners of an obstacle; they never move."""
-        if index not in self._corners:
-            self._corners[index] = self._find_corners_ned_m(index)
-        return self._corners[index]
-
-    def _find_corners_ned_m(self, index: int) -> list[Point]:
-        field = self._field
-        north_m, east_m = field.center_ned_m[index].tolist()
-        half_along_m, half_across_m = field.half_size_m[index].tolist()
-        yaw_rad = float(field.yaw_rad[index])
-        corners = []
-        for along, across in ((1, 1), (-1, 1), (-1, -1), (1, -1)):
-            turned = _turned((along * half_along_m, across * half_across_m), yaw_rad)
-            corners.append((north_m + turned[0], east_m + turned[1]))
-        return corners
+    def _of_field(self, index: int) -> _Known:
+        """Return an obstacle of the field, which never moves, as plain numbers."""
+        if index not in self._known:
+            field = self._field
+            box = SeenBox(
+                field.ids[index],
+                tuple(field.center_ned_m[index].tolist()),
+                tuple((2.0 * field.half_size_m[index]).tolist()),
+                float(field.yaw_rad[index]),
+            )
+            self._known[index] = _Known(box, _corners_ned_m(box))
+        return self._known[index]
 
     def _ideal(self, index: int) -> SeenBox:
-        field, noise_m = self._field, self.config.noise_m
+        box, noise_m = self._of_field(index).box, self.config.noise_m
         north_m, east_m = (
             coordinate_m + self._noise.uniform(-noise_m, noise_m)
-            for coordinate_m in field.center_ned_m[index].tolist()
+            for coordinate_m in box.center_ned_m
         )
-        along_m, across_m = (2.0 * field.half_size_m[index]).tolist()
-        yaw_rad = float(field.yaw_rad[index])
-        return SeenBox(field.ids[index], (north_m, east_m), (along_m, across_m), yaw_rad)
+        return SeenBox(box.id, (north_m, east_m), box.size_m, box.yaw_rad)
 
     def _reported(self, box: SeenBox, truth: VehicleTruth) -> dict[str, Any]:
         center_m, yaw_rad = box.center_ned_m, box.yaw_rad
@@ -205,6 +206,16 @@ class ObstacleSensor:
             "yaw_deg": math.degrees(yaw_rad),
             "uncertainty_m": self.config.uncertainty_m,
         }
+
+
+def _corners_ned_m(box: SeenBox) -> list[Point]:
+    north_m, east_m = box.center_ned_m
+    half_along_m, half_across_m = box.size_m[0] / 2.0, box.size_m[1] / 2.0
+    corners = []
+    for along, across in ((1, 1), (-1, 1), (-1, -1), (1, -1)):
+        turned = _turned((along * half_along_m, across * half_across_m), box.yaw_rad)
+        corners.append((north_m + turned[0], east_m + turned[1]))
+    return corners
 
 
 def distance_in_view_m(polygon_m: list[Point], half_view_rad: float) -> float:

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
@@ -23,8 +22,7 @@ _TERRAIN_FRAMES = {
 _GLOBAL_FRAMES = ABSOLUTE_FRAMES | RELATIVE_FRAMES | _TERRAIN_FRAMES
 
 
-@dataclass(frozen=True)
-class MotionTarget:
+class MotionTarget(NamedTuple):
     """The content of a setpoint message; ``nan`` stands for masked components.
 
     Attributes:

@@ -86,8 +86,15 @@ class SimulatedVehicle:
 
     def advance(self, until_s: float) -> None:
         """Fly on in whole ticks of 10 ms, as far as they fit before ``until_s``."""
-        while (self._ticks + 1) * _AUTOPILOT_PERIOD_S <= until_s + 1e-9:
+        while self.tick_before(until_s):
+            pass
+
+    def tick_before(self, until_s: float) -> bool:
+        """Fly on by one tick of 10 ms, if it fits before ``until_s``; tell whether it did."""
+        fits = (self._ticks + 1) * _AUTOPILOT_PERIOD_S <= until_s + 1e-9
+        if fits:
             self._tick()
+        return fits
 
     def add_gust(self, gust: Gust) -> None:
         """Let one more gust come."""

@@ -119,6 +119,7 @@ class _Box(NamedTuple):
     half_across_m: float
     cosine: float
     sine: float
+    reach_m: float
 
 
 def _boxes(field: ObstacleField, indices: IndexArray) -> list[_Box]:
@@ -128,6 +129,7 @@ def _boxes(field: ObstacleField, indices: IndexArray) -> list[_Box]:
             field.half_size_m[indices],
             np.cos(field.yaw_rad[indices]),
             np.sin(field.yaw_rad[indices]),
+            np.hypot(*field.half_size_m[indices].T),
         )
     )
     return [_Box(*row) for row in columns.tolist()]
@@ -138,6 +140,8 @@ def _nearest_m(point_ned_m: tuple[float, float], boxes: list[_Box]) -> float:
     nearest_m = math.inf
     for box in boxes:
         north_m, east_m = point_ned_m[0] - box.north_m, point_ned_m[1] - box.east_m
+        if math.hypot(north_m, east_m) - box.reach_m > nearest_m:
+            continue  # not even a corner is that near
         along_m = abs(box.cosine * north_m + box.sine * east_m) - box.half_along_m
         across_m = abs(box.cosine * east_m - box.sine * north_m) - box.half_across_m
         outside_m = math.hypot(max(along_m, 0.0), max(across_m, 0.0))

@@ -244,7 +244,7 @@ def test_climbing_rescues_what_is_too_tight_in_level_flight(planner: Planner) ->
         lag_s = envelope.limits.brake_mps2 / envelope.jerk_max_mps3[0]
         needed_m = problem.region.collision_set_depth_m + envelope.speed_max_mps * lag_s / 2.0
         nearer_m = max(x_m, problem.region.keep_out.x_min_m - 0.96 * needed_m)
-        start = dataclasses.replace(problem.start, position_leg_m=(nearer_m, y_m, z_m))
+        start = problem.start._replace(position_leg_m=(nearer_m, y_m, z_m))
         tight = dataclasses.replace(problem, start=start)
         level = planner.plan(tight)
         if isinstance(level, Plan) and level.kind != "brake":
