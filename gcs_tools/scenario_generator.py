@@ -56,7 +56,7 @@ class Extent:
 # Legs of about 45 m, and long enough for two obstacles where the separation is wide.
 _FULL: Final = Extent((38.0, 52.0), (1.2, 5.0), airborne=False)
 # A third of the time: one obstacle, faster, no take-off (simulation shortcut: starts in hover).
-_QUICK: Final = Extent((18.0, 26.0), (2.5, 5.0), airborne=True)
+_QUICK: Final = Extent((16.0, 20.0), (3.0, 5.5), airborne=True)
 
 # Seconds of latency and confirmation that the simulated sensor needs lie within this.
 _REACTION_TIME_S: Final = (0.15, 0.25)
