@@ -11,7 +11,8 @@ from itertools import pairwise
 from gcs_tools.preflight_finding import Finding, Verdict
 from onboard.contract import Terms
 from onboard.monitor import check_frame
-from onboard.obstacles import DetectionFrame, MalformedFrameError, parse_frame
+from onboard.obstacles import DetectionFrame, parse_frame
+from onboard.payload import MalformedPayloadError
 from onboard.watches import CLOCK_TOLERANCE_S
 
 
@@ -64,7 +65,7 @@ def _read(
     for sample in samples:
         try:
             frame = parse_frame(sample.payload)
-        except MalformedFrameError as error:
+        except MalformedPayloadError as error:
             malformed[str(error)] += 1
         else:
             frames.setdefault(frame.source, []).append((sample.arrived_unix_s, frame))

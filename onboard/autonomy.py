@@ -22,19 +22,18 @@ from onboard.config import Contract, Mission
 from onboard.contract import Assessment, assess
 from onboard.events import Event, Severity
 from onboard.guidance import Phase
-from onboard.itinerary import MalformedMissionError, parse_mission
 from onboard.mavlink import TELEMETRY_RATE_HZ, MavlinkEndpoint, Pose, Setpoint
 from onboard.monitor import Assumption, Violation, check_frame, check_obstacle
 from onboard.navigator import Navigator
 from onboard.obstacles import (
     Detection,
     DetectionFrame,
-    MalformedFrameError,
     Obstacle,
     PoseHistory,
     corners_ned,
     parse_frame,
 )
+from onboard.payload import MalformedPayloadError, parse
 from onboard.planner import Planner
 from onboard.watches import (
     CLOCK_TOLERANCE_S,
@@ -219,7 +218,7 @@ class Autonomy:
             payload = self._pending.popleft()
             try:
                 frame = parse_frame(payload)
-            except MalformedFrameError as error:
+            except MalformedPayloadError as error:
                 self.detections.malformed_frames += 1
                 log.debug("dropped a malformed detection frame: %s", error)
             else:
@@ -296,8 +295,8 @@ class Autonomy:
         if payload is None:
             return
         try:
-            mission = parse_mission(payload)
-        except MalformedMissionError as error:
+            mission = parse(payload, Mission)
+        except MalformedPayloadError as error:
             self._malformed_missions += 1
             log.debug("dropped a malformed mission: %s", error)
         else:

@@ -11,7 +11,9 @@ from __future__ import annotations
 import logging
 from typing import Annotated, Final, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import BaseModel, ConfigDict, Field
+
+from onboard.payload import MalformedPayloadError, parse
 
 log = logging.getLogger(__name__)
 
@@ -30,24 +32,6 @@ class Clearance(BaseModel):
     stamp_unix_s: float
     passed: bool
     checks: dict[str, str] = Field(default_factory=dict, max_length=1000)
-
-
-class MalformedClearanceError(ValueError):
-    """A payload that is not a clearance."""
-
-
-def parse_clearance(payload: bytes) -> Clearance:
-    """Read one clearance.
-
-    Raises:
-        MalformedClearanceError: the payload is not one.
-    """
-    try:
-        return Clearance.model_validate_json(payload)
-    except ValidationError as error:
-        first = error.errors(include_url=False, include_input=False)[0]
-        place = ".".join(map(str, first["loc"])) or "payload"
-        raise MalformedClearanceError(f"{place}: {first['msg']}") from error
 
 
 class ClearanceGate:
@@ -70,8 +54,8 @@ class ClearanceGate:
     def receive(self, payload: bytes) -> None:
         """Take a clearance; it replaces the one before."""
         try:
-            self._latest = parse_clearance(payload)
-        except MalformedClearanceError as error:
+            self._latest = parse(payload, Clearance)
+        except MalformedPayloadError as error:
             self.malformed += 1
             log.debug("dropped a malformed clearance: %s", error)
 

@@ -24,7 +24,9 @@ AcuteAngle = Annotated[float, Field(gt=0.0, lt=90.0)]
 # A leg that ends nearer than this to where it begins has no direction.
 LEG_LENGTH_MIN_M: Final = 0.1
 # YAML has lists only; the numbers inside stay strict.
-Pair = Annotated[tuple[float, float], Field(strict=False)]
+# Farther from the origin than this nobody flies.
+Horizontal = Annotated[float, Field(ge=-1e5, le=1e5)]
+Point = Annotated[tuple[Horizontal, Horizontal], Field(strict=False)]
 NonNegativePair = Annotated[tuple[NonNegative, NonNegative], Field(strict=False)]
 FilePath = Annotated[Path, Field(strict=False)]
 
@@ -105,7 +107,7 @@ class Contract(FileModel):
 class Leg(FileModel):
     """One straight leg of a mission; avoidance leaves the vehicle beside it (erratum 16)."""
 
-    end_ned_m: Pair = Field(description="north and east of the end of the leg")
+    end_ned_m: Point = Field(description="north and east of the end of the leg")
     target_half_width_m: Positive = Field(
         5.0, description="how far beside the end the vehicle may arrive (P_D)"
     )
@@ -114,7 +116,7 @@ class Leg(FileModel):
 class Mission(FileModel):
     """Where to fly (mission.yaml)."""
 
-    start_ned_m: Pair = Field((0.0, 0.0), description="north and east of the first leg's start")
+    start_ned_m: Point = Field((0.0, 0.0), description="north and east of the first leg's start")
     altitude_m: Positive = Field(description="cruise height above the local origin")
     climb_max_m: NonNegative = Field(
         0.0, description="how far avoidance may climb above that to gain agility; 0: planar"

@@ -9,28 +9,8 @@ from __future__ import annotations
 
 import math
 
-from pydantic import ValidationError
-
 from onboard.config import LEG_LENGTH_MIN_M, Leg, Mission
 from onboard.frames import LegFrame
-
-
-class MalformedMissionError(ValueError):
-    """A payload that is not a mission."""
-
-
-def parse_mission(payload: bytes) -> Mission:
-    """Read a mission that came over the wire: the keys of a mission file, as JSON.
-
-    Raises:
-        MalformedMissionError: the payload is not one.
-    """
-    try:
-        return Mission.model_validate_json(payload)
-    except ValidationError as error:
-        first = error.errors(include_url=False, include_input=False)[0]
-        place = ".".join(map(str, first["loc"])) or "payload"
-        raise MalformedMissionError(f"{place}: {first['msg']}") from error
 
 
 class Itinerary:

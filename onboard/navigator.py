@@ -211,7 +211,10 @@ class Navigator:
             self._note(Event(now_s, "mission_refused", Severity.WARNING, text))
             return
         self._itinerary.successor = mission
-        self._note(Event(now_s, "mission_changed", Severity.NOTICE, "flying another mission"))
+        when = "now" if self.flying else "once control is granted"
+        text = f"another mission is flown {when}"
+        data = {"mission": mission.model_dump(mode="json")}
+        self._note(Event(now_s, "mission_changed", Severity.NOTICE, text, data))
         if self.phase is Phase.STANDBY:
             self._restart_itinerary()
         elif self.cruising_freely and self._reference is not None:

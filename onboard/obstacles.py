@@ -15,10 +15,11 @@ from dataclasses import dataclass
 from typing import Annotated, Final, Literal
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import BaseModel, ConfigDict, Field
 
 from onboard.frames import FloatArray, LegFrame, wrap_angle
 from onboard.mavlink import Pose
+from onboard.payload import parse
 from onboard.region import Box, RegionOfInfluence
 
 # Bounds of what a frame may claim: beyond them a frame is garbage, not an observation.
@@ -58,22 +59,13 @@ class DetectionFrame(_Message):
     obstacles: Annotated[tuple[Detection, ...], Field(max_length=MAX_OBSTACLES_PER_FRAME)]
 
 
-class MalformedFrameError(ValueError):
-    """A payload that is not a detection frame."""
-
-
 def parse_frame(payload: bytes) -> DetectionFrame:
     """Read one detection frame (design: Messages).
 
     Raises:
-        MalformedFrameError: the payload is not one.
+        MalformedPayloadError: the payload is not one.
     """
-    try:
-        return DetectionFrame.model_validate_json(payload)
-    except ValidationError as error:
-        first = error.errors(include_url=False, include_input=False)[0]
-        place = ".".join(map(str, first["loc"])) or "payload"
-        raise MalformedFrameError(f"{place}: {first['msg']}") from error
+    return parse(payload, DetectionFrame)
 
 
 class PoseHistory:

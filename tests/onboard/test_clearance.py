@@ -8,9 +8,10 @@ from typing import Any
 import pytest
 
 from onboard.autonomy import Autonomy
-from onboard.clearance import Clearance, ClearanceGate, MalformedClearanceError, parse_clearance
+from onboard.clearance import Clearance, ClearanceGate
 from onboard.config import Contract, Mission
 from onboard.guidance import Phase
+from onboard.payload import MalformedPayloadError, parse
 from tests.onboard.test_autonomy import EPOCH_UNIX_S, OFFBOARD, Rig
 
 AGE_MAX_S = 60.0
@@ -75,8 +76,8 @@ def test_garbage_is_counted_and_changes_nothing(contract: Contract) -> None:
     garbage.append(json.dumps(whole | {"stamp_unix_s": float("nan")}).encode())
     garbage.append(json.dumps(whole | {"contract_sha256": "short"}).encode())
     for payload in garbage:
-        with pytest.raises(MalformedClearanceError):
-            parse_clearance(payload)
+        with pytest.raises(MalformedPayloadError):
+            parse(payload, Clearance)
         gate.receive(payload)
     assert gate.malformed == len(garbage)
     assert gate.refusal(NOW_UNIX_S) is None

@@ -149,6 +149,7 @@ def test_a_hold_is_not_left_for_another_mission(cruising: Rig) -> None:
         b'{"altitude_m": 4.0, "legs": []}',
         b'{"altitude_m": NaN, "legs": [{"end_ned_m": [1.0, 2.0]}]}',
         b'{"altitude_m": 4.0, "legs": [{"end_ned_m": [0.0, 0.0]}]}',
+        b'{"altitude_m": 4.0, "legs": [{"end_ned_m": [1e300, 2.0]}]}',
         b'{"altitude_m": 4.0, "legs": [{"end_ned_m": [1.0, 2.0]}], "wind": 1}',
     ],
 )

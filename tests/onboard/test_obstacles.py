@@ -13,13 +13,13 @@ from onboard.frames import LegFrame, wrap_angle
 from onboard.mavlink import Pose
 from onboard.obstacles import (
     Detection,
-    MalformedFrameError,
     Obstacle,
     ObstacleMap,
     PoseHistory,
     corners_ned,
     parse_frame,
 )
+from onboard.payload import MalformedPayloadError
 from onboard.region import Box, Encounter, RegionOfInfluence
 
 NORTH_LEG = LegFrame((0.0, 0.0, -4.0), 0.0)
@@ -94,20 +94,20 @@ def test_unknown_fields_of_a_newer_sensor_are_tolerated() -> None:
     ],
 )
 def test_malformed_frame_is_refused_by_name(change: dict[str, Any], named: str) -> None:
-    with pytest.raises(MalformedFrameError, match=named):
+    with pytest.raises(MalformedPayloadError, match=named):
         parse_frame(json.dumps(frame(**change)).encode())
 
 
 def test_nan_is_refused() -> None:
     text = json.dumps(frame(range_m=math.nan))
     assert "NaN" in text
-    with pytest.raises(MalformedFrameError):
+    with pytest.raises(MalformedPayloadError):
         parse_frame(text.encode())
 
 
 @given(st.binary(max_size=300))
 def test_garbage_is_never_anything_but_malformed(payload: bytes) -> None:
-    with pytest.raises(MalformedFrameError):
+    with pytest.raises(MalformedPayloadError):
         parse_frame(payload)
 
 

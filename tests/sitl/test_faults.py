@@ -8,7 +8,7 @@ import pytest
 
 from gcs_tools.flight_log import read_log
 from gcs_tools.result import result_of
-from gcs_tools.scenario import load_scenario
+from gcs_tools.scenario import Scenario, load_scenario
 from sitl.faults import AMOUNTS, EDITS, Fault, FaultInjector, FaultKind
 from sitl.simulation import SimulatedFlight, Simulation, fly
 
@@ -169,6 +169,17 @@ def flown(*faults: Fault, until_s: float) -> Simulation:
     return simulation
 
 
+def flight_of(scenario: Scenario, time_limit_s: float) -> SimulatedFlight:
+    return SimulatedFlight(
+        scenario.contract,
+        scenario.mission,
+        scenario.sitl_config(seed=1),
+        scenario.obstacles,
+        faults=scenario.faults,
+        time_limit_s=time_limit_s,
+    )
+
+
 def test_the_vehicle_breaks_and_is_mended() -> None:
     """All at once on the ground: what each does in flight is the campaign's to say."""
     kinds: tuple[FaultKind, ...] = (
@@ -242,14 +253,7 @@ def test_window_counts_from_the_named_entry_into_a_phase() -> None:
 def test_a_reset_of_the_estimate_does_not_fly_the_vehicle_aside(tmp_path: Path) -> None:
     """What it is asked to hold is where it believes to be, 3 m beside where it is."""
     scenario = load_scenario(next(path for path in SCENARIOS if path.stem == "estimator_reset"))
-    flight = SimulatedFlight(
-        scenario.contract,
-        scenario.mission,
-        scenario.sitl_config(seed=1),
-        scenario.obstacles,
-        faults=scenario.faults,
-        time_limit_s=120.0,
-    )
+    flight = flight_of(scenario, time_limit_s=120.0)
     fly(flight, tmp_path)
     truths = read_log(tmp_path / "truth.mcap").topic("/truth")
     assert max(abs(truth["position_ned_m"][1]) for truth in truths) < 1.0
@@ -259,21 +263,14 @@ def test_a_reset_of_the_estimate_does_not_fly_the_vehicle_aside(tmp_path: Path) 
     ("scenario_name", "event", "texts"),
     [
         ("disk_full", "log_ended", ["flying on without a log: [Errno 28] No space left on device"]),
-        ("mission_changed", "mission_changed", ["flying another mission"]),
+        ("mission_changed", "mission_changed", ["another mission is flown now"]),
     ],
 )
 def test_what_breaks_no_assumption_is_said_once(
     tmp_path: Path, scenario_name: str, event: str, texts: list[str]
 ) -> None:
     scenario = load_scenario(next(path for path in SCENARIOS if path.stem == scenario_name))
-    flight = SimulatedFlight(
-        scenario.contract,
-        scenario.mission,
-        scenario.sitl_config(seed=1),
-        scenario.obstacles,
-        faults=scenario.faults,
-        time_limit_s=30.0,
-    )
+    flight = flight_of(scenario, time_limit_s=30.0)
     fly(flight, tmp_path)
     events = read_log(tmp_path / "flight.mcap").topic("/events")
     assert [e["text"] for e in events if e["name"] == event] == texts
@@ -282,14 +279,7 @@ def test_what_breaks_no_assumption_is_said_once(
 @pytest.mark.parametrize("path", SCENARIOS, ids=lambda path: path.stem)
 def test_broken_assumption_ends_as_expected(path: Path, tmp_path: Path) -> None:
     scenario = load_scenario(path)
-    flight = SimulatedFlight(
-        scenario.contract,
-        scenario.mission,
-        scenario.sitl_config(seed=1),
-        scenario.obstacles,
-        faults=scenario.faults,
-        time_limit_s=120.0,
-    )
+    flight = flight_of(scenario, time_limit_s=120.0)
     report = fly(flight, tmp_path)
     logs = [read_log(tmp_path / f"{name}.mcap") for name in ("flight", "truth")]
     result = result_of(*logs, seed=1, aborted=report.aborted)
