@@ -320,16 +320,50 @@ class Navigator:
         if self.phase is not Phase.AVOID or self.avoidance is None:
             return
         planned = self.avoidance.plan.trajectory
-        if now_s >= planned.end_s or self._clear(planned.from_time(now_s), [obstacle]):
+        if now_s >= planned.end_s:
             return
         of_interest = self.avoidance.obstacle.members[0] in obstacle.members
+        if self._clear(planned.from_time(now_s), [obstacle]):
+            if of_interest:
+                self._fly_past(obstacle, obstacle, now_s)
+            return
         if of_interest and self._replan(obstacle, now_s):
             return
-        if self._clear(planned.from_time(now_s), [self._as_planned(obstacle)]):
+        as_planned = self._as_planned(obstacle)
+        if self._clear(planned.from_time(now_s), [as_planned]):
+            if of_interest:
+                self._fly_past(obstacle, as_planned, now_s)
             text = f"{obstacle.id} is seen to reach farther, within the error of its position"
             self._note(Event(now_s, "plan_kept", Severity.NOTICE, text))
             return
         self._break(Violation(Assumption.PLAN_EXISTS, 0.0, 1.0, "plans", obstacle.id), now_s)
+
+    def _fly_past(self, obstacle: Obstacle, certified: Obstacle, now_s: float) -> None:
+        """Let the plan end later where its obstacle is seen to reach beyond its end.
+
+        Else the vehicle, still beside it, would meet it once more there, and far too late.
+
+        Args:
+            obstacle: as it is seen now.
+            certified: as the rest of the plan is known to be clear of it: its sides are where
+                they are, however far the obstacle reaches.
+            now_s: the time.
+        """
+        assert self.avoidance is not None  # noqa: S101  the caller checked
+        plan, side_m = self.avoidance.plan, certified.region.obstacle
+        final = plan.trajectory.final
+        (x_m, y_m, _), speed_mps = final.position_leg_m, final.velocity_leg_mps[X]
+        left_m = obstacle.region.x_pob_m - x_m
+        beside = not side_m.y_min_m < y_m < side_m.y_max_m
+        met_again = left_m > 0.0 and obstacle.region.lies_ahead(x_m, y_m)
+        if not (met_again and beside and speed_mps > 0.0):
+            return
+        longer = plan.trajectory.coasting_for(left_m / speed_mps)
+        if self._clear(longer.from_time(now_s), [certified]):
+            plan = replace(plan, trajectory=longer)
+            self.avoidance = replace(self.avoidance, plan=plan)
+            self._upcoming = longer
+            self._planned.append(PlannedStep(plan, obstacle, self.leg, 0.0))
 
     def _recheck_way_to_hover(self, obstacle: Obstacle, now_s: float) -> None:
         if self._reference is None or now_s >= self._reference.end_s:

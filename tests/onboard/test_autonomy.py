@@ -212,6 +212,27 @@ def test_what_grows_within_the_map_error_may_be_flown_past_as_planned(
     assert bool(rig.texts("violation")) is not kept
 
 
+def test_what_grows_beyond_the_end_of_the_plan_is_passed_all_the_same(
+    contract: Contract, mission: Mission
+) -> None:
+    """Found by a campaign (nominal --seed 1 --only 9295): met once more, and far too late."""
+    slow = contract.vehicle.model_copy(update={"cruise_speed_mps": 1.2})
+    contract = contract.model_copy(update={"vehicle": slow})
+    rig = Rig(Autonomy(contract, mission, epoch_unix_s=EPOCH_UNIX_S), mode=OFFBOARD)
+    # Hardly in the way: its sides are clear from the start, but for a drift.
+    rig.obstacles = [box((24.0, -1.1))]
+    rig.run(30.0, until=lambda: rig.phase is Phase.AVOID)
+    rig.run(1.0)
+    rig.obstacles = [box((24.025, -1.1)) | {"size_m": [1.05, 1.02]}]
+    rig.run(40.0, until=lambda: rig.phase in (Phase.ARRIVED, Phase.HOLD))
+    assert rig.phase is Phase.ARRIVED
+    assert rig.texts("violation") == []
+    begun, longer = rig.autonomy.navigator.take_planned()
+    assert longer.plan.trajectory.end_s > begun.plan.trajectory.end_s
+    end_m, _, _ = longer.plan.trajectory.final.position_leg_m
+    assert end_m == pytest.approx(longer.obstacle.region.x_pob_m)
+
+
 def test_setpoints_stop_with_the_ticks(cruising: Rig) -> None:
     sent = len(cruising.setpoints)
     cruising.autonomy.receive_detection(cruising.frame(), cruising.now_s)
