@@ -526,6 +526,7 @@ class Autonomy:
             "detection_age_s": age_s if math.isfinite(age_s) else None,
             "telemetry_age_s": None if pose is None else now_s - pose.time_s,
             "cleared": self.clearance.refusal(self.epoch_unix_s + now_s) is None,
+            "log_ended": self._log_ended,
             "obstacles_known": len(self.navigator.obstacles),
             "dropped": {
                 "mavlink_garbage_bytes": self.link.counters.garbage_bytes,

@@ -92,7 +92,7 @@ def test_an_avoidance_is_finished_first(cruising: Rig) -> None:
     assert cruising.position_ned_m == pytest.approx((30.0, 40.0, -4.0), abs=0.05)
 
 
-def test_what_is_in_the_way_of_the_stop_is_avoided(cruising: Rig) -> None:
+def test_an_obstacle_beyond_the_stop_does_not_matter(cruising: Rig) -> None:
     cruising.obstacles = [box((cruising.position_ned_m[0] + 11.0, 0.2))]
     cruising.run(0.1)
     sent(cruising, mission_to((60.0, 30.0)))
