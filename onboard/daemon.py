@@ -185,8 +185,12 @@ class Logs:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(self, *error: object) -> None:
-        self._open.close()
+    def __exit__(self, *_: object) -> None:
+        try:
+            self._open.close()
+        except OSError as error:  # said before where a full disk has ended the logs in flight
+            if self.failure is None:
+                log.error("the flight log ends here: %s", error)
 
     @property
     def failure(self) -> str | None:

@@ -115,7 +115,7 @@ def test_the_sensor_of_the_vehicle_page_is_understood() -> None:
         session.declare_subscriber("clearway/vehicle/obstacles", receive)
         sensor = subprocess.Popen([sys.executable, "-c", program.replace("7447", str(port))])
         try:
-            frames = [parse_frame(received.get(timeout=20.0)) for _ in range(3)]
+            frames = [parse_frame(received.get(timeout=60.0)) for _ in range(3)]
         finally:
             sensor.terminate()
             sensor.wait()

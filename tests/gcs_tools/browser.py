@@ -139,7 +139,7 @@ def chromium(profile: Path) -> Iterator[Page]:
         os.close(our_commands)  # it ends when nobody commands it any more
         os.close(our_answers)
         try:
-            browser.wait(timeout=10.0)
+            browser.wait(timeout=60.0)
         except subprocess.TimeoutExpired:
             browser.kill()
             browser.wait()

@@ -21,8 +21,8 @@ class Ran(NamedTuple):
 Clearway = Callable[..., Ran]
 
 
-def until(condition: Callable[[], object], timeout_s: float = 15.0) -> None:
-    """Wait for something that happens in another process."""
+def until(condition: Callable[[], object], timeout_s: float = 60.0) -> None:
+    """Wait for something that happens in another process, which may have to start first."""
     deadline_s = time.monotonic() + timeout_s
     while not condition():
         assert time.monotonic() < deadline_s, "what was waited for did not happen"

@@ -42,7 +42,7 @@ class Terminal:
     def close(self) -> None:
         """Wait for the last of what was written; the command has ended."""
         os.close(self.written_to)
-        self._thread.join(timeout=20.0)
+        self._thread.join(timeout=60.0)
         os.close(self._ours)
 
     @property

@@ -123,7 +123,7 @@ def flying(out: Path, stderr: int = subprocess.PIPE) -> Iterator[subprocess.Pope
         finally:
             if process.poll() is None:
                 process.send_signal(signal.SIGTERM)
-                process.communicate(timeout=30.0)
+                process.communicate(timeout=60.0)
 
 
 def processes_of(flight: subprocess.Popen[str]) -> dict[str, int]:

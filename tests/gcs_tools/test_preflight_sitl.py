@@ -85,13 +85,13 @@ class Site:
         """Set an integer parameter as any ground station would."""
         link = mavutil.mavlink_connection(f"udpin:127.0.0.1:{self.ports[2]}", source_system=200)
         try:
-            assert link.wait_heartbeat(timeout=10.0)
+            assert link.wait_heartbeat(timeout=60.0)
             # PX4 takes integers bit by bit, ArduPilot as plain floats.
             bitwise = self.files["sitl"]["flavour"] == "px4"
             sent = struct.unpack("<f", struct.pack("<i", value))[0] if bitwise else float(value)
             kind = mavutil.mavlink.MAV_PARAM_TYPE_INT32
             link.mav.param_set_send(1, 1, name.encode(), sent, kind)
-            assert link.recv_match(type="PARAM_VALUE", blocking=True, timeout=10.0)
+            assert link.recv_match(type="PARAM_VALUE", blocking=True, timeout=60.0)
         finally:
             link.close()
 
@@ -99,11 +99,11 @@ class Site:
         """Ask to arm as any ground station would; return the MAV_RESULT."""
         link = mavutil.mavlink_connection(f"udpin:127.0.0.1:{self.ports[2]}", source_system=200)
         try:
-            assert link.wait_heartbeat(timeout=10.0)
+            assert link.wait_heartbeat(timeout=60.0)
             link.mav.command_long_send(1, 1, 400, 0, 1, 0, 0, 0, 0, 0, 0)
             ack = link.recv_match(
                 condition="COMMAND_ACK.command == 400", type="COMMAND_ACK",
-                blocking=True, timeout=10.0,
+                blocking=True, timeout=60.0,
             )  # fmt: skip
             return int(ack.result)
         finally:
@@ -117,14 +117,14 @@ class Site:
         home = HomeConfig()
         at = (round(home.latitude_deg * 1e7), round(home.longitude_deg * 1e7), 0.0)
         try:
-            assert link.wait_heartbeat(timeout=10.0)
+            assert link.wait_heartbeat(timeout=60.0)
             link.mav.mission_count_send(1, 1, 1, mission_type)
-            assert link.recv_match(type="MISSION_REQUEST_INT", blocking=True, timeout=10.0)
+            assert link.recv_match(type="MISSION_REQUEST_INT", blocking=True, timeout=60.0)
             parameters = (radius_m, 0.0, 0.0, 0.0)
             link.mav.mission_item_int_send(
                 1, 1, 0, global_frame, circle, 0, 1, *parameters, *at, mission_type
             )
-            assert link.recv_match(type="MISSION_ACK", blocking=True, timeout=10.0).type == 0
+            assert link.recv_match(type="MISSION_ACK", blocking=True, timeout=60.0).type == 0
         finally:
             link.close()
 
@@ -146,7 +146,7 @@ class Site:
             yield verdicts(path.read_bytes())
         finally:
             answering.send_signal(signal.SIGINT)
-            answering.communicate(timeout=20.0)
+            answering.communicate(timeout=60.0)
         assert answering.returncode == code
 
 

@@ -100,7 +100,7 @@ def test_closing_lets_a_waiting_listener_go() -> None:
     waiting = threading.Thread(target=feed.wait, args=(0, 60.0))
     waiting.start()
     feed.close()
-    waiting.join(timeout=10.0)
+    waiting.join(timeout=60.0)
     assert not waiting.is_alive()
 
 
@@ -111,7 +111,7 @@ def test_closing_lets_a_waiting_listener_go() -> None:
 def asked(
     url: str, path: str, method: str = "GET", **headers: str
 ) -> Iterator[http.client.HTTPResponse]:
-    connection = http.client.HTTPConnection(urlsplit(url).netloc, timeout=10.0)
+    connection = http.client.HTTPConnection(urlsplit(url).netloc, timeout=60.0)
     try:
         connection.request(method, path, headers=headers)
         yield connection.getresponse()
@@ -269,7 +269,7 @@ def running(*arguments: str, stdout: int = subprocess.PIPE) -> Iterator[subproce
         finally:
             if process.poll() is None:
                 process.send_signal(signal.SIGINT)
-                process.communicate(timeout=30.0)
+                process.communicate(timeout=60.0)
 
 
 @pytest.mark.real_time
@@ -300,9 +300,9 @@ def test_the_page_follows_a_flight_until_it_is_interrupted(tmp_path: Path) -> No
             page.until("document.getElementById('contact').textContent.startsWith('no contact')")
             assert page.complaints == []
             watching.send_signal(signal.SIGINT)
-            _, err = watching.communicate(timeout=20.0)
+            _, err = watching.communicate(timeout=60.0)
             assert (watching.returncode, err) == (0, "")
-        _, err = flight.communicate(timeout=30.0)
+        _, err = flight.communicate(timeout=60.0)
     # Ctrl-C leaves nothing running.
     assert (flight.returncode, err) == (128 + signal.SIGINT, "clearway: error: interrupted\n")
     assert set(started) == {"sitl", "onboard"}

@@ -21,11 +21,12 @@ from mcap.reader import make_reader
 from pymavlink.dialects.v20 import common as mavlink
 
 from onboard.config import Contract, DaemonConfig, Mission, ZenohEndpoints, load_contract
-from onboard.daemon import open_session, run
+from onboard.daemon import Logs, open_session, run
 from onboard.yaml_file import load_yaml
 
 CONFIG = Path(__file__).parents[2] / "config"
 COMMAND = [sys.executable, "-m", "onboard", "--config"]
+SAID = "stderr.txt"
 
 
 def free_port(kind: socket.SocketKind = socket.SOCK_STREAM) -> int:
@@ -59,7 +60,7 @@ def refused(directory: Path, settings: dict[str, Any]) -> str:
         [*COMMAND, write(directory, settings)],
         capture_output=True,
         text=True,
-        timeout=30,
+        timeout=60.0,
         check=False,
     )
     assert done.returncode == 2
@@ -71,20 +72,18 @@ def refused(directory: Path, settings: dict[str, Any]) -> str:
 
 
 @contextmanager
-def running(directory: Path, settings: dict[str, Any]) -> Iterator[subprocess.Popen[str]]:
-    daemon = subprocess.Popen(
-        [*COMMAND, write(directory, settings)], stderr=subprocess.PIPE, text=True
-    )
+def running(directory: Path, settings: dict[str, Any]) -> Iterator[subprocess.Popen[bytes]]:
+    said = directory / SAID
+    with said.open("w") as stderr:
+        daemon = subprocess.Popen([*COMMAND, write(directory, settings)], stderr=stderr)
     try:
-        assert daemon.stderr is not None
-        line = ""
-        while "ready" not in line:
-            line = daemon.stderr.readline()
-            assert line, "the daemon ended before it was ready"
+        while "ready" not in said.read_text():
+            assert daemon.poll() is None, "the daemon ended before it was ready"
+            time.sleep(0.02)
         yield daemon
     finally:
         daemon.kill()
-        daemon.communicate(timeout=10)
+        daemon.wait(timeout=60.0)
 
 
 @contextmanager
@@ -140,7 +139,7 @@ def test_signal_ends_it_cleanly_with_a_finished_log(
 ) -> None:
     with running(tmp_path, settings) as daemon:
         daemon.send_signal(number)
-        assert daemon.wait(timeout=10) == 0
+        assert daemon.wait(timeout=60.0) == 0
     with (tmp_path / "flight.mcap").open("rb") as stream:
         summary = make_reader(stream).get_summary()
     assert summary is not None
@@ -177,7 +176,7 @@ def test_garbage_on_both_sides_is_counted_and_survived(
         autopilot.connect(("127.0.0.1", int(port)))
         expected = ("frames_malformed", "mavlink_garbage_bytes")
         counted: set[str] = set()
-        deadline_s = time.monotonic() + 20.0
+        deadline_s = time.monotonic() + 60.0
         while not counted.issuperset(expected) and time.monotonic() < deadline_s:
             session.put("clearway/v1/obstacles", b"\xff not a frame")
             autopilot.send(b"\x00\x01 not MAVLink")
@@ -196,9 +195,19 @@ def test_a_full_disk_is_said_and_survived(tmp_path: Path, settings: dict[str, An
         assert ended[-1] is True
         assert daemon.poll() is None
         daemon.send_signal(signal.SIGINT)
-        _, err = daemon.communicate(timeout=10)
-    assert err.count("the flight log ends here: [Errno 28]") == 1
-    assert "Traceback" not in err
+        assert daemon.wait(timeout=60.0) == 0
+    said = (tmp_path / SAID).read_text()
+    assert said.count("[Errno 28]") == said.count("the flight log ends here: [Errno 28]") == 1
+    assert "Traceback" not in said
+
+
+def test_a_disk_that_is_full_only_at_the_end_is_said(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    (tmp_path / "flight.mcap").symlink_to("/dev/full")
+    with Logs(tmp_path / "flight.mcap", {}):
+        pass
+    assert "the flight log ends here: [Errno 28]" in caplog.text
 
 
 @pytest.mark.parametrize("allowed", [True, False])
@@ -220,7 +229,7 @@ def test_autopilot_hears_a_heartbeat_of_component_196(
 ) -> None:
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as autopilot:
         autopilot.bind(("127.0.0.1", 0))
-        autopilot.settimeout(10.0)
+        autopilot.settimeout(60.0)
         settings["mavlink"]["url"] = f"udpout://127.0.0.1:{autopilot.getsockname()[1]}"
         with running(tmp_path, settings):
             data = autopilot.recv(2048)

@@ -47,4 +47,4 @@ def running(path: Path) -> Iterator[subprocess.Popen[str]]:
             yield process
         finally:
             process.send_signal(signal.SIGTERM)
-            assert process.wait(timeout=10.0) == 0
+            assert process.wait(timeout=60.0) == 0

@@ -106,7 +106,7 @@ def mavproxy(directory: Path, **config: Any) -> Iterator[tuple[Console, Observer
             process.terminate()
             assert process.stdin is not None
             process.stdin.close()  # it waits at its prompt
-            process.wait(timeout=10.0)
+            process.wait(timeout=60.0)
 
 
 @pytest.mark.parametrize("flavour", ["px4", "ardupilot"])

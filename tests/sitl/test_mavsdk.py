@@ -33,7 +33,7 @@ def talk(directory: Path, script: Callable[[Any], Awaitable[None]], **config: An
         identity = Configuration.create_with_component_type(ComponentType.GROUND_STATION)
         async with Mavsdk(identity) as sdk:
             await sdk.add_any_connection(url.replace("udpout", "udpin"))
-            system = await sdk.first_autopilot(timeout_s=20)
+            system = await sdk.first_autopilot(timeout_s=60.0)
             assert system is not None
             await script(system)
 
