@@ -33,7 +33,9 @@ $(VENV)/.ground: pyproject.toml constraints.txt | $(VENV)/bin/python
 	$(PIP_INSTALL) --editable '.[ground,sitl]'
 	touch $@
 
+# Packages are unpacked by two processes; what is then left to pip is little.
 $(VENV)/.dev: pyproject.toml constraints.txt | $(VENV)/bin/python
+	grep -v '^#' constraints.txt | xargs -P 2 -n 12 $(PIP_INSTALL) --no-deps
 	$(PIP_INSTALL) --editable '.[dev]'
 	touch $@ $(VENV)/.ground
 
