@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple, Self
 
 import numpy as np
 
@@ -21,8 +21,10 @@ from onboard.profile import AxisState
 from onboard.trajectory import X
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from onboard.avoidance import AvoidanceProblem, Side
-    from onboard.frames import FloatArray
+    from onboard.frames import FloatArray, IntArray
     from onboard.profile import AxisLimits
 
 # Kept from every face and border, and left of every limit: more than the solver's tolerance eats.
@@ -33,7 +35,8 @@ USED_SHARE = 0.995
 # Exponents of the piece length, shifted by two to be indices: velocity counts in units of A h,
 # length in A h², jerk in A / h (spline.py), and the reward in A / h.
 _PARAMETER_POWERS = np.array([-1, 0, -1, 1]) + 2
-_ROW_POWERS = np.repeat([0, 1, -1, -1, -2, -2], spline.ROW_COUNTS) + 2
+_ROW_KINDS = np.repeat(np.arange(len(spline.ROW_COUNTS)), spline.ROW_COUNTS)
+_ROW_POWERS = (np.array([0, 1, -1, -1, -2, -2]) + 2)[_ROW_KINDS]
 
 _ANYWHERE = (-math.inf, math.inf)
 
@@ -84,7 +87,7 @@ class AxisTask:
         Args:
             piece_s: mean lengths of the pieces of the first phase, (...).
         """
-        return _powers(piece_s)[..., _PARAMETER_POWERS] * self._si_parameters
+        return _powers(piece_s)[..., _PARAMETER_POWERS] * self.si_parameters
 
     def bounds(self, piece_s: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Dimensionless lower and upper bounds of the rows: (..., ROWS) each.
@@ -93,19 +96,19 @@ class AxisTask:
             piece_s: mean lengths of the pieces of the first phase, (...).
         """
         units = _powers(piece_s)[..., _ROW_POWERS]
-        lower, upper = self._si_bounds
+        lower, upper = self.si_bounds
         return units * lower, units * upper
 
     @cached_property
-    def _si_parameters(self) -> FloatArray:
-        """The parameters for pieces of one second."""
+    def si_parameters(self) -> FloatArray:
+        """The parameters for pieces of one second, (4,)."""
         start, unit_mps2 = self.start, self.unit_mps2
         values = start.velocity_mps, start.acceleration_mps2, self.end_speed_mps
         return np.array((*values, self.reward_mps3 / 2.0)) / unit_mps2
 
     @cached_property
-    def _si_bounds(self) -> tuple[FloatArray, FloatArray]:
-        """The bounds for pieces of one second, less the margins."""
+    def si_bounds(self) -> FloatArray:
+        """The bounds for pieces of one second, less the margins, lower and upper: (2, ROWS)."""
         jerk_mps3 = self.limits.jerk_max_mps3 * USED_SHARE
         lower = (
             self.limits.acceleration_min_mps2 * USED_SHARE,
@@ -123,14 +126,44 @@ class AxisTask:
             self.crossing_m[1] - MARGIN_M,
             self.end_max_m - MARGIN_M,
         )
-        return (
-            np.repeat(lower, spline.ROW_COUNTS) / self.unit_mps2,
-            np.repeat(upper, spline.ROW_COUNTS) / self.unit_mps2,
-        )
+        return (np.array((lower, upper)) / self.unit_mps2)[:, _ROW_KINDS]
 
     def cost_unit(self, piece_s: FloatArray) -> FloatArray:
         """Cost [m²/s³] of a dimensionless cost of one."""
         return self.unit_mps2 * self.unit_mps2 * piece_s
+
+
+class TaskBatch(NamedTuple):
+    """Dimensionless problems of several tasks, each at several piece lengths, n in all.
+
+    Attributes:
+        parameters: as `AxisTask.parameters`, (n, 4).
+        lower, upper: bounds of the rows asked for, (rows, n).
+        cost_unit: cost [m²/s³] of a dimensionless cost of one, (n,).
+    """
+
+    parameters: FloatArray
+    lower: FloatArray
+    upper: FloatArray
+    cost_unit: FloatArray
+
+    @classmethod
+    def of(cls, questions: Sequence[tuple[AxisTask, FloatArray]], rows: IntArray) -> Self:
+        """Collect tasks with their piece lengths [s], and some rows of their bounds."""
+        tasks = [task for task, _ in questions]
+        owners = np.arange(len(tasks)).repeat([len(pieces_s) for _, pieces_s in questions])
+        pieces_s = np.concatenate([pieces_s for _, pieces_s in questions])
+        powers = _powers(pieces_s)
+        si_parameters = np.array([task.si_parameters for task in tasks])
+        si_bounds = np.array([task.si_bounds for task in tasks])[:, :, rows]
+        units_mps2 = np.array([task.unit_mps2 for task in tasks])
+        lower, upper = powers.T[_ROW_POWERS[rows]] * si_bounds.transpose(1, 2, 0)[:, :, owners]
+        return cls(
+            powers[:, _PARAMETER_POWERS] * si_parameters[owners],
+            lower,
+            upper,
+            (units_mps2 * units_mps2)[owners] * pieces_s,
+        )
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,12 +8,14 @@ best.
 
 from __future__ import annotations
 
+import itertools
 import math
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from onboard import spline
+from onboard.axis_program import TaskBatch
 from onboard.profile import Profile, speed_change
 
 if TYPE_CHECKING:
@@ -43,6 +45,7 @@ _LEAST_CHEAPNESS = 1e-3
 
 # Enough of the rows to find the dearest, nearly: every other one, and the end.
 _CHECKED_ROWS = np.append(np.arange(0, spline.CROSSING_ROW, 2), spline.END_ROW)
+_ASKED_ROWS = np.append(_CHECKED_ROWS, spline.CROSSING_ROW)
 
 
 class CostEstimates:
@@ -57,42 +60,48 @@ class CostEstimates:
         cost, rows, bend, cheapness, cheapness_held = (
             np.array(term) for term in zip(*terms, strict=True)
         )
-        self._cost = cost
-        self._crossing = rows[:, spline.CROSSING_ROW].T
+        self._cost = cost.reshape(len(splines), -1)
+        self._crossing = rows[:, spline.CROSSING_ROW]
         self._crossing_cheapness = cheapness[:, spline.CROSSING_ROW, None]
-        self._rows = rows[:, _CHECKED_ROWS].transpose(0, 2, 1)
-        self._bend = bend[:, None, _CHECKED_ROWS]
-        self._dearness = 1.0 / cheapness[:, None, _CHECKED_ROWS]
-        self._dearness_held = 1.0 / cheapness_held[:, None, _CHECKED_ROWS]
+        # As functions of the parameters and of the bend of the crossing.  Single precision is
+        # plenty to choose by, and half of the memory to go through.
+        checked = np.concatenate((rows, bend[..., None]), axis=-1)[:, _CHECKED_ROWS]
+        self._rows = checked.astype(np.float32)
+        self._dearness = (1.0 / cheapness[:, _CHECKED_ROWS, None]).astype(np.float32)
+        self._dearness_held = (1.0 / cheapness_held[:, _CHECKED_ROWS, None]).astype(np.float32)
 
     def of(self, questions: Sequence[tuple[AxisTask, FloatArray]]) -> list[FloatArray]:
         """Return costs [m²/s³], (ratios, crossings), for each task and its crossing times (n,).
 
         All at once, because what takes time here is the number of array operations.
         """
-        pieces_s = [crossings_s / spline.PIECES for _, crossings_s in questions]
-        tasks = [(task, piece_s) for (task, _), piece_s in zip(questions, pieces_s, strict=True)]
-        parameters = np.concatenate([task.parameters(piece_s) for task, piece_s in tasks])
-        bounds = [task.bounds(piece_s) for task, piece_s in tasks]
-        lower, upper = (np.concatenate(side) for side in zip(*bounds, strict=True))
-        unit = np.concatenate([task.cost_unit(piece_s) for task, piece_s in tasks])
-        cost = unit * self._dimensionless(parameters, lower, upper)
-        return np.split(cost, np.cumsum([len(piece_s) for piece_s in pieces_s])[:-1], axis=1)
+        counts = [len(crossings_s) for _, crossings_s in questions]
+        pieces_s = [(task, crossings_s / spline.PIECES) for task, crossings_s in questions]
+        batch = TaskBatch.of(pieces_s, _ASKED_ROWS)
+        cost = batch.cost_unit * self._dimensionless(batch)
+        ends = list(itertools.accumulate(counts))
+        return [cost[:, end - count : end] for count, end in zip(counts, ends, strict=True)]
 
-    def _dimensionless(
-        self, parameters: FloatArray, lower: FloatArray, upper: FloatArray
-    ) -> FloatArray:
-        """Return dimensionless costs (ratios, n) for parameters (n, 4) and bounds (n, ROWS)."""
-        cost: FloatArray = np.einsum("ti,rij,tj->rt", parameters, self._cost, parameters)
-        crossing = (parameters @ self._crossing).T
-        clipped = crossing.clip(lower[:, spline.CROSSING_ROW], upper[:, spline.CROSSING_ROW])
-        bend = (clipped - crossing)[..., None]
-        rows = parameters @ self._rows + bend * self._bend
-        excess = np.maximum(rows - upper[:, _CHECKED_ROWS], lower[:, _CHECKED_ROWS] - rows)
-        np.maximum(excess, 0.0, out=excess)
+    def _dimensionless(self, batch: TaskBatch) -> FloatArray:
+        """Return dimensionless costs (ratios, n)."""
+        parameters = batch.parameters
+        products = parameters[:, :, None] * parameters[:, None, :]
+        cost: FloatArray = self._cost @ products.reshape(len(products), self._cost.shape[1]).T
+        crossing = self._crossing @ parameters.T
+        bend = crossing.clip(batch.lower[-1], batch.upper[-1])
+        bend -= crossing
+        bent = np.empty((len(bend), parameters.shape[1] + 1, len(parameters)), np.float32)
+        bent[:, :-1], bent[:, -1] = parameters.T, bend
+        rows = self._rows @ bent
+        excess = np.maximum(rows, batch.lower[:-1].astype(np.float32))
+        np.minimum(excess, batch.upper[:-1].astype(np.float32), out=excess)
+        excess -= rows
         excess *= excess
-        excess *= np.where(bend == 0.0, self._dearness, self._dearness_held)
-        cost += bend[..., 0] ** 2 / self._crossing_cheapness + excess.max(axis=-1)
+        dearest = (excess * self._dearness).max(axis=1)
+        excess *= self._dearness_held
+        dearest_held = excess.max(axis=1)
+        cost += bend**2 / self._crossing_cheapness
+        cost += np.where(bend == 0.0, dearest, dearest_held)
         return cost
 
 

@@ -7,8 +7,10 @@ is cheaper than the next estimate.  A plan counts once it certifies.
 from __future__ import annotations
 
 import functools
+import heapq
+import itertools
 import math
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple, Self
 
 import numpy as np
 
@@ -23,18 +25,15 @@ from onboard.qp_solver import QpSolver
 from onboard.trajectory import Trajectory, X, Y, Z
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
+    from collections.abc import Iterable, Iterator
 
     from onboard.avoidance import AvoidanceProblem, Side
-    from onboard.frames import FloatArray
+    from onboard.frames import FloatArray, IntArray
 
 # Length of the second phase over that of the first.
 _RATIOS = tuple(2.0 ** (k / 3.0) for k in range(-3, 8))
 _RELATIVE_DURATIONS = 1.0 + np.array(_RATIOS)[:, None]
 _CROSSINGS = 16
-
-# Candidates kept of each side; far more than are ever solved.
-_CANDIDATES_MAX = 60
 
 # Replanning after the crossing: the phase that remains is all one.
 _REMAINING_MIN_S = 0.1
@@ -91,6 +90,38 @@ class _Candidate(NamedTuple):
     shape: _Shape
 
 
+class _Ranked(NamedTuple):
+    """The candidates of one side: ratios by crossing times, and their order by what they cost."""
+
+    side: Side
+    shapes: list[_Shape]
+    crossings_s: FloatArray
+    estimates: FloatArray
+    along_estimates: FloatArray
+    order: IntArray
+
+    @classmethod
+    def of(
+        cls, bank: _Bank, side: Side, crossings_s: FloatArray, along: FloatArray, across: FloatArray
+    ) -> Self:
+        """Add up the costs of the axes and of the delay."""
+        estimates = along + across + DELAY_COST_M2PS4 * crossings_s * _RELATIVE_DURATIONS
+        order = estimates.argsort(axis=None, kind="stable")
+        return cls(side, bank.shapes, crossings_s, estimates, along, order)
+
+    def cheapest_first(self) -> Iterator[_Candidate]:
+        """Yield the candidates."""
+        for place in self.order.tolist():
+            ratio, crossing = divmod(place, len(self.crossings_s))
+            yield _Candidate(
+                float(self.estimates[ratio, crossing]),
+                float(self.along_estimates[ratio, crossing]),
+                self.side,
+                float(self.crossings_s[crossing]),
+                self.shapes[ratio],
+            )
+
+
 class QpPlanner:
     """Holds the solvers' factorisations, and nothing else from plan to plan."""
 
@@ -114,12 +145,12 @@ class QpPlanner:
             reasons: what does not certify is added to it, if nothing is found.
         """
         search = _Search(problem, self._even, self._front_loaded, incumbent)
-        candidates = search.candidates(current)
+        search.rank(current)
         if max(map(abs, problem.start.axis(Z)[1:])) > _LEVEL:
             # Not level: only the coupled QP knows how to go on.
-            best = self._plan_to_climb(search, candidates, incumbent)
+            best = self._plan_to_climb(search, search.promising(), incumbent)
         else:
-            best = search.run(candidates)
+            best = search.run()
             if problem.climb_m > 0.0:
                 best = self._plan_to_climb(search, search.promising(), best)
         if best is None:
@@ -127,10 +158,10 @@ class QpPlanner:
         return best
 
     def _plan_to_climb(
-        self, search: _Search, candidates: list[_Candidate], best: Plan | None
+        self, search: _Search, candidates: Iterable[_Candidate], best: Plan | None
     ) -> Plan | None:
         """Solve the coupled QP of the first candidates; keep what is better, or preferred."""
-        for candidate in candidates[:_CLIMBS_MAX]:
+        for candidate in itertools.islice(candidates, _CLIMBS_MAX):
             plan = search.climb(candidate, self._climbs)
             if plan is None:
                 continue
@@ -162,11 +193,15 @@ class _Search:
         self._best = incumbent
         self._best_candidate: _Candidate | None = None
         self._bank_of: dict[Side, _Bank] = {}
-        self._untried: list[_Candidate] = []
+        self._ranked: list[_Ranked] = []
         self._solves = 0
 
-    def candidates(self, current: Plan | None) -> list[_Candidate]:
-        """Return what to try, both sides, cheapest first."""
+    def rank(self, current: Plan | None) -> None:
+        """Estimate the costs of everything that could be tried.
+
+        Args:
+            current: the plan being flown, whose crossing time is tried too.
+        """
         crossings_s: dict[Side, FloatArray] = {}
         for side in SIDES:
             times_s, waiting = crossing_times(*self._tasks[side], _CROSSINGS)
@@ -181,12 +216,18 @@ class _Search:
                 crossings_s[side] = times_s
             else:
                 self.reasons.append(f"qp, {side}: no time both clears the side and stays short")
-        self._untried = self._rank(crossings_s)
-        return self._untried
+        for bank in self._banks:
+            sides = [side for side in crossings_s if self._bank_of[side] is bank]
+            if not sides:
+                continue
+            questions = [(task, crossings_s[side]) for side in sides for task in self._tasks[side]]
+            costs = bank.estimates.of(questions)
+            for side, *axes in zip(sides, costs[::2], costs[1::2], strict=True):
+                self._ranked.append(_Ranked.of(bank, side, crossings_s[side], *axes))
 
-    def promising(self) -> list[_Candidate]:
-        """Return the best candidate, or where there is none those that seemed cheapest."""
-        return self._untried if self._best_candidate is None else [self._best_candidate]
+    def promising(self) -> Iterable[_Candidate]:
+        """Return the best candidate, or where there is none those that seem cheapest."""
+        return self._cheapest_first() if self._best_candidate is None else [self._best_candidate]
 
     def climb(
         self,
@@ -210,22 +251,16 @@ class _Search:
             return None
         return self._complete(candidate, matrices.durations * piece_s, nodes_mps2)
 
-    def _rank(self, crossings_s: dict[Side, FloatArray]) -> list[_Candidate]:
-        """Return all ratios at the crossing times of each side, cheapest first."""
-        found: list[_Candidate] = []
-        for bank in self._banks:
-            sides = [side for side in crossings_s if self._bank_of[side] is bank]
-            if not sides:
-                continue
-            questions = [(task, crossings_s[side]) for side in sides for task in self._tasks[side]]
-            costs = bank.estimates.of(questions)
-            for side, along, across in zip(sides, costs[::2], costs[1::2], strict=True):
-                found += _cheapest(bank, side, crossings_s[side], along, across)
-        return sorted(found, key=lambda candidate: candidate.estimate)
+    def _cheapest_first(self) -> Iterator[_Candidate]:
+        """Yield both sides' candidates; few are ever asked for."""
+        return heapq.merge(
+            *(ranked.cheapest_first() for ranked in self._ranked),
+            key=lambda candidate: candidate.estimate,
+        )
 
-    def run(self, candidates: Iterable[_Candidate]) -> Plan | None:
+    def run(self) -> Plan | None:
         """Solve candidates in order, until none left can be better or enough have been solved."""
-        for candidate in candidates:
+        for candidate in self._cheapest_first():
             soonest_s, latest_s = self._window_s[candidate.side]
             if not soonest_s < candidate.crossing_s < latest_s:
                 continue
@@ -301,22 +336,3 @@ class _Search:
         crossing_s = problem.start_s + candidate.crossing_s
         price = cost(trajectory, problem)
         return Plan("qp", trajectory, candidate.side, price, certificate, crossing_s)
-
-
-def _cheapest(
-    bank: _Bank, side: Side, crossings_s: FloatArray, along: FloatArray, across: FloatArray
-) -> list[_Candidate]:
-    """Return the candidates of one side with the lowest estimates."""
-    estimates = along + across + DELAY_COST_M2PS4 * crossings_s * _RELATIVE_DURATIONS
-    order = np.argsort(estimates, axis=None, kind="stable")[:_CANDIDATES_MAX]
-    ratios, crossings = np.unravel_index(order, estimates.shape)
-    return [
-        _Candidate(estimate, along_estimate, side, crossing_s, bank.shapes[ratio])
-        for estimate, along_estimate, crossing_s, ratio in zip(
-            estimates[ratios, crossings].tolist(),
-            along[ratios, crossings].tolist(),
-            crossings_s[crossings].tolist(),
-            ratios.tolist(),
-            strict=True,
-        )
-    ]

@@ -67,7 +67,7 @@ class Trajectory:
         for array in self.motion:
             if array.shape != (count, 3):
                 raise ValueError(f"{count} durations, but an array of shape {array.shape}")
-        if not all(np.isfinite(array).all() for array in (self.durations_s, *self.motion)):
+        if not (np.isfinite(self.durations_s).all() and np.isfinite(np.hstack(self.motion)).all()):
             raise ValueError("a trajectory must be finite")
 
     @property
@@ -115,16 +115,10 @@ class Trajectory:
 
     def coasting_for(self, duration_s: float) -> Trajectory:
         """Return this trajectory with its final coast made explicit for a duration above zero."""
-        final, still = self.final, np.zeros((1, 3))
-        coast = Trajectory(
-            self.end_s,
-            np.array([duration_s]),
-            np.array([final.position_leg_m]),
-            np.array([final.velocity_leg_mps]),
-            still,
-            still,
-        )
-        return self.followed_by(coast)
+        final, still = self.final, (0.0, 0.0, 0.0)
+        coast = (final.position_leg_m, final.velocity_leg_mps, still, still)
+        motion = (np.vstack(pair) for pair in zip(self.motion, coast, strict=True))
+        return Trajectory(self.start_s, np.append(self.durations_s, duration_s), *motion)
 
     @cached_property
     def knots_s(self) -> tuple[float, ...]:
