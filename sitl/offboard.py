@@ -62,7 +62,9 @@ class OffboardStream:
         if self._setpoint is None:
             raise RuntimeError("no offboard setpoint has been received")
         age_s = self.age_s(now_s)
-        moved = ahead(self._setpoint, min(age_s, self._acceleration_hold_s))
+        moved = self._setpoint
+        if age_s > 0.0:
+            moved = ahead(moved, min(age_s, self._acceleration_hold_s))
         if age_s > self._acceleration_hold_s:
             moved = ahead(_coasting(moved), age_s - self._acceleration_hold_s)
         return moved._replace(yaw_rad=held_yaw_rad) if self._holds_yaw else moved

@@ -21,9 +21,16 @@ from sitl.land_detector import climbs
 from sitl.modes import Mode
 from sitl.offboard import OffboardStream
 from sitl.parameters import ParameterSpec, ParameterStore
-from sitl.setpoint_message import NOTHING, MotionTarget, is_given, read_target, turned
+from sitl.setpoint_message import (
+    NOTHING,
+    MotionTarget,
+    is_given,
+    is_whole,
+    read_target,
+    turned,
+)
 from sitl.settings import FlightSettings, Reaction
-from sitl.truth import VehicleTruth
+from sitl.truth import Vector, VehicleTruth
 
 _STREAM_RETURN_S = 0.25  # an unbroken stream this long ends the offboard-loss failsafe
 _ACCELERATION_HOLD_S = 0.06  # a lost stream freezes at once
@@ -224,12 +231,13 @@ def _setpoint(target: MotionTarget, yaw_rad: float) -> Setpoint | None:
         return None
     if target.uses_force and is_given(target.acceleration_mps2):
         return None
-    return target.setpoint() if _controls_every_axis(target) else _STOP
+    return target.setpoint() if _controls_every_axis(vectors) else _STOP
 
 
-def _controls_every_axis(target: MotionTarget) -> bool:
+def _controls_every_axis(vectors: tuple[Vector, Vector, Vector]) -> bool:
     """PX4's position controller wants something on each axis, and north and east alike."""
-    vectors = (target.position_m, target.velocity_mps, target.acceleration_mps2)
+    if all(map(is_whole, vectors)):
+        return True
     paired = all(math.isnan(north) == math.isnan(east) for north, east, _ in vectors)
     return paired and not any(all(map(math.isnan, axis)) for axis in zip(*vectors, strict=True))
 
