@@ -102,6 +102,14 @@ def short_scenario(written: Callable[[str, Any], Path]) -> Path:
     return written("short.yaml", short)
 
 
+def brisk_scenario(written: Callable[[str, Any], Path]) -> Path:
+    """The paper's flight, with a take-off and a landing as fast as PX4 can be made to have them."""
+    paper = yaml.safe_load((CONFIG / "paper.yaml").read_text(encoding="utf-8"))
+    parameters = {"MPC_TKO_SPEED": 3.0, "MPC_LAND_SPEED": 1.5, "COM_DISARM_LAND": 0.1}
+    sitl = {**paper.get("sitl", {}), "parameters": parameters}
+    return written("brisk.yaml", {**with_absolute_paths(paper), "sitl": sitl})
+
+
 def with_absolute_paths(scenario: dict[str, Any]) -> dict[str, Any]:
     files = {key: str(CONFIG / scenario[key]) for key in ("contract", "field", "mission")}
     return {**scenario, **files}
@@ -111,9 +119,11 @@ def with_absolute_paths(scenario: dict[str, Any]) -> dict[str, Any]:
 
 
 @contextmanager
-def flying(out: Path, stderr: int = subprocess.PIPE) -> Iterator[subprocess.Popen[str]]:
+def flying(
+    out: Path, *scenario: str, stderr: int = subprocess.PIPE
+) -> Iterator[subprocess.Popen[str]]:
     """Start `clearway fly` and have nothing left of it afterwards, whatever the test does."""
-    command = [sys.executable, "-m", "gcs_tools", "fly", "--out", str(out)]
+    command = [sys.executable, "-m", "gcs_tools", "fly", *scenario, "--out", str(out)]
     process = subprocess.Popen(
         command, stdout=subprocess.PIPE, stderr=stderr, text=True, start_new_session=True
     )
@@ -134,7 +144,7 @@ def processes_of(flight: subprocess.Popen[str]) -> dict[str, int]:
 
 @pytest.mark.real_time
 def test_live_flight_of_the_paper(tmp_path: Path) -> None:
-    with terminal() as screen, flying(tmp_path, screen.written_to) as flight:
+    with terminal() as screen, flying(tmp_path, stderr=screen.written_to) as flight:
         started = processes_of(flight)
         out, _ = flight.communicate(timeout=120.0)
     assert flight.returncode == 0, (out, screen.lines[-5:])
@@ -158,20 +168,23 @@ def test_live_flight_of_the_paper(tmp_path: Path) -> None:
 
 
 @pytest.mark.real_time
-def test_the_autopilot_stops_the_vehicle_when_the_daemon_is_killed(tmp_path: Path) -> None:
-    with flying(tmp_path) as flight:
+def test_the_autopilot_stops_the_vehicle_when_the_daemon_is_killed(
+    written: Callable[[str, Any], Path], tmp_path: Path
+) -> None:
+    out = tmp_path / "flight"
+    with flying(out, str(brisk_scenario(written))) as flight:
         started = processes_of(flight)
-        wait_for_cruise(tmp_path)
+        wait_for_cruise(out)
         # The daemon's own process, by the id that the flight gave it.
         subprocess.run(["kill", "-KILL", str(started["onboard"])], check=True)  # noqa: S607  POSIX
-        out, err = flight.communicate(timeout=60.0)
-    assert flight.returncode == 1, (out, err)
-    result = result_in(tmp_path)
+        said, err = flight.communicate(timeout=60.0)
+    assert flight.returncode == 1, (said, err)
+    result = result_in(out)
     assert result["outcome"] == "aborted"
     assert "clearway-onboard ended (SIGKILL)" in result["reason"]
     assert result["collisions"] == 0
     assert result["clearance_min_m"] > 0.0
-    truth = read_log(tmp_path / "truth.mcap").topic("/truth")
+    truth = read_log(out / "truth.mcap").topic("/truth")
     # It stopped short of the first obstacle, and came down there.
     assert truth[-1]["position_ned_m"][0] < 11.0 - 0.3
     assert truth[-1]["position_ned_m"][2] == pytest.approx(0.0, abs=0.1)

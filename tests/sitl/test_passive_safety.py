@@ -64,7 +64,7 @@ def test_daemon_may_die_at_any_instant() -> None:
 
 def test_without_the_clause_it_may_not() -> None:
     """The test above is not vacuous: the same deaths are fatal under a contract without it."""
-    assert sum(scene.world.collisions for scene in deaths(passive_safety=False, every=20)) > 0
+    assert sum(scene.world.collisions for scene in deaths(passive_safety=False, every=50)) > 0
 
 
 def test_clause_is_what_makes_the_vehicle_turn_earlier() -> None:
