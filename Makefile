@@ -12,7 +12,7 @@ fly: $(VENV)/.ground
 # Flights in real time need the machine to themselves; all else goes on at once before them.
 test: $(VENV)/.dev
 	$(MAKE) --jobs 2 --keep-going lint test-in-any-time
-	$(BIN)/pytest -m real_time
+	$(BIN)/pytest -m real_time $$(grep -rl real_time tests --include='test_*.py')
 
 test-in-any-time: $(VENV)/.dev
 	$(BIN)/pytest --numprocesses 3 --dist worksteal -m 'not real_time'

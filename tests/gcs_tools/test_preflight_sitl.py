@@ -129,25 +129,25 @@ class Site:
             link.close()
 
     @contextmanager
-    def authorising(self, code: int) -> Iterator[dict[str, str]]:
-        """Check, and while the context lasts answer requests to arm by the verdict.
+    def authorising(self, *more: str, code: int) -> Iterator[tuple[dict[str, str], Terminal]]:
+        """Check at a terminal, and while the context lasts answer requests to arm by the verdict.
 
         Args:
+            more: arguments of the check.
             code: with which the check has to exit.
         """
         path = self.directory / "preflight.json"
-        arguments = self.arguments("--authorise", "60", "-o", str(path))
-        answering = subprocess.Popen(
-            [sys.executable, "-m", "gcs_tools", *arguments], stderr=subprocess.PIPE, text=True
-        )
-        try:
-            assert answering.stderr is not None
-            assert "answering arm requests for 60 s" in answering.stderr.readline()
-            yield verdicts(path.read_bytes())
-        finally:
-            answering.send_signal(signal.SIGINT)
-            answering.communicate(timeout=60.0)
-        assert answering.returncode == code
+        arguments = self.arguments("--authorise", "60", "-o", str(path), *more)
+        with terminal() as screen:
+            answering = subprocess.Popen(
+                [sys.executable, "-m", "gcs_tools", *arguments], stderr=screen.written_to
+            )
+            try:
+                until(lambda: any("answering arm requests for 60 s" in x for x in screen.lines))
+                yield verdicts(path.read_bytes()), screen
+            finally:
+                answering.send_signal(signal.SIGINT)
+                assert answering.wait(timeout=60.0) == code
 
 
 def verdicts(written: str | bytes) -> dict[str, str]:
@@ -164,40 +164,30 @@ def site(directory: Path, flavour: str, parameters: dict[str, float]) -> Iterato
         yield running
 
 
-def test_px4_is_cleared_and_may_arm_once_all_is_well(tmp_path: Path) -> None:
-    asks = {"COM_ARM_AUTH_REQ": 1, "COM_ARM_AUTH_ID": AUTHORISER_SYSTEM_ID, "COM_ARM_AUTH_TO": 1.0}
+def test_px4_is_cleared_and_may_arm_as_long_as_all_is_well(tmp_path: Path) -> None:
+    asks = {
+        "COM_ARM_AUTH_REQ": 1, "COM_ARM_AUTH_ID": AUTHORISER_SYSTEM_ID, "COM_ARM_AUTH_TO": 1.0,
+        "COM_DISARM_PRFLT": 1.0,
+    }  # fmt: skip
     temporarily_rejected, accepted = 1, 0
     with site(tmp_path, "px4", {**PX4, **asks}) as place:
         assert place.arm() == temporarily_rejected  # nobody answers
-        place.tune("COM_OBL_RC_ACT", 3)
-        with place.authorising(code=1) as found:
-            assert found["vehicle COM_OBL_RC_ACT"] == "broken"
-            assert not place.cleared()
-            assert place.arm() == temporarily_rejected
-        place.tune("COM_OBL_RC_ACT", 5)
-        with place.authorising(code=0) as found:
+        assert not place.cleared()
+        with place.authorising(code=0) as (found, _):
             assert found["daemon contract"] == found["daemon clearance"] == "holds"
-            assert found["vehicle geofence areas"] == "holds"
+            assert found["vehicle COM_OBL_RC_ACT"] == found["vehicle geofence areas"] == "holds"
             assert place.cleared()
             assert place.arm() == accepted
-        found, screen = on_a_terminal(place.arguments("--set", "vehicle.radius_m=0.29"))
-        assert found["daemon contract"] == "broken"
-        # What an earlier check granted is withdrawn.
-        assert not place.cleared()
+        place.tune("COM_OBL_RC_ACT", 3)
+        with place.authorising("--set", "vehicle.radius_m=0.29", code=1) as (found, screen):
+            assert found["daemon contract"] == found["vehicle COM_OBL_RC_ACT"] == "broken"
+            # What the check before granted is withdrawn; on the ground it has disarmed meanwhile.
+            assert not place.cleared()
+            assert place.arm() == temporarily_rejected
         assert screen.shares == sorted(screen.shares)
         assert max(screen.shares) == round(100 * 11 / 12)  # the last of twelve steps was begun
         assert screen.estimates
         assert any("looking: telemetry rates" in line for line in screen.lines)
-
-
-def on_a_terminal(arguments: list[str]) -> tuple[dict[str, str], Terminal]:
-    with terminal() as screen:
-        command = [sys.executable, "-m", "gcs_tools", *arguments]
-        ran = subprocess.run(
-            command, stdout=subprocess.PIPE, stderr=screen.written_to, timeout=60, check=False
-        )
-    assert ran.returncode == 1
-    return verdicts(ran.stdout), screen
 
 
 def test_authorising_needs_a_vehicle(clearway: Clearway) -> None:
