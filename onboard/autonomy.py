@@ -132,7 +132,6 @@ class Autonomy:
         self._news: list[Event] = []
         self._events: deque[Event] = deque(maxlen=MAX_EVENTS)
         self._reported: set[tuple[Assumption, str]] = set()
-        self._setpoint: Setpoint | None = None
         self._hold: Setpoint | None = None
         self._refusal: tuple[str, ...] = ()
         self._watched_pose: Pose | None = None
@@ -202,7 +201,6 @@ class Autonomy:
             # A defect of ours must not end the stream while a hover is possible.
             log.exception("deciding failed")
             self._broken(Violation(Assumption.SELF_CHECK, 1.0, 0.0, "exceptions"), now_s)
-        self._setpoint = self.navigator.setpoint(now_s)
         self._stream(now_s)
         self._collect_events()
 
@@ -473,7 +471,7 @@ class Autonomy:
         """Send this tick's setpoint; on the ground none, or ArduPilot would not take off."""
         if self.link.status.airborne is not True or self._left_to_the_autopilot(now_s):
             return
-        setpoint = self._setpoint or self._hold
+        setpoint = self.navigator.setpoint(now_s) or self._hold
         if setpoint is not None:
             self.link.send_setpoint(setpoint, now_s)
             self._sent.append((now_s, setpoint))
@@ -504,7 +502,7 @@ class Autonomy:
     def snapshot(self, now_s: float) -> dict[str, Any]:
         """Return the state of this tick as it is logged and published; JSON values only."""
         pose, status, watch = self.link.pose, self.link.status, self._tracking_watch
-        setpoint = self._setpoint
+        setpoint = self.navigator.setpoint(now_s)
         age_s = self._detection_watch.age_s(now_s)
         return {
             "phase": self.navigator.phase.value,

@@ -45,6 +45,7 @@ _LEAST_CHEAPNESS = 1e-3
 
 # Enough of the rows to find the dearest, nearly: every other one, and the end.
 _CHECKED_ROWS = np.append(np.arange(0, spline.CROSSING_ROW, 2), spline.END_ROW)
+# Last, the row of the crossing itself.
 _ASKED_ROWS = np.append(_CHECKED_ROWS, spline.CROSSING_ROW)
 
 
@@ -76,8 +77,9 @@ class CostEstimates:
         All at once, because what takes time here is the number of array operations.
         """
         counts = [len(crossings_s) for _, crossings_s in questions]
-        pieces_s = [(task, crossings_s / spline.PIECES) for task, crossings_s in questions]
-        batch = TaskBatch.of(pieces_s, _ASKED_ROWS)
+        batch = TaskBatch.of(
+            [(task, crossings_s / spline.PIECES) for task, crossings_s in questions], _ASKED_ROWS
+        )
         cost = batch.cost_unit * self._dimensionless(batch)
         ends = list(itertools.accumulate(counts))
         return [cost[:, end - count : end] for count, end in zip(counts, ends, strict=True)]

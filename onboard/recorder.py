@@ -92,6 +92,8 @@ class FlightLog:
 
     def close(self) -> None:
         """Finish the file; it can be read without this, only not searched."""
+        if self._file.closed:  # finished, but the next part could not be opened
+            return
         self._writer.finish()  # type: ignore[no-untyped-call]  # mcap left it untyped
         self._file.close()
 

@@ -103,10 +103,11 @@ def short_scenario(written: Callable[[str, Any], Path]) -> Path:
 
 
 def brisk_scenario(written: Callable[[str, Any], Path]) -> Path:
-    """The paper's flight, with a take-off and a landing as fast as PX4 can be made to have them."""
+    """The paper's flight with a brisk take-off and landing, which take a third of it otherwise."""
     paper = yaml.safe_load((CONFIG / "paper.yaml").read_text(encoding="utf-8"))
+    assert "parameters" not in paper["sitl"]
     parameters = {"MPC_TKO_SPEED": 3.0, "MPC_LAND_SPEED": 1.5, "COM_DISARM_LAND": 0.1}
-    sitl = {**paper.get("sitl", {}), "parameters": parameters}
+    sitl = {**paper["sitl"], "parameters": parameters}
     return written("brisk.yaml", {**with_absolute_paths(paper), "sitl": sitl})
 
 

@@ -77,8 +77,10 @@ def running(directory: Path, settings: dict[str, Any]) -> Iterator[subprocess.Po
     with said.open("w") as stderr:
         daemon = subprocess.Popen([*COMMAND, write(directory, settings)], stderr=stderr)
     try:
-        while "ready" not in said.read_text():
+        deadline_s = time.monotonic() + 60.0
+        while "ready: " not in said.read_text():
             assert daemon.poll() is None, "the daemon ended before it was ready"
+            assert time.monotonic() < deadline_s, "the daemon is never ready"
             time.sleep(0.02)
         yield daemon
     finally:

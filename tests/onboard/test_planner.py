@@ -13,7 +13,7 @@ import pytest
 
 from onboard import spline
 from onboard.avoidance import AvoidanceProblem, cost
-from onboard.axis_program import across_task, along_task, build
+from onboard.axis_program import TaskBatch, across_task, along_task, build
 from onboard.certify import certify_avoidance
 from onboard.frames import FloatArray
 from onboard.horizons import CostEstimates, crossing_times
@@ -298,6 +298,21 @@ def test_build_states_the_problem(planner: Planner) -> None:
     front_m = problem.region.keep_out.x_min_m - problem.start.position_leg_m[0]
     bound_m = task.bounds(piece_s)[1][spline.CROSSING_ROW] * unit_m
     assert front_m - 0.01 < bound_m < front_m
+
+
+def test_a_batch_of_tasks_states_what_each_task_states() -> None:
+    problem = draw(Random(54), Variety())
+    tasks = along_task(problem, clear=False), across_task(problem, "left", clear=False)
+    pieces_s = np.array([0.05, 0.2]), np.array([0.1])
+    rows = np.array([spline.END_ROW, 3, spline.CROSSING_ROW])
+    batch = TaskBatch.of(list(zip(tasks, pieces_s, strict=True)), rows)
+    asked = [(task, at_s) for task, each_s in zip(tasks, pieces_s, strict=True) for at_s in each_s]
+    for k, (task, piece_s) in enumerate(asked):
+        lower, upper = task.bounds(piece_s)
+        np.testing.assert_array_equal(batch.parameters[k], task.parameters(piece_s))
+        np.testing.assert_array_equal(batch.lower[:, k], lower[rows])
+        np.testing.assert_array_equal(batch.upper[:, k], upper[rows])
+        assert batch.cost_unit[k] == task.cost_unit(piece_s)
 
 
 def test_the_spline_is_what_the_trajectory_integrates() -> None:

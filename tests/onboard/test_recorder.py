@@ -109,6 +109,15 @@ def test_a_full_part_is_followed_by_one_that_says_again_what_lasts(tmp_path: Pat
     assert states == list(range(states[0], 4000))
 
 
+def test_a_log_whose_next_part_cannot_be_opened_is_closed_all_the_same(tmp_path: Path) -> None:
+    (tmp_path / "flight.2.mcap").mkdir()
+    log = FlightLog(LogParts(tmp_path / "flight.mcap", part_bytes=1), {})
+    with pytest.raises(IsADirectoryError):
+        log.write([record(0)])
+    log.close()
+    assert read_log(tmp_path / "flight.mcap").complete
+
+
 def test_a_damaged_chunk_ends_what_is_read_not_the_reader(tmp_path: Path) -> None:
     path = tmp_path / "flight.mcap"
     with FlightLog(path, {}) as log:

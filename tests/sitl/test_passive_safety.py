@@ -63,7 +63,7 @@ def test_daemon_may_die_at_any_instant() -> None:
 
 
 def test_without_the_clause_it_may_not() -> None:
-    """The test above is not vacuous: the same deaths are fatal under a contract without it."""
+    """The test above is not vacuous: under a contract without the clause some deaths are fatal."""
     assert sum(scene.world.collisions for scene in deaths(passive_safety=False, every=50)) > 0
 
 
