@@ -34,6 +34,8 @@ def roots(coefficients: Sequence[float], end: float) -> list[float]:
     """Where the polynomial changes sign in the open interval (0, end), in ascending order."""
     if len(coefficients) <= 3:
         return _quadratic_roots(coefficients, end)
+    if _keeps_its_sign(coefficients, end):
+        return []
     cuts = [0.0, *roots(derivative(coefficients), end), end]
     values = [evaluate(coefficients, t) for t in cuts]
     found: list[float] = []
@@ -43,6 +45,14 @@ def roots(coefficients: Sequence[float], end: float) -> list[float]:
         elif values[i] * values[i + 1] < 0.0:
             found.append(_bisect(coefficients, cuts[i], cuts[i + 1], values[i]))
     return found
+
+
+def _keeps_its_sign(coefficients: Sequence[float], end: float) -> bool:
+    """Tell, if that is seen at once: the curve lies within the range of its Bernstein points."""
+    c0, c1, c2, c3 = coefficients
+    first, second, third = c1 * end / 3.0, c2 * end * end / 3.0, c3 * end * end * end
+    points = (c0, c0 + first, c0 + 2.0 * first + second, c0 + 3.0 * (first + second) + third)
+    return min(points) > 0.0 or max(points) < 0.0
 
 
 def value_range(coefficients: Sequence[float], end: float) -> tuple[float, float]:

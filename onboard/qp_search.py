@@ -55,7 +55,7 @@ _CLIMBS_MAX = 3
 _LEVEL = 1e-9
 
 # A candidate is tried if it may save more than this share of the cost.
-_WORTH_IT = 0.03
+_WORTH_IT = 0.06
 
 
 class _Shape(NamedTuple):
