@@ -27,8 +27,9 @@ STREAMS: Final = {
     mavlink.MAVLINK_MSG_ID_VFR_HUD: -1,
     mavlink.MAVLINK_MSG_ID_GPS_RAW_INT: -1,
 }
-# A vehicle that may not be armed for so long will not be.
-ARMING_PATIENCE_S: Final = 30.0
+# A vehicle that may not be armed for so long will not be; nor does one climb that is this slow.
+PATIENCE_S: Final = 30.0
+CLIMB_MIN_MPS: Final = 0.2
 HEIGHT_TOLERANCE_M: Final = 0.15
 SETTLED_MPS: Final = 0.1
 
@@ -55,7 +56,7 @@ class Operator:
 
     Attributes:
         step: what it is about.
-        gave_up: why it never took off; None unless so.
+        gave_up: why it never handed the vehicle over; None unless so.
     """
 
     def __init__(self, system_id: int, altitude_m: float) -> None:
@@ -71,6 +72,7 @@ class Operator:
         self._streams_asked = False
         self._height_m = self._speed_mps = 0.0
         self._repeat_s = 0.0
+        self._climbs_until_s = 0.0
 
     def receive(self, data: bytes) -> None:
         """Take bytes from the vehicle."""
@@ -133,12 +135,15 @@ class Operator:
         match self.step:
             case Step.ARM if self._armed:
                 self.step = Step.TAKE_OFF
-            case Step.ARM if now_s > ARMING_PATIENCE_S:
+                self._climbs_until_s = now_s + PATIENCE_S + self._altitude_m / CLIMB_MIN_MPS
+            case Step.ARM if now_s > PATIENCE_S:
                 self.step, self.gave_up = Step.DONE, "the vehicle cannot be armed"
             case Step.TAKE_OFF if self._height_m > HEIGHT_TOLERANCE_M:
                 self.step = Step.CLIMB
             case Step.CLIMB if self._settled:
                 self.step = Step.HAND_OVER
+            case Step.TAKE_OFF | Step.CLIMB if now_s > self._climbs_until_s:
+                self.step, self.gave_up = Step.LAND, "the vehicle does not climb"
             case Step.HAND_OVER if self._offboard:
                 self.step = Step.WATCH
             case Step.LAND if not self._armed:
