@@ -6,7 +6,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Final
 
-from scipy.stats import beta
+from scipy.special import betaincinv
 
 from gcs_tools.campaign_flight import FlightRow
 
@@ -30,8 +30,9 @@ def failure_rate_bounds(
         return 0.0, 1.0
     tail = 1.0 - confidence if failures in (0, trials) else (1.0 - confidence) / 2.0
     passes = trials - failures
-    lower = float(beta.ppf(tail, failures, passes + 1)) if failures else 0.0
-    upper = float(beta.ppf(1.0 - tail, failures + 1, passes)) if passes else 1.0
+    # Quantiles of the beta distribution; scipy.stats has them too, but takes a second to import.
+    lower = float(betaincinv(failures, passes + 1, tail)) if failures else 0.0
+    upper = float(betaincinv(failures + 1, passes, 1.0 - tail)) if passes else 1.0
     return lower, upper
 
 

@@ -18,9 +18,13 @@ HOLD: Final = (4.0, 3.0)
 GUIDED: Final = (4.0, 0.0)
 BRAKE: Final = (17.0, 0.0)
 # What an operator watches, by the interval [us]; ArduPilot sends nothing else, PX4 less than usual.
-STREAMS: Final = {
+# After the take-off heartbeats are enough.
+TAKE_OFF_STREAMS: Final = {
     mavlink.MAVLINK_MSG_ID_SYS_STATUS: 500_000,
     mavlink.MAVLINK_MSG_ID_LOCAL_POSITION_NED: 100_000,
+}
+STREAMS: Final = {
+    **TAKE_OFF_STREAMS,
     mavlink.MAVLINK_MSG_ID_ATTITUDE: -1,
     mavlink.MAVLINK_MSG_ID_POSITION_TARGET_LOCAL_NED: -1,
     mavlink.MAVLINK_MSG_ID_GLOBAL_POSITION_INT: -1,
@@ -111,8 +115,7 @@ class Operator:
         )
         if not self._streams_asked:
             self._streams_asked = True
-            for message_id, interval_us in STREAMS.items():
-                self._command(mavlink.MAV_CMD_SET_MESSAGE_INTERVAL, message_id, interval_us)
+            self._ask_for(STREAMS)
         match self.step:
             case Step.ARM if self._ready and self._copter and not self._offboard:
                 self._set_mode(OFFBOARD)
@@ -150,6 +153,8 @@ class Operator:
                 self.step = Step.DONE
         if self.step is not before:
             self._repeat_s = 0.0
+            if before is Step.CLIMB:
+                self._ask_for(dict.fromkeys(TAKE_OFF_STREAMS, -1))
 
     @property
     def _settled(self) -> bool:
@@ -171,6 +176,10 @@ class Operator:
             case "LOCAL_POSITION_NED":
                 self._height_m = -message.z
                 self._speed_mps = (message.vx**2 + message.vy**2 + message.vz**2) ** 0.5
+
+    def _ask_for(self, intervals_us: dict[int, int]) -> None:
+        for message_id, interval_us in intervals_us.items():
+            self._command(mavlink.MAV_CMD_SET_MESSAGE_INTERVAL, message_id, interval_us)
 
     def _set_mode(self, mode: tuple[float, float]) -> None:
         armed = mavlink.MAV_MODE_FLAG_SAFETY_ARMED if self._armed else 0

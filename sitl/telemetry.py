@@ -67,8 +67,11 @@ class StreamSchedule:
     def set_interval(self, message_id: int, interval_s: float, now_s: float) -> None:
         """Send the message at this interval from now on; ``inf`` stops it."""
         self._interval_s[message_id] = interval_s
-        self._next_s[message_id] = now_s if math.isfinite(interval_s) else math.inf
-        self._earliest_s = min(self._next_s.values())
+        if math.isfinite(interval_s):
+            self._next_s[message_id] = now_s
+        else:
+            self._next_s.pop(message_id, None)
+        self._earliest_s = min(self._next_s.values(), default=math.inf)
 
     def reset_interval(self, message_id: int, now_s: float) -> None:
         """Send the message at its default interval."""

@@ -580,7 +580,7 @@ HANDLED = [
 
 
 @given(st.lists(st.tuples(st.sampled_from(HANDLED), st.binary(max_size=64)), max_size=12))
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=150, deadline=None)
 def test_valid_frames_with_any_content_never_raise(frames: list[tuple[int, bytes]]) -> None:
     start = StartConfig(position_ned_m=(0.0, 0.0, -4.0))
     vehicle = SimulatedVehicle(VehicleConfig(start=start))
@@ -598,7 +598,7 @@ numbers = st.floats(width=32)
     st.sampled_from([16, 20, 21, 22, 176, 178, 185, 192, 400, 410, 510, 511, 512, 520]),
     st.lists(numbers, min_size=7, max_size=7),
 )
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=50, deadline=None)
 def test_commands_with_any_numbers_never_raise(number: int, parameters: list[float]) -> None:
     client = in_air()
     client.command(number, *parameters)
@@ -607,7 +607,7 @@ def test_commands_with_any_numbers_never_raise(number: int, parameters: list[flo
 
 
 @given(st.lists(numbers, min_size=11, max_size=11), st.integers(0, 0xFFFF), st.integers(0, 20))
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=50, deadline=None)
 def test_setpoints_with_any_numbers_keep_the_vehicle_flying(
     values: list[float], mask: int, coordinate_frame: int
 ) -> None:
