@@ -434,7 +434,15 @@ def _set_clock_ahead(frame: dict[str, Any], ahead_s: float, _: Look) -> None:
     frame["stamp_unix_s"] += ahead_s
 
 
+def _move_with_estimate(frame: dict[str, Any], east_m: float, _: Look) -> None:
+    """Local NED is what the estimator makes of it: what a sensor places by it moves along."""
+    if frame["frame"] == "local_ned":
+        for obstacle in frame["obstacles"]:
+            obstacle["center_m"][1] += east_m
+
+
 EDITS: Final[dict[str, Edit]] = {
+    "position_reset": _move_with_estimate,
     "detections_short_range": _shorten_range,
     "detections_narrow_view": _narrow_view,
     "detections_uncertain": _doubt,
