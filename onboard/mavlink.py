@@ -6,7 +6,6 @@ ArduPilot differ only in how a heartbeat spells its mode; `_mode_of` knows both.
 
 from __future__ import annotations
 
-import logging
 import math
 from collections import deque
 from dataclasses import dataclass, replace
@@ -14,7 +13,7 @@ from typing import Any, Final, NamedTuple
 
 from pymavlink.dialects.v20 import common as mavlink
 
-log = logging.getLogger(__name__)
+from onboard.mavlink_frames import FrameReader
 
 COMPONENT_ID: Final = mavlink.MAV_COMP_ID_OBSTACLE_AVOIDANCE
 HEARTBEAT_PERIOD_S: Final = 1.0
@@ -123,20 +122,15 @@ class MavlinkEndpoint:
         self._attitude_s = -math.inf
         self._outgoing: deque[bytes] = deque(maxlen=1000)
         self._mavlink = mavlink.MAVLink(_Sink(self._outgoing), system_id, COMPONENT_ID)
-        self._mavlink.robust_parsing = True
+        self._reader = FrameReader(mavlink, trusts_unknown=True)
         self._heartbeat_due_s = -math.inf
         self._request_due_s = -math.inf
 
     def receive(self, data: bytes, now_s: float) -> None:
         """Take bytes from the link; malformed ones are counted and dropped."""
-        try:
-            messages = self._mavlink.parse_buffer(data) or []
-        except mavlink.MAVError as error:
-            log.debug("dropped a malformed message: %s", error)
-            self.counters.malformed_messages += 1
-            return
-        for message in messages:
+        for message in self._reader.read(data):
             self._handle(message, now_s)
+        self.counters.garbage_bytes = self._reader.bytes_dropped
 
     def bytes_to_send(self) -> bytes:
         """Return and forget what is to be sent."""
@@ -200,9 +194,7 @@ class MavlinkEndpoint:
 
     def _handle(self, message: Any, now_s: float) -> None:
         kind = message.get_type()
-        if kind == "BAD_DATA":
-            self.counters.garbage_bytes += len(message.data)
-        elif (
+        if (
             message.get_srcSystem() != self._system_id
             or message.get_srcComponent() != mavlink.MAV_COMP_ID_AUTOPILOT1
         ):

@@ -28,7 +28,7 @@ from sitl.truth import Vector, VehicleTruth
 _ESTIMATOR_START_S = 1.0
 _ARMING_TILT_MAX_RAD = math.radians(30.0)
 _HEIGHT_MAX_M = 10_000.0
-_UPDATES_PER_CHECK = 5  # failsafes are looked at 20 times a second
+_CHECK_PERIOD_S = 0.05  # between two looks at the failsafes
 _MODE_OF_REACTION = {
     Reaction.HOLD: Mode.HOLD,
     Reaction.RETURN: Mode.RTL,
@@ -101,7 +101,7 @@ class Commander(ABC):
         self._setpoint: Setpoint | None = None
         self._armed_since_s = 0.0
         self._has_flown = not on_ground
-        self._updates = 0
+        self._checked_s = -math.inf
 
     # --- what others may know -------------------------------------------------------------
 
@@ -278,7 +278,6 @@ class Commander(ABC):
             thrust_share: rotor thrust over weight.
             period_s: time until the next call.
         """
-        self._updates += 1
         self._truth = truth
         self._auto.settings = self.settings
         self._battery_remaining = battery.remaining
@@ -289,7 +288,8 @@ class Commander(ABC):
             if on_ground is not was_on_ground:
                 self._note_landing(on_ground=on_ground)
             self._check_setpoints()
-            if self._updates % _UPDATES_PER_CHECK == 0:
+            if truth.time_s - self._checked_s >= _CHECK_PERIOD_S:
+                self._checked_s = truth.time_s
                 self._check_failsafes()
             if on_ground:
                 self._disarm_when_due()

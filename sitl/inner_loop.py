@@ -50,9 +50,11 @@ def fly(
     wind: Wind,
     step_s: float,
     steps: int,
+    age_s: float = 0.0,
 ) -> Flight:
     """Advance plant and controller by ``steps`` steps of ``step_s`` under one moving setpoint.
 
+    ``age_s`` is how long the setpoint has been moving when the first step begins.
     ``rotor_shares`` is what each rotor makes of its command: 1, or 0 when it has failed, of which
     the controller knows nothing.
     """
@@ -67,6 +69,7 @@ def fly(
             tuple(wind),
             step_s,
             steps,
+            age_s,
         )
     )
 
@@ -111,13 +114,15 @@ def _fly(
     air: Plain,
     step_s: float,
     steps: int,
+    age_s: float,
 ) -> Plain:
     state, memory, setpoint = MultirotorState(*start), ControllerMemory(*trim), Setpoint(*wanted)
     gains, parameters, wind = ControllerGains(*limits), MultirotorParameters(*body), Wind(*air)
     shares = RotorSpeeds(*rotor_shares)
     command = RotorSpeeds(0.0, 0.0, 0.0, 0.0)
     for index in range(steps):
-        rotors = control(state, memory, _ahead(setpoint, index * step_s), gains, parameters)
+        moved_on = _ahead(setpoint, age_s + index * step_s)
+        rotors = control(state, memory, moved_on, gains, parameters)
         command = RotorSpeeds(
             rotors.rotor1_rpm * shares.rotor1_rpm,
             rotors.rotor2_rpm * shares.rotor2_rpm,

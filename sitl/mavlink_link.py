@@ -2,17 +2,12 @@
 
 from __future__ import annotations
 
-import logging
 from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from sitl.signing import SIGNATURE_LENGTH, Signing
-
-logger = logging.getLogger(__name__)
-
-# Header after the start byte, payload length excluded, plus the checksum.
-_OVERHEAD = {mavlink.PROTOCOL_MARKER_V1: 8, mavlink.PROTOCOL_MARKER_V2: 12}
+from onboard.mavlink_frames import FrameReader, frame_length
+from sitl.signing import Signing
 
 
 class _Outbox(bytearray):
@@ -27,43 +22,27 @@ class MavlinkLink:
 
     Attributes:
         frames_received: valid and, where signing is on, genuine frames so far.
-        bytes_dropped: bytes that were no part of a valid, known frame.
     """
 
     def __init__(self, system_id: int, component_id: int) -> None:
         self.frames_received = 0
-        self.bytes_dropped = 0
         self._outbox = _Outbox()
         self._encoder = mavlink.MAVLink(self._outbox, system_id, component_id)
-        self._decoder = mavlink.MAVLink(None, system_id, component_id)
+        self._reader = FrameReader(mavlink, trusts_unknown=False)
         self._signing: Signing | None = None
-        self._pending = bytearray()
 
     def parse(self, data: bytes) -> list[Any]:
-        """Return the messages that ``data`` completes; bytes may arrive in any portions.
-
-        After a false start or a damaged frame the search goes on at the very next byte, so that
-        garbage never takes an intact frame with it.
-        """
-        self._pending.extend(data)
-        pending = self._pending
-        messages: list[Any] = []
-        start = 0
-        while start < len(pending):
-            length = _frame_length(pending, start)
-            if length is None:
-                break  # incomplete
-            message = self._decoded(bytes(pending[start : start + length])) if length else None
-            if message is None:
-                self.bytes_dropped += 1
-                start += 1
-            else:
-                start += length
-                if self._signing is None or self._signing.accepts(message.get_msgbuf()):
-                    self.frames_received += 1
-                    messages.append(message)
-        del pending[:start]
+        """Return the genuine messages that ``data`` completes; bytes may arrive in any portions."""
+        messages = self._reader.read(data)
+        if self._signing is not None:
+            messages = [one for one in messages if self._signing.accepts(one.get_msgbuf())]
+        self.frames_received += len(messages)
         return messages
+
+    @property
+    def bytes_dropped(self) -> int:
+        """Bytes that were no part of a valid, known frame."""
+        return self._reader.bytes_dropped
 
     def sign_with(self, signing: Signing | None) -> None:
         """Sign what goes out and refuse what is not signed alike; None for neither."""
@@ -84,32 +63,6 @@ class MavlinkLink:
         self._outbox.clear()
         return data
 
-    def _decoded(self, frame: bytes) -> Any:
-        try:
-            message = self._decoder.decode(bytearray(frame))
-        except mavlink.MAVError as error:
-            logger.debug("dropped a frame: %s", error)
-            return None
-        # An id outside the dialect cannot be checked against its checksum: not a frame to us.
-        return None if message.get_msgId() < 0 else message
-
-
-def _frame_length(data: bytearray, start: int) -> int | None:
-    """Length of the frame at ``start``; 0 if none can start there, None if bytes are missing."""
-    overhead = _OVERHEAD.get(data[start])
-    if overhead is None:
-        return 0
-    if len(data) < start + 3:
-        return None
-    length = overhead + int(data[start + 1])
-    if data[start] == mavlink.PROTOCOL_MARKER_V2:
-        flags = data[start + 2]
-        if flags & ~mavlink.MAVLINK_IFLAG_SIGNED:
-            return 0
-        if flags:
-            length += SIGNATURE_LENGTH
-    return None if len(data) < start + length else length
-
 
 def split_frames(data: bytes, length_max: int) -> list[bytes]:
     """Cut a run of whole frames into portions of at most ``length_max``, between frames only."""
@@ -117,7 +70,7 @@ def split_frames(data: bytes, length_max: int) -> list[bytes]:
     portions = []
     start = end = 0
     while end < len(frames):
-        length = _frame_length(frames, end) or len(frames) - end
+        length = frame_length(frames, end) or len(frames) - end
         if end > start and end + length - start > length_max:
             portions.append(data[start:end])
             start = end

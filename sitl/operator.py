@@ -11,6 +11,8 @@ from typing import Any, Final
 
 from pymavlink.dialects.v20 import common as mavlink
 
+from onboard.mavlink_frames import FrameReader
+
 REPEAT_S: Final = 0.5
 HEALTH: Final = mavlink.MAV_SYS_STATUS_PREARM_CHECK
 OFFBOARD: Final = (6.0, 0.0)
@@ -70,7 +72,7 @@ class Operator:
         self._altitude_m = altitude_m
         self._outgoing = _Outgoing()
         self._mavlink = mavlink.MAVLink(self._outgoing, 255, mavlink.MAV_COMP_ID_MISSIONPLANNER)
-        self._mavlink.robust_parsing = True
+        self._reader = FrameReader(mavlink, trusts_unknown=False)
         self._armed = self._ready = False
         self._offboard = self._copter = False
         self._streams_asked = False
@@ -80,7 +82,7 @@ class Operator:
 
     def receive(self, data: bytes) -> None:
         """Take bytes from the vehicle."""
-        for message in self._mavlink.parse_buffer(data) or []:
+        for message in self._reader.read(data):
             # The autopilot forwards what other components say, heartbeats included.
             if message.get_srcComponent() == mavlink.MAV_COMP_ID_AUTOPILOT1:
                 self._handle(message)

@@ -30,14 +30,24 @@ class Scene:
         start_unix_s: time of day at simulation time zero.
     """
 
-    def __init__(self, config: SitlConfig, field: ObstacleField, start_unix_s: float = 0.0) -> None:
+    def __init__(
+        self,
+        config: SitlConfig,
+        field: ObstacleField,
+        start_unix_s: float = 0.0,
+        ticks_per_decision: int = 1,
+    ) -> None:
         """Set everything up at time zero; ``config.seed`` decides all that is random.
+
+        For ``ticks_per_decision`` see `SimulatedVehicle`.
 
         Raises:
             ParameterError: a configured autopilot parameter does not exist or is out of range.
         """
         self.start_unix_s = start_unix_s
-        self.vehicle = SimulatedVehicle(config, config.seed, start_unix_s)
+        self.vehicle = SimulatedVehicle(
+            config, config.seed, start_unix_s, ticks_per_decision
+        )
         self.world = World(field, config.multirotor.radius_m)
         self._sensors = [
             ObstacleSensor(sensor, field, config.seed, start_unix_s) for sensor in config.sensors
@@ -46,7 +56,7 @@ class Scene:
         self._look()
 
     def advance(self, until_s: float) -> None:
-        """Let time pass until ``until_s``, in the autopilot's ticks."""
+        """Let time pass until ``until_s``, in the vehicle's ticks."""
         while self.vehicle.tick_before(until_s):
             self._look()
 

@@ -71,10 +71,34 @@ class SensorConfig(FileModel):
 
 
 class _Known(NamedTuple):
-    """One obstacle of the field and where its corners are."""
+    """One obstacle of the field, where its corners are, and how far from its centre."""
 
     box: SeenBox
     corners_ned_m: list[Point]
+    reach_m: float
+
+    def is_seen(
+        self, here_ned_m: Point, axis_rad: float, half_view_rad: float, range_m: float
+    ) -> bool:
+        """Tell whether a part of it is near enough, and within the view to either side of its axis.
+
+        Far away and centre in view are told at once; whatever only reaches into the view is cut.
+        """
+        north_m, east_m = here_ned_m
+        ahead_north_m = self.box.center_ned_m[0] - north_m
+        ahead_east_m = self.box.center_ned_m[1] - east_m
+        distance_m = math.hypot(ahead_north_m, ahead_east_m)
+        if distance_m - self.reach_m > range_m:
+            return False
+        cosine, sine = math.cos(axis_rad), math.sin(axis_rad)
+        along_m = cosine * ahead_north_m + sine * ahead_east_m
+        if distance_m <= range_m and along_m > distance_m * math.cos(half_view_rad):
+            return True
+        polygon_m = [
+            _turned((corner_north_m - north_m, corner_east_m - east_m), -axis_rad)
+            for corner_north_m, corner_east_m in self.corners_ned_m
+        ]
+        return distance_in_view_m(polygon_m, half_view_rad) <= range_m
 
 
 class ObstacleSensor:
@@ -151,22 +175,13 @@ class ObstacleSensor:
 
     def _visible(self, truth: VehicleTruth, range_m: float) -> list[int]:
         """Indices of the obstacles with a point within range and field of view."""
-        north_m, east_m, _ = truth.position_ned_m
+        here_ned_m = (truth.position_ned_m[0], truth.position_ned_m[1])
         axis_rad = truth.yaw_rad + math.radians(self.config.yaw_deg)
-        cosine, sine = math.cos(axis_rad), math.sin(axis_rad)
         half_view_rad = math.radians(self.config.field_of_view_deg) / 2.0
         return [
             index
-            for index in self._neighbourhood.within((north_m, east_m), range_m).tolist()
-            if distance_in_view_m(
-                [
-                    (cosine * north + sine * east, cosine * east - sine * north)
-                    for corner_north_m, corner_east_m in self._of_field(index).corners_ned_m
-                    for north, east in [(corner_north_m - north_m, corner_east_m - east_m)]
-                ],
-                half_view_rad,
-            )
-            <= range_m
+            for index in self._neighbourhood.within(here_ned_m, range_m).tolist()
+            if self._of_field(index).is_seen(here_ned_m, axis_rad, half_view_rad, range_m)
         ]
 
     def _of_field(self, index: int) -> _Known:
@@ -179,7 +194,7 @@ class ObstacleSensor:
                 tuple((2.0 * field.half_size_m[index]).tolist()),
                 float(field.yaw_rad[index]),
             )
-            self._known[index] = _Known(box, _corners_ned_m(box))
+            self._known[index] = _Known(box, _corners_ned_m(box), math.hypot(*box.size_m) / 2.0)
         return self._known[index]
 
     def _ideal(self, index: int) -> SeenBox:

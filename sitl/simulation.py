@@ -1,8 +1,9 @@
 """The whole system in virtual time: one seed, one log.
 
 Onboard service, vehicle, sensor and operator exchange the same bytes as over UDP and Zenoh, only
-without sockets; simulation shortcut: bytes and frames arrive in the step in which they were sent,
-unless a link or the sensor's latency delays them.  The only `sitl` module that imports `onboard`'s
+without sockets; simulation shortcuts: bytes and frames arrive in the step in which they were sent,
+unless a link or the sensor's latency delays them; the autopilot decides as often as the service,
+every 20 ms, not every 10 ms as it does live.  The only `sitl` module that imports `onboard`'s
 flight code.
 """
 
@@ -109,7 +110,7 @@ class Simulation:
     def __init__(self, flight: SimulatedFlight) -> None:
         config = flight.sitl.model_copy(update={"seed": flight.seed})
         self.now_s = 0.0
-        self.scene = Scene(config, flight.obstacles, EPOCH_UNIX_S)
+        self.scene = Scene(config, flight.obstacles, EPOCH_UNIX_S, STEPS_PER_TICK)
         self._solver = _LimitedQp()
         self.autonomy = _start_service(flight, self._solver)
         self.operator = Operator(config.system_id, flight.mission.altitude_m)

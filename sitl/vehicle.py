@@ -25,8 +25,8 @@ from sitl.settings import FlightSettings
 from sitl.truth import VehicleTruth
 from sitl.wind import Gust, WindModel
 
-AUTOPILOT_RATE_HZ = 100
-_AUTOPILOT_PERIOD_S = 1.0 / AUTOPILOT_RATE_HZ
+TICK_RATE_HZ = 100
+_TICK_S = 1.0 / TICK_RATE_HZ
 _TICKS_PER_BATTERY = 10  # charge changes slowly
 
 
@@ -38,20 +38,29 @@ class SimulatedVehicle:
         autopilot: its commander and parameters, for tests to look into.
     """
 
-    def __init__(self, config: VehicleConfig, seed: int = 0, start_unix_s: float = 0.0) -> None:
+    def __init__(
+        self,
+        config: VehicleConfig,
+        seed: int = 0,
+        start_unix_s: float = 0.0,
+        ticks_per_decision: int = 1,
+    ) -> None:
         """Put the vehicle at its start.
 
         Args:
             config: body, autopilot and surroundings.
             seed: of everything random about the vehicle.
             start_unix_s: time of day at simulation time zero.
+            ticks_per_decision: the autopilot decides, and sends telemetry, every so many ticks of
+                10 ms; in between the controller follows the set-point's own motion.
 
         Raises:
             ParameterError: a configured autopilot parameter does not exist or is out of range.
         """
         self._parameters = config.multirotor.parameters()
         self._step_s = 1.0 / config.physics_rate_hz
-        self._steps_per_tick = config.physics_rate_hz // AUTOPILOT_RATE_HZ
+        self._steps_per_tick = config.physics_rate_hz // TICK_RATE_HZ
+        self._ticks_per_decision = ticks_per_decision
         self._ticks = 0
         north_m, east_m, down_m = config.start.position_ned_m
         self._flight = Flight(
@@ -68,11 +77,10 @@ class SimulatedVehicle:
             0.0,
         )
         self._battery = Battery(config.battery)
-        self._wind_model = WindModel(
-            config.wind, random.Random(f"{seed} wind"), _AUTOPILOT_PERIOD_S
-        )
+        self._wind_model = WindModel(config.wind, random.Random(f"{seed} wind"), _TICK_S)
         self.truth = self._observe()
         self.autopilot = Autopilot(config, self.truth, self._battery.reading, start_unix_s)
+        self._actuation = Actuation(Drive.OFF)
         self._settings: FlightSettings | None = None
         self._controller_gains = ControllerGains()
 
@@ -91,7 +99,7 @@ class SimulatedVehicle:
 
     def tick_before(self, until_s: float) -> bool:
         """Fly on by one tick of 10 ms, if it fits before ``until_s``; tell whether it did."""
-        fits = (self._ticks + 1) * _AUTOPILOT_PERIOD_S <= until_s + 1e-9
+        fits = (self._ticks + 1) * _TICK_S <= until_s + 1e-9
         if fits:
             self._tick()
         return fits
@@ -101,19 +109,26 @@ class SimulatedVehicle:
         self._wind_model.add(gust)
 
     def _tick(self) -> None:
-        state = self._flight.state
-        actuation = self.autopilot.step(
-            self.truth, self._battery.reading, self._thrust_share(state), _AUTOPILOT_PERIOD_S
-        )
+        if self._ticks_since_decision == 0:
+            self._actuation = self.autopilot.step(
+                self.truth,
+                self._battery.reading,
+                self._thrust_share(self._flight.state),
+                self._ticks_per_decision * _TICK_S,
+            )
         wind = self._wind_model.sample(
-            self.truth.time_s, -state.down_m, self.truth.velocity_ned_mps
+            self.truth.time_s, -self._flight.state.down_m, self.truth.velocity_ned_mps
         )
-        self._flight = self._moved(actuation, wind)
+        self._flight = self._moved(self._actuation, wind)
         self._ticks += 1
         if self._ticks % _TICKS_PER_BATTERY == 0:
             power_w = self._battery.drive_power_w(self._flight.state, self._parameters)
-            self._battery.drain(power_w, _TICKS_PER_BATTERY * _AUTOPILOT_PERIOD_S)
+            self._battery.drain(power_w, _TICKS_PER_BATTERY * _TICK_S)
         self.truth = self._observe()
+
+    @property
+    def _ticks_since_decision(self) -> int:
+        return self._ticks % self._ticks_per_decision
 
     def _moved(self, actuation: Actuation, wind: Wind) -> Flight:
         """Fly one tick of plant and controller."""
@@ -131,6 +146,7 @@ class SimulatedVehicle:
                 wind,
                 self._step_s,
                 self._steps_per_tick,
+                self._ticks_since_decision * _TICK_S,
             )
         # Idle rotors that have failed stand still, which makes no difference on the ground.
         idle_rpm = self._parameters.rotor_speed_min_rpm if actuation.drive is Drive.IDLE else 0.0
@@ -171,7 +187,7 @@ class SimulatedVehicle:
     def _observe(self) -> VehicleTruth:
         state, flight = self._flight.state, self._flight
         return VehicleTruth(
-            time_s=self._ticks * _AUTOPILOT_PERIOD_S,
+            time_s=self._ticks * _TICK_S,
             position_ned_m=state[0:3],
             velocity_ned_mps=state[3:6],
             acceleration_ned_mps2=flight[2:5],
@@ -189,5 +205,5 @@ def warm_up() -> None:
     """
     for down_m in (0.0, -1.0):
         start = StartConfig(position_ned_m=(0.0, 0.0, down_m))
-        SimulatedVehicle(VehicleConfig(start=start)).advance(2.0 * _AUTOPILOT_PERIOD_S)
+        SimulatedVehicle(VehicleConfig(start=start)).advance(2.0 * _TICK_S)
     rotate_frd_from_ned(1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)

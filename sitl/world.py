@@ -74,7 +74,6 @@ class World:
     """A disc of the vehicle's radius among pillars: clearance and collisions.
 
     Attributes:
-        clearance_m: centre to nearest obstacle face, less the radius; ``inf`` in open space.
         clearance_min_m: smallest clearance so far.
         collisions: how often contact with the obstacles began.
     """
@@ -82,12 +81,18 @@ class World:
     def __init__(self, field: ObstacleField, radius_m: float) -> None:
         self.field = field
         self.radius_m = radius_m
-        self.clearance_m = math.inf
         self.clearance_min_m = math.inf
         self.collisions = 0
+        self._here = self._looked_at = (math.inf, math.inf)
+        self._looked_m = math.inf
         self._neighbourhood = Neighbourhood(field)
         self._near: IndexArray | None = None
         self._boxes: list[_Box] = []
+
+    @property
+    def clearance_m(self) -> float:
+        """Centre to nearest obstacle face, less the radius; ``inf`` in open space."""
+        return self._looked_m if self._here == self._looked_at else self.clearance_at_m(self._here)
 
     @property
     def in_collision(self) -> bool:
@@ -96,10 +101,15 @@ class World:
 
     def observe(self, position_ned_m: tuple[float, float, float]) -> None:
         """Take note of where the vehicle is now."""
-        was_in_collision = self.in_collision
-        self.clearance_m = self.clearance_at_m((position_ned_m[0], position_ned_m[1]))
-        self.clearance_min_m = min(self.clearance_min_m, self.clearance_m)
-        if self.in_collision and not was_in_collision:
+        self._here = (position_ned_m[0], position_ned_m[1])
+        # Clearance changes by no more than the way flown: there is often no need to look.
+        at_least_m = self._looked_m - math.dist(self._here, self._looked_at)
+        if at_least_m > max(self.clearance_min_m, 0.0):
+            return
+        was_in_collision = self._looked_m < 0.0
+        self._looked_m, self._looked_at = self.clearance_at_m(self._here), self._here
+        self.clearance_min_m = min(self.clearance_min_m, self._looked_m)
+        if self._looked_m < 0.0 and not was_in_collision:
             self.collisions += 1
 
     def clearance_at_m(self, point_ned_m: tuple[float, float]) -> float:
