@@ -184,10 +184,10 @@ class _Search:
         self.problem = problem
         self._banks = even, front_loaded
         self._tasks: dict[Side, tuple[AxisTask, AxisTask]] = {}
+        alongs = {clear: along_task(problem, clear=clear) for clear in (False, True)}
         for side in SIDES:
             clear = problem.sidestep(side).is_clear
-            along = along_task(problem, clear=clear)
-            self._tasks[side] = along, across_task(problem, side, clear=clear)
+            self._tasks[side] = alongs[clear], across_task(problem, side, clear=clear)
         # Crossing times between which nothing has failed yet.
         self._window_s: dict[Side, tuple[float, float]] = dict.fromkeys(SIDES, (0.0, math.inf))
         self._best = incumbent
@@ -322,13 +322,16 @@ class _Search:
         """Make a trajectory up to the border, y still mirrored; None unless it certifies."""
         problem = self.problem
         mirror = (1.0, -1.0 if candidate.side == "left" else 1.0, 1.0)
-        avoiding = Trajectory.from_accelerations(
-            problem.start_s, problem.start, durations_s, nodes_mps2 * mirror
-        )
-        left_m = problem.region.x_pob_m - avoiding.final.position_leg_m[X]
-        if left_m <= 0.0:
-            return None
-        trajectory = avoiding.coasting_for(left_m / problem.exit_speed_mps)
+        try:
+            trajectory = Trajectory.from_accelerations(
+                problem.start_s,
+                problem.start,
+                durations_s,
+                nodes_mps2 * mirror,
+                coast_to_x_m=problem.region.x_pob_m,
+            )
+        except ValueError:
+            return None  # beyond the border by what the solver is off
         certificate = certify_avoidance(trajectory, problem)
         if not certificate.valid:
             self.reasons.append(reason(f"qp, {candidate.side}", certificate))

@@ -1,8 +1,8 @@
 """OSQP behind one small door: solves QPs the same way on every machine and in every run.
 
 Nothing adapts by elapsed time (no rho updates, no time limit, no polishing) and every solve
-starts from an explicit point, so a plan is a function of its problem.  Rows are scaled here
-instead of by OSQP's equilibration, which would slow convergence down.
+starts from a point that follows from its QP, so a plan is a function of its problem.  Rows are
+scaled here instead of by OSQP's equilibration, which would slow convergence down.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ _SETTINGS: dict[str, Any] = {
     "adaptive_rho": False,
     "eps_abs": 1e-3,
     "eps_rel": 0.0,
-    "check_termination": 10,
+    "check_termination": 5,
     "max_iter": 1000,
     "polishing": False,
     "verbose": False,
@@ -56,15 +56,20 @@ class QpSolver:
 
     def __init__(self, hessian: FloatArray, rows: FloatArray) -> None:
         variables, count = hessian.shape[0], rows.shape[0]
+        inverse = np.linalg.inv(hessian)
         # The square of a row's change that costs one.
-        cheapness = np.einsum("ij,ji->i", rows, np.linalg.solve(hessian, rows.T))
+        cheapness = np.einsum("ij,jk,ik->i", rows, inverse, rows)
         self._scale = cheapness**_ROW_SCALING_EXPONENT
-        self._origin = np.zeros(variables), np.zeros(count)
+        self._rows = self._scale[:, None] * rows
+        self._cheapness = self._scale**2 * cheapness
+        self._descent = -inverse
+        # What the variables change by as a row's multiplier grows by one, (m, n).
+        self._responses = -self._rows @ inverse
         self._osqp = osqp.OSQP()
         self._osqp.setup(
             P=sparse.csc_matrix(np.triu(hessian)),
             q=np.zeros(variables),
-            A=sparse.csc_matrix(self._scale[:, None] * rows),
+            A=sparse.csc_matrix(self._rows),
             l=np.zeros(count),
             u=np.zeros(count),
             **_SETTINGS,
@@ -80,12 +85,25 @@ class QpSolver:
         """
         if (lower > upper).any():
             return None
-        self._osqp.update(
-            q=gradient,
-            l=np.maximum(lower * self._scale, -_INACTIVE),
-            u=np.minimum(upper * self._scale, _INACTIVE),
-        )
-        self._osqp.warm_start(*self._origin)
+        lower = np.maximum(lower * self._scale, -_INACTIVE)
+        upper = np.minimum(upper * self._scale, _INACTIVE)
+        self._osqp.update(q=gradient, l=lower, u=upper)
+        self._osqp.warm_start(*self._guess(gradient, lower, upper))
         result = self._osqp.solve(raise_error=False)
         solved = result.info.status_val == osqp.SolverStatus.OSQP_SOLVED
         return Optimum(np.array(result.x), result.info.obj_val) if solved else None
+
+    def _guess(
+        self, gradient: FloatArray, lower: FloatArray, upper: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return variables and multipliers of the QP with its dearest row alone: a closed form.
+
+        It halves the number of iterations, and often is the optimum already.
+        """
+        free = self._descent @ gradient
+        values = self._rows @ free
+        excess = values - values.clip(lower, upper)
+        dearest = int((excess * excess / self._cheapness).argmax())
+        multipliers = np.zeros(len(values))
+        multipliers[dearest] = excess[dearest] / self._cheapness[dearest]
+        return free + multipliers[dearest] * self._responses[dearest], multipliers

@@ -104,14 +104,38 @@ class Trajectory:
         start: State,
         durations_s: FloatArray,
         acceleration_leg_mps2: FloatArray,
+        coast_to_x_m: float | None = None,
     ) -> Trajectory:
-        """Integrate accelerations (n + 1, 3) that are given at the knots and linear in between."""
+        """Integrate accelerations (n + 1, 3) that are given at the knots and linear in between.
+
+        Args:
+            start_s: absolute time of the first knot.
+            start: position and velocity at it.
+            durations_s: of the pieces, (n,).
+            acceleration_leg_mps2: at the knots.
+            coast_to_x_m: if given, one more piece without acceleration, up to this x.
+
+        Raises:
+            ValueError: a duration is not above zero, that of the coast included.
+        """
         t = durations_s[:, None]
         begin, end = acceleration_leg_mps2[:-1], acceleration_leg_mps2[1:]
-        velocity = np.cumsum(np.vstack((start.velocity_leg_mps, t * (begin + end) / 2.0)), axis=0)
+        velocity = np.vstack((start.velocity_leg_mps, t * (begin + end) / 2.0)).cumsum(axis=0)
         advance = t * (velocity[:-1] + t * (2.0 * begin + end) / 6.0)
-        position = np.cumsum(np.vstack((start.position_leg_m, advance)), axis=0)
-        return cls(start_s, durations_s, position[:-1], velocity[:-1], begin, (end - begin) / t)
+        position = np.vstack((start.position_leg_m, advance)).cumsum(axis=0)
+        jerk = (end - begin) / t
+        if coast_to_x_m is None:
+            return cls(start_s, durations_s, position[:-1], velocity[:-1], begin, jerk)
+        coast_s = (coast_to_x_m - position[-1, X]) / velocity[-1, X]
+        still = np.zeros((1, 3))
+        return cls(
+            start_s,
+            np.append(durations_s, coast_s),
+            position,
+            velocity,
+            np.concatenate((begin, still)),
+            np.concatenate((jerk, still)),
+        )
 
     def coasting_for(self, duration_s: float) -> Trajectory:
         """Return this trajectory with its final coast made explicit for a duration above zero."""
