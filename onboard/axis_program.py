@@ -17,7 +17,7 @@ import numpy as np
 
 from onboard import spline
 from onboard.avoidance import DELAY_COST_M2PS4
-from onboard.profile import AxisState
+from onboard.profile import Profile, speed_change
 from onboard.trajectory import X
 
 if TYPE_CHECKING:
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
     from onboard.avoidance import AvoidanceProblem, Side
     from onboard.frames import FloatArray, IntArray
-    from onboard.profile import AxisLimits
+    from onboard.profile import AxisLimits, AxisState
 
 # Kept from every face and border, and left of every limit: more than the solver's tolerance eats.
 MARGIN_M = 2e-3
@@ -80,6 +80,16 @@ class AxisTask:
     def lifted(self, factor: float) -> AxisTask:
         """Return the task with the acceleration that extra lift would allow."""
         return replace(self, limits=self.limits.scaled(factor))
+
+    def profile_to(self, speed_mps: float) -> Profile:
+        """Change to a speed, from position 0, as quickly as the limits allow."""
+        start = self.start._replace(position_m=0.0)
+        return Profile(0.0, start.velocity_mps, speed_change(start, speed_mps, self.limits))
+
+    @cached_property
+    def braking(self) -> Profile:
+        """Come to a halt likewise."""
+        return self.profile_to(0.0)
 
     def parameters(self, piece_s: FloatArray) -> FloatArray:
         """Dimensionless start and end, and reward for the end position: (..., 4).
@@ -150,19 +160,20 @@ class TaskBatch(NamedTuple):
     @classmethod
     def of(cls, questions: Sequence[tuple[AxisTask, FloatArray]], rows: IntArray) -> Self:
         """Collect tasks with their piece lengths [s], and some rows of their bounds."""
-        tasks = [task for task, _ in questions]
-        owners = np.arange(len(tasks)).repeat([len(pieces_s) for _, pieces_s in questions])
+        counts = [len(pieces_s) for _, pieces_s in questions]
         pieces_s = np.concatenate([pieces_s for _, pieces_s in questions])
+        si_parameters = np.array([task.si_parameters for task, _ in questions])
+        si_bounds = np.array([task.si_bounds for task, _ in questions]).transpose(1, 2, 0)
+        units_mps2 = np.array([task.unit_mps2 for task, _ in questions])
         powers = _powers(pieces_s)
-        si_parameters = np.array([task.si_parameters for task in tasks])
-        si_bounds = np.array([task.si_bounds for task in tasks])[:, :, rows]
-        units_mps2 = np.array([task.unit_mps2 for task in tasks])
-        lower, upper = powers.T[_ROW_POWERS[rows]] * si_bounds.transpose(1, 2, 0)[:, :, owners]
+        # In the order of memory: fancy indices would leave the long axis outermost.
+        lower, upper = si_bounds[:, rows].repeat(counts, axis=2)
+        units = powers.T.take(_ROW_POWERS[rows], axis=0)
         return cls(
-            powers[:, _PARAMETER_POWERS] * si_parameters[owners],
-            lower,
-            upper,
-            (units_mps2 * units_mps2)[owners] * pieces_s,
+            powers[:, _PARAMETER_POWERS] * si_parameters.repeat(counts, axis=0),
+            units * lower,
+            units * upper,
+            (units_mps2 * units_mps2).repeat(counts) * pieces_s,
         )
 
 

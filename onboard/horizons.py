@@ -16,7 +16,6 @@ import numpy as np
 
 from onboard import spline
 from onboard.axis_program import TaskBatch
-from onboard.profile import Profile, speed_change
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -155,7 +154,7 @@ def crossing_times(along: AxisTask, across: AxisTask, count: int) -> CrossingTim
     if math.isinf(front_m):
         latest_s, waiting = max(3.0 * earliest_s, _UNHURRIED_S), False
     else:
-        braking = _profile(along, 0.0)
+        braking = along.braking
         waiting = braking.duration_s < earliest_s
         speed_mps = max(along.start.velocity_mps, _SLOW_SHARE * along.end_speed_mps)
         approach_s = max(front_m, 0.0) / speed_mps
@@ -173,18 +172,12 @@ def _time_to_reach(task: AxisTask, position_m: float) -> float:
     drifting_back = task.start.velocity_mps < 0.0
     if position_m <= 0.0 and not drifting_back:
         return 0.0
-    rushing = _profile(task, min(task.speed_before_mps[1], _UNBOUNDED_MPS))
+    rushing = task.profile_to(min(task.speed_before_mps[1], _UNBOUNDED_MPS))
     reached_s = rushing.last_time_at_s(position_m)
     if reached_s is None and drifting_back:
         # Never that far back; but it has to come to an end.
-        return _profile(task, 0.0).duration_s
+        return task.braking.duration_s
     if reached_s is not None:
         return reached_s
     coast_m = position_m - rushing.final.position_m
     return rushing.duration_s + coast_m / rushing.final.velocity_mps
-
-
-def _profile(task: AxisTask, speed_mps: float) -> Profile:
-    """Change to a speed, from position 0, as quickly as the limits allow."""
-    start = task.start._replace(position_m=0.0)
-    return Profile(0.0, start.velocity_mps, speed_change(start, speed_mps, task.limits))

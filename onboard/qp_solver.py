@@ -24,13 +24,13 @@ _INACTIVE = 1e8
 
 _SETTINGS: dict[str, Any] = {
     "scaling": 0,
-    "rho": 1.0,
+    "rho": 1.5,
     "sigma": 1e-9,
     "alpha": 1.6,
     "adaptive_rho": False,
     "eps_abs": 1e-3,
     "eps_rel": 0.0,
-    "check_termination": 5,
+    "check_termination": 15,
     "max_iter": 1000,
     "polishing": False,
     "verbose": False,
