@@ -7,7 +7,6 @@ frames therein.  Here the search goes on at the very next byte; decoding stays p
 from __future__ import annotations
 
 import logging
-from collections.abc import Iterator
 from typing import Any, Final
 
 from pymavlink.dialects.v20 import common as mavlink

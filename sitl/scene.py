@@ -45,9 +45,7 @@ class Scene:
             ParameterError: a configured autopilot parameter does not exist or is out of range.
         """
         self.start_unix_s = start_unix_s
-        self.vehicle = SimulatedVehicle(
-            config, config.seed, start_unix_s, ticks_per_decision
-        )
+        self.vehicle = SimulatedVehicle(config, config.seed, start_unix_s, ticks_per_decision)
         self.world = World(field, config.multirotor.radius_m)
         self._sensors = [
             ObstacleSensor(sensor, field, config.seed, start_unix_s) for sensor in config.sensors
