@@ -34,6 +34,10 @@ _PREFERRED_WEIGHT = 0.02
 # How near to the cruise height a plan ends; the cruise after it settles the rest.
 _RETURN_M = 0.02
 
+# Of the vertical jerk limit: height is dimensionless in the unit of x, in which the solver's
+# tolerance is a larger part of it.
+_VERTICAL_JERK_SHARE = 0.97
+
 _ACCELERATIONS = slice(0, spline.ROW_COUNTS[0])
 _OTHERS = slice(spline.ROW_COUNTS[0], spline.ROWS)
 _Z_JERKS = slice(spline.ROW_COUNTS[0], sum(spline.ROW_COUNTS[:2]))
@@ -177,10 +181,10 @@ def coupling_of(problem: AvoidanceProblem, along: AxisTask, across: AxisTask) ->
 
 def vertical_task(problem: AvoidanceProblem, unit_mps2: float) -> AxisTask:
     """Return the z axis, which only has to end at rest."""
-    anything = (-math.inf, math.inf)
+    anything, vertical = (-math.inf, math.inf), problem.envelope.vertical
     return AxisTask(
         start=problem.start.axis(Z),
-        limits=problem.envelope.vertical,
+        limits=vertical._replace(jerk_max_mps3=_VERTICAL_JERK_SHARE * vertical.jerk_max_mps3),
         end_speed_mps=0.0,
         crossing_m=anything,
         end_max_m=math.inf,

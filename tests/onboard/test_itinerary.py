@@ -166,7 +166,7 @@ def test_the_new_leg_begins_at_the_height_at_which_the_vehicle_stopped(contract:
     """A climb just flown is not yet undone where the vehicle stops; the setpoints do not jump."""
     mission = mission_to((60.0, 0.0)).model_copy(update={"climb_max_m": 1.5})
     rig = Rig(Autonomy(contract, mission, epoch_unix_s=EPOCH_UNIX_S), mode=OFFBOARD)
-    rig.obstacles = [box((24.0, 0.2))]
+    rig.obstacles = [box((24.0, 0.0))]
     rig.run(20.0, until=lambda: rig.phase is Phase.AVOID)
     sent(rig, mission_to((30.0, 40.0)))
     rig.run(60.0, until=lambda: rig.phase is Phase.ARRIVED)
