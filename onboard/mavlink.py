@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any, Final, NamedTuple
 
@@ -32,6 +33,11 @@ _REQUESTED_MESSAGES: Final = (
     (mavlink.MAVLINK_MSG_ID_ATTITUDE, TELEMETRY_RATE_HZ),
     (mavlink.MAVLINK_MSG_ID_EXTENDED_SYS_STATE, 5.0),
     (mavlink.MAVLINK_MSG_ID_POSITION_TARGET_LOCAL_NED, 10.0),
+)
+_SETPOINT_MESSAGES: Final = (
+    mavlink.MAVLINK_MSG_ID_SET_POSITION_TARGET_LOCAL_NED,
+    mavlink.MAVLINK_MSG_ID_SET_POSITION_TARGET_GLOBAL_INT,
+    mavlink.MAVLINK_MSG_ID_SET_ATTITUDE_TARGET,
 )
 # ArduPilot sends nothing until asked, and forgets what it was asked when it reboots.
 _REQUEST_PERIOD_S: Final = 2.0
@@ -93,7 +99,13 @@ class VehicleStatus:
 
 @dataclass
 class LinkCounters:
-    """What arrived and was not used; nothing of it ever raises."""
+    """What arrived and was not used; nothing of it ever raises.
+
+    Attributes:
+        garbage_bytes: no part of an intact frame.
+        malformed_messages: with values that are no numbers.
+        foreign_messages: of the kinds that are read, but not from our autopilot.
+    """
 
     garbage_bytes: int = 0
     malformed_messages: int = 0
@@ -122,7 +134,15 @@ class MavlinkEndpoint:
         self._attitude_s = -math.inf
         self._outgoing: deque[bytes] = deque(maxlen=1000)
         self._mavlink = mavlink.MAVLink(_Sink(self._outgoing), system_id, COMPONENT_ID)
-        self._reader = FrameReader(mavlink, trusts_unknown=True)
+        self._handlers: dict[int, Callable[[Any, float], None]] = {
+            mavlink.MAVLINK_MSG_ID_HEARTBEAT: self._on_heartbeat,
+            mavlink.MAVLINK_MSG_ID_LOCAL_POSITION_NED: self._on_position,
+            mavlink.MAVLINK_MSG_ID_ATTITUDE: self._on_attitude,
+            mavlink.MAVLINK_MSG_ID_EXTENDED_SYS_STATE: self._on_extended_state,
+            mavlink.MAVLINK_MSG_ID_POSITION_TARGET_LOCAL_NED: self._on_target,
+        }
+        wanted = frozenset((*self._handlers, *_SETPOINT_MESSAGES))
+        self._reader = FrameReader(mavlink, wanted, trusts_unknown=True)
         self._heartbeat_due_s = -math.inf
         self._request_due_s = -math.inf
 
@@ -193,28 +213,16 @@ class MavlinkEndpoint:
             )
 
     def _handle(self, message: Any, now_s: float) -> None:
-        kind = message.get_type()
-        if (
-            message.get_srcSystem() != self._system_id
-            or message.get_srcComponent() != mavlink.MAV_COMP_ID_AUTOPILOT1
-        ):
+        sender = (message.get_srcSystem(), message.get_srcComponent())
+        if sender != (self._system_id, mavlink.MAV_COMP_ID_AUTOPILOT1):
             self.counters.foreign_messages += 1
             self._note_rival(message, now_s)
-        elif kind == "HEARTBEAT":
-            self._on_heartbeat(message, now_s)
-        elif kind == "LOCAL_POSITION_NED":
-            self._on_position(message, now_s)
-        elif kind == "ATTITUDE":
-            self._on_attitude(message, now_s)
-        elif kind == "EXTENDED_SYS_STATE":
-            self._on_extended_state(message)
-        elif kind == "POSITION_TARGET_LOCAL_NED":
-            self._on_target(message, now_s)
+        elif (handler := self._handlers.get(message.get_msgId())) is not None:
+            handler(message, now_s)
 
     def _note_rival(self, message: Any, now_s: float) -> None:
-        if message.get_type() not in _SETPOINT_MESSAGES:
-            return
-        if message.target_system in (0, self._system_id):
+        tells_where_to_go = message.get_msgId() in _SETPOINT_MESSAGES
+        if tells_where_to_go and message.target_system in (0, self._system_id):
             self.rival_heard_s = now_s
             self.rival = f"{message.get_srcSystem()}/{message.get_srcComponent()}"
 
@@ -248,19 +256,10 @@ class MavlinkEndpoint:
         velocity_ned_mps = (message.vx, message.vy, message.vz)
         self.target_heard_s, self.target = now_s, (position_ned_m, velocity_ned_mps)
 
-    def _on_extended_state(self, message: Any) -> None:
+    def _on_extended_state(self, message: Any, _: float) -> None:
         known = message.landed_state != mavlink.MAV_LANDED_STATE_UNDEFINED
         airborne = message.landed_state == mavlink.MAV_LANDED_STATE_IN_AIR
         self.status = replace(self.status, airborne=airborne if known else None)
-
-
-_SETPOINT_MESSAGES: Final = frozenset(
-    {
-        "SET_POSITION_TARGET_LOCAL_NED",
-        "SET_POSITION_TARGET_GLOBAL_INT",
-        "SET_ATTITUDE_TARGET",
-    }
-)
 
 
 class _Sink:

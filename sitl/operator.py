@@ -33,6 +33,7 @@ STREAMS: Final = {
     mavlink.MAVLINK_MSG_ID_VFR_HUD: -1,
     mavlink.MAVLINK_MSG_ID_GPS_RAW_INT: -1,
 }
+_HEARD: Final = (mavlink.MAVLINK_MSG_ID_HEARTBEAT, *TAKE_OFF_STREAMS)
 # A vehicle that may not be armed for so long will not be; nor does one climb that is this slow.
 PATIENCE_S: Final = 30.0
 CLIMB_MIN_MPS: Final = 0.2
@@ -72,7 +73,7 @@ class Operator:
         self._altitude_m = altitude_m
         self._outgoing = _Outgoing()
         self._mavlink = mavlink.MAVLink(self._outgoing, 255, mavlink.MAV_COMP_ID_MISSIONPLANNER)
-        self._reader = FrameReader(mavlink, trusts_unknown=False)
+        self._reader = FrameReader(mavlink, _HEARD, trusts_unknown=False)
         self._armed = self._ready = False
         self._offboard = self._copter = False
         self._streams_asked = False
