@@ -28,7 +28,7 @@ from sitl.truth import Vector, VehicleTruth
 _ESTIMATOR_START_S = 1.0
 _ARMING_TILT_MAX_RAD = math.radians(30.0)
 _HEIGHT_MAX_M = 10_000.0
-_CHECK_PERIOD_S = 0.05  # between two looks at the failsafes
+_CHECK_PERIOD_S = 0.1  # between two looks at the failsafes
 _MODE_OF_REACTION = {
     Reaction.HOLD: Mode.HOLD,
     Reaction.RETURN: Mode.RTL,

@@ -2,7 +2,7 @@
 
 The loop is compiled where Numba is installed.  Named tuples take ten times as long as plain ones on
 their way into compiled code and out of it, longer than what happens there: so they are unnamed at
-the border and named again behind it.
+the border.
 """
 
 from __future__ import annotations
@@ -29,20 +29,37 @@ from sitl.multirotor import (
 
 Plain = tuple[float, ...]
 
+_NOTHING = (0.0, 0.0, 0.0)
+
 
 class Flight(NamedTuple):
-    """State of plant and controller, and the acceleration at that instant, NED."""
+    """Plant and controller at one instant, unnamed: most of it is only handed on.
 
-    state: MultirotorState
-    memory: ControllerMemory
-    acceleration_north_mps2: float
-    acceleration_east_mps2: float
-    acceleration_down_mps2: float
+    Attributes:
+        values: the state (17), the controller's memory (3), and the acceleration, NED (3).
+    """
+
+    values: Plain
+
+    @classmethod
+    def of(cls, state: MultirotorState) -> Flight:
+        """Begin in a state, with nothing trimmed out, and not accelerating."""
+        return cls(tuple(state) + _NOTHING + _NOTHING)
+
+    @property
+    def state(self) -> MultirotorState:
+        """State of the plant."""
+        return MultirotorState._make(self.values[:17])
+
+    @property
+    def memory(self) -> ControllerMemory:
+        """What the controller carries on."""
+        return ControllerMemory._make(self.values[17:20])
 
 
 def fly(
-    state: MultirotorState,
-    memory: ControllerMemory,
+    state: Plain,
+    memory: Plain,
     setpoint: Setpoint,
     gains: ControllerGains,
     parameters: MultirotorParameters,
@@ -58,7 +75,7 @@ def fly(
     ``rotor_shares`` is what each rotor makes of its command: 1, or 0 when it has failed, of which
     the controller knows nothing.
     """
-    return _named(
+    return Flight(
         _fly(
             tuple(state),
             tuple(memory),
@@ -75,7 +92,7 @@ def fly(
 
 
 def spin(
-    state: MultirotorState,
+    state: Plain,
     command: RotorSpeeds,
     parameters: MultirotorParameters,
     wind: Wind,
@@ -83,24 +100,12 @@ def spin(
     steps: int,
 ) -> Flight:
     """Advance the plant alone, rotors at fixed commands: off, or idling on the ground."""
-    return _named(
+    return Flight(
         _spin(tuple(state), tuple(command), tuple(parameters), tuple(wind), step_s, steps)
     )
 
 
-def _named(values: Plain) -> Flight:
-    north_mps2, east_mps2, down_mps2 = values[20:]
-    return Flight(
-        MultirotorState._make(values[:17]),
-        ControllerMemory._make(values[17:20]),
-        north_mps2,
-        east_mps2,
-        down_mps2,
-    )
-
-
 _ahead = compiled(ahead)
-_UNTRIMMED = (0.0, 0.0, 0.0)
 
 
 @compiled
@@ -141,4 +146,4 @@ def _spin(start: Plain, speeds: Plain, body: Plain, air: Plain, step_s: float, s
     parameters, wind = MultirotorParameters(*body), Wind(*air)
     for _ in range(steps):
         state = step(state, command, wind, parameters, step_s)
-    return state[0:17] + _UNTRIMMED + derivative(state, command, wind, parameters)[3:6]
+    return state[0:17] + _NOTHING + derivative(state, command, wind, parameters)[3:6]

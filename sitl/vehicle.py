@@ -14,7 +14,6 @@ from sitl.controller import ControllerGains, ControllerMemory, Setpoint
 from sitl.inner_loop import Flight, fly, spin
 from sitl.multirotor import (
     GRAVITY_MPS2,
-    MultirotorState,
     RotorSpeeds,
     Wind,
     hover_speed_rpm,
@@ -27,7 +26,8 @@ from sitl.wind import Gust, WindModel
 
 TICK_RATE_HZ = 100
 _TICK_S = 1.0 / TICK_RATE_HZ
-_TICKS_PER_BATTERY = 10  # charge changes slowly
+_TICKS_PER_BATTERY = 20  # charge changes slowly
+_UNTRIMMED = tuple(ControllerMemory())
 
 
 class SimulatedVehicle:
@@ -63,18 +63,14 @@ class SimulatedVehicle:
         self._ticks_per_decision = ticks_per_decision
         self._ticks = 0
         north_m, east_m, down_m = config.start.position_ned_m
-        self._flight = Flight(
+        self._flight = Flight.of(
             standing_state(
                 north_m,
                 east_m,
                 down_m,
                 math.radians(config.start.yaw_deg),
                 hover_speed_rpm(self._parameters) if down_m < 0.0 else 0.0,
-            ),
-            ControllerMemory(),
-            0.0,
-            0.0,
-            0.0,
+            )
         )
         self._battery = Battery(config.battery)
         self._wind_model = WindModel(config.wind, random.Random(f"{seed} wind"), _TICK_S)
@@ -113,11 +109,11 @@ class SimulatedVehicle:
             self._actuation = self.autopilot.step(
                 self.truth,
                 self._battery.reading,
-                self._thrust_share(self._flight.state),
+                self._thrust_share(),
                 self._ticks_per_decision * _TICK_S,
             )
         wind = self._wind_model.sample(
-            self.truth.time_s, -self._flight.state.down_m, self.truth.velocity_ned_mps
+            self.truth.time_s, -self.truth.position_ned_m[2], self.truth.velocity_ned_mps
         )
         self._flight = self._moved(self._actuation, wind)
         self._ticks += 1
@@ -132,9 +128,9 @@ class SimulatedVehicle:
 
     def _moved(self, actuation: Actuation, wind: Wind) -> Flight:
         """Fly one tick of plant and controller."""
-        state, memory = self._flight.state, self._flight.memory
+        state, memory = self._flight.values[:17], self._flight.values[17:20]
         if self.autopilot.commander.on_ground:
-            memory = ControllerMemory()  # the ground's support is no disturbance to trim out
+            memory = _UNTRIMMED  # the ground's support is no disturbance to trim out
         if actuation.drive is Drive.FLY and actuation.setpoint is not None:
             return fly(
                 state,
@@ -177,23 +173,24 @@ class SimulatedVehicle:
             )
         return self._controller_gains
 
-    def _thrust_share(self, state: MultirotorState) -> float:
-        squares = (
-            state.rotor1_rpm**2 + state.rotor2_rpm**2 + state.rotor3_rpm**2 + state.rotor4_rpm**2
-        )
+    def _thrust_share(self) -> float:
+        first, second, third, fourth = self.truth.rotor_speeds_rpm
+        squares = first * first + second * second + third * third + fourth * fourth
         thrust_n = self._parameters.thrust_coefficient_n_per_rpm2 * squares
         return thrust_n / (self._parameters.mass_kg * GRAVITY_MPS2)
 
     def _observe(self) -> VehicleTruth:
-        state, flight = self._flight.state, self._flight
+        values = self._flight.values
+        n, e, d, vn, ve, vd, w, x, y, z, p, q, r, first, second, third, fourth = values[:17]
+        an, ae, ad = values[20:]
         return VehicleTruth(
-            time_s=self._ticks * _TICK_S,
-            position_ned_m=state[0:3],
-            velocity_ned_mps=state[3:6],
-            acceleration_ned_mps2=flight[2:5],
-            attitude_quaternion=state[6:10],
-            body_rates_radps=state[10:13],
-            rotor_speeds_rpm=state[13:17],
+            self._ticks * _TICK_S,
+            (n, e, d),
+            (vn, ve, vd),
+            (an, ae, ad),
+            (w, x, y, z),
+            (p, q, r),
+            (first, second, third, fourth),
         )
 
 
