@@ -38,7 +38,8 @@ class FrameReader:
         self, dialect: Any, wanted: Collection[int] | None = None, *, trusts_unknown: bool
     ) -> None:
         self.bytes_dropped = 0
-        self._dialect = dialect
+        self._kinds = dialect.mavlink_map
+        self._crc = dialect.x25crc
         self._wanted = wanted
         self._codec = dialect.MAVLink(None)
         self._error = dialect.MAVError
@@ -73,11 +74,11 @@ class FrameReader:
         message_id = int.from_bytes(frame[7:10], "little")
         if message_id in self._wanted:
             return False
-        kind = self._dialect.mavlink_map.get(message_id)
+        kind = self._kinds.get(message_id)
         if kind is None:
             return self._trusts_unknown
         end = _HEADER_LENGTH + frame[1]
-        checksum = self._dialect.x25crc(frame[1:end] + bytes((kind.crc_extra,))).crc
+        checksum = self._crc(frame[1:end] + bytes((kind.crc_extra,))).crc
         return bool(checksum == int.from_bytes(frame[end : end + 2], "little"))
 
     def _decoded(self, frame: bytearray) -> Any:
