@@ -78,6 +78,9 @@ def test_nominal_fields_keep_their_contract_and_cover_both_shapes() -> None:
     assert min(speeds_mps) < 1.8
     assert max(speeds_mps) > 4.4
     assert {len(s.obstacles) for s in scenarios} >= {1, 2, 3}
+    # Most begin in hover; every tenth or so takes off.
+    from_ground = sum(s.plant.start.position_ned_m[2] == 0.0 for s in scenarios)
+    assert 5 <= from_ground <= 30
     # Up to S_max, and not much farther apart than D_sep.
     filled = [
         max(rule.required for rule in _rules(s, "obstacle_size_max"))

@@ -315,6 +315,21 @@ def test_a_batch_of_tasks_states_what_each_task_states() -> None:
         assert batch.cost_unit[k] == task.cost_unit(piece_s)
 
 
+def test_the_first_guess_is_the_optimum_where_one_row_binds() -> None:
+    matrices = spline.TwoPhaseSpline.with_ratio(1.0)
+    solver = QpSolver(matrices.hessian, matrices.rows)
+    gradient = matrices.gradient_from_parameters @ np.array([0.4, 0.0, 0.9])
+    lower, upper = np.full(spline.ROWS, -np.inf), np.full(spline.ROWS, np.inf)
+    free = -np.linalg.solve(matrices.hessian, gradient)
+    lower[spline.CROSSING_ROW] = matrices.rows[spline.CROSSING_ROW] @ free + 1.0
+    optimum = solver.solve(gradient, lower, upper)
+    assert optimum is not None
+    # By Lagrange: the least that moves the row by one.
+    response = np.linalg.solve(matrices.hessian, matrices.rows[spline.CROSSING_ROW])
+    expected = free + response / (matrices.rows[spline.CROSSING_ROW] @ response)
+    np.testing.assert_allclose(optimum.variables, expected, rtol=1e-9, atol=1e-9)
+
+
 def test_the_spline_is_what_the_trajectory_integrates() -> None:
     matrices = spline.TwoPhaseSpline.with_ratio(0.7, growth=1.2)
     rng = np.random.default_rng(59)

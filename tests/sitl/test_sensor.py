@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from typing import Any
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from sitl.field import Obstacle, ObstacleField
@@ -97,6 +97,28 @@ def test_an_obstacle_counts_by_its_part_in_view() -> None:
     turned = looking(yaw_rad=math.radians(45.0))
     assert seen(sensor(wall, field_of_view_deg=20.0, range_m=12.1), turned)
     assert not seen(sensor(wall, field_of_view_deg=20.0, range_m=12.0), turned)
+
+
+@given(
+    st.floats(-14.0, 14.0),
+    st.floats(-14.0, 14.0),
+    st.floats(-3.1, 3.1),
+    st.sampled_from((20.0, 120.0, 200.0, 360.0)),
+)
+def test_what_is_told_at_once_is_what_the_cut_polygon_tells(
+    north_m: float, east_m: float, yaw_rad: float, field_of_view_deg: float
+) -> None:
+    truth = looking(yaw_rad=yaw_rad)
+    told = bool(seen(sensor(pillar(north_m, east_m), field_of_view_deg=field_of_view_deg), truth))
+    cosine, sine = math.cos(yaw_rad), math.sin(yaw_rad)
+    corners_ned_m = [
+        (north_m + half_m, east_m + side_m)
+        for half_m, side_m in ((0.5, 0.6), (-0.5, 0.6), (-0.5, -0.6), (0.5, -0.6))
+    ]
+    polygon_m = [(cosine * n + sine * e, cosine * e - sine * n) for n, e in corners_ned_m]
+    distance_m = distance_in_view_m(polygon_m, math.radians(field_of_view_deg) / 2.0)
+    assume(abs(distance_m - 12.0) > 1e-9)
+    assert told is (distance_m <= 12.0)
 
 
 def test_a_sensor_may_look_aside() -> None:

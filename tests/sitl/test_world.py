@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import math
 import random
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -144,6 +145,25 @@ def test_every_contact_counts_once() -> None:
     assert world.clearance_min_m == pytest.approx(-1.5)  # deepest: the centre, less the radius
     world.observe((3.4, 0.0, -4.0))
     assert world.clearance_m == pytest.approx(0.1)
+
+
+@given(st.lists(st.tuples(st.floats(-0.6, 0.6), st.floats(-0.6, 0.6)), min_size=1, max_size=60))
+def test_looking_only_where_it_matters_finds_what_looking_always_finds(
+    steps_m: list[tuple[float, float]],
+) -> None:
+    world = World(ObstacleField.of([box(1.5), box(-3.0)]), 0.5)
+    here_ned_m = (0.0, 0.0)
+    clearances_m = []
+    for north_m, east_m in steps_m:
+        here_ned_m = (here_ned_m[0] + north_m, here_ned_m[1] + east_m)
+        world.observe((*here_ned_m, -4.0))
+        clearances_m.append(world.clearance_at_m(here_ned_m))
+        assert world.clearance_m == clearances_m[-1]
+        assert world.in_collision is (clearances_m[-1] < 0.0)
+    assert world.clearance_min_m == min(clearances_m)
+    inside = [clearance_m < 0.0 for clearance_m in clearances_m]
+    entries = sum(now and not before for before, now in pairwise([False, *inside]))
+    assert world.collisions == entries
 
 
 def test_open_space_has_unlimited_clearance() -> None:
