@@ -4,6 +4,9 @@ VENV := .venv
 BIN := $(VENV)/bin
 PIP_INSTALL = $(BIN)/python -m pip install --quiet --disable-pip-version-check --no-compile --constraint constraints.txt
 
+# Dozens of processes import the same: what one of them has compiled is kept for the others.
+export PYTHONDONTWRITEBYTECODE :=
+
 .PHONY: fly test test-in-any-time lint bench clean
 
 fly: $(VENV)/.ground
@@ -33,10 +36,12 @@ $(VENV)/.ground: pyproject.toml constraints.txt | $(VENV)/bin/python
 	$(PIP_INSTALL) --editable '.[ground,sitl]'
 	touch $@
 
-# Packages are unpacked by two processes; what is then left to pip is little.
+# Packages are unpacked by two processes; what is then left to pip is little, and leaves time to
+# compile the simulator, once instead of in every test process.
 $(VENV)/.dev: pyproject.toml constraints.txt | $(VENV)/bin/python
 	grep -v '^#' constraints.txt | xargs -P 2 -n 12 $(PIP_INSTALL) --no-deps
-	$(PIP_INSTALL) --editable '.[dev]'
+	$(BIN)/python -c 'from sitl.vehicle import warm_up; warm_up()' & \
+	$(PIP_INSTALL) --editable '.[dev]' && wait
 	touch $@ $(VENV)/.ground
 
 clean:
