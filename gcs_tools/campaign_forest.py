@@ -52,7 +52,7 @@ class ForestSource:
                 break
         near = _near(stems, start_m, heading_rad, length_m)
         largest_m = float(near.half_size_m.max(initial=0.1)) * 2.0 * math.sqrt(2.0)
-        extent = Extent((length_m, length_m), _SPEED_MPS, airborne_share=0.0)
+        extent = Extent((length_m, length_m), _SPEED_MPS, airborne=False)
         case = field_case(draw, near, heading_rad, extent, largest_m * 1.001)
         name = f"{Path(self.name).stem}-{campaign_seed}-{number}"
         known = draw.random() < 0.5

@@ -22,7 +22,7 @@ from onboard.climb_program import ClimbProgram, Coupling, coupling_of
 from onboard.horizons import CostEstimates, crossing_times
 from onboard.plan import Plan, reason
 from onboard.qp_solver import QpSolver
-from onboard.trajectory import Trajectory, X, Y, Z
+from onboard.trajectory import CannotCoastError, Trajectory, X, Y, Z
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
@@ -330,8 +330,9 @@ class _Search:
                 nodes_mps2 * mirror,
                 coast_to_x_m=problem.region.x_pob_m,
             )
-        except ValueError:
-            return None  # beyond the border by what the solver is off
+        except CannotCoastError as error:  # beyond the border by what the solver is off
+            self.reasons.append(f"qp, {candidate.side}: {error}")
+            return None
         certificate = certify_avoidance(trajectory, problem)
         if not certificate.valid:
             self.reasons.append(reason(f"qp, {candidate.side}", certificate))

@@ -39,6 +39,10 @@ class State(NamedTuple):
         )
 
 
+class CannotCoastError(ValueError):
+    """A trajectory does not end in a coast that reaches where it should."""
+
+
 @dataclass(frozen=True, eq=False)
 class Trajectory:
     """Pieces of constant jerk; before the first it waits at its start, after the last it coasts.
@@ -116,7 +120,8 @@ class Trajectory:
             coast_to_x_m: if given, one more piece without acceleration, up to this x.
 
         Raises:
-            ValueError: a duration is not above zero, that of the coast included.
+            CannotCoastError: that x lies behind, or the vehicle does not fly towards it.
+            ValueError: the arrays make no trajectory.
         """
         t = durations_s[:, None]
         begin, end = acceleration_leg_mps2[:-1], acceleration_leg_mps2[1:]
@@ -126,11 +131,13 @@ class Trajectory:
         jerk = (end - begin) / t
         if coast_to_x_m is None:
             return cls(start_s, durations_s, position[:-1], velocity[:-1], begin, jerk)
-        coast_s = (coast_to_x_m - position[-1, X]) / velocity[-1, X]
+        left_m, speed_mps = coast_to_x_m - position[-1, X], velocity[-1, X]
+        if not (left_m > 0.0 and speed_mps > 0.0):
+            raise CannotCoastError(f"{left_m:.3g} m are left, at {speed_mps:.3g} m/s")
         still = np.zeros((1, 3))
         return cls(
             start_s,
-            np.append(durations_s, coast_s),
+            np.append(durations_s, left_m / speed_mps),
             position,
             velocity,
             np.concatenate((begin, still)),

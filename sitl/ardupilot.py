@@ -124,7 +124,7 @@ class CopterCommander(Commander):
         self._mission_started = verdict is Verdict.ACCEPTED
         return verdict
 
-    def receive_setpoint(self, message: Any) -> None:
+    def receive_setpoint(self, message: Any, now_s: float) -> None:
         """Take a setpoint in GUIDED; during take-off it ends the take-off."""
         if self.mode not in {Mode.OFFBOARD, Mode.TAKEOFF}:
             return
@@ -136,21 +136,21 @@ class CopterCommander(Commander):
         if target is None or not _is_flyable(target):
             self._stop()
         elif is_given(target.velocity_mps) or is_given(target.acceleration_mps2):
-            self._follow(target)
+            self._follow(target, now_s)
         else:
             self._stream = None
             self._auto.target_ned_m = target.position_m
             if target.yaw_rad is not None:
                 self._auto.reference.yaw_rad = target.yaw_rad
 
-    def _follow(self, target: MotionTarget) -> None:
+    def _follow(self, target: MotionTarget, now_s: float) -> None:
         if self._stream is None:
             self._stream = OffboardStream(math.inf)
             self._reference = GuidedReference(self._truth, _reference_limits(self.settings))
             self._auto.target_ned_m = None
         self._stream.receive(
             target.setpoint(),
-            self._truth.time_s,
+            now_s,
             self.settings.setpoint_timeout_s,
             holds_yaw=target.yaw_rad is None,
         )

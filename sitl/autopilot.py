@@ -236,12 +236,12 @@ class Autopilot:
 
     # --- messages -------------------------------------------------------------------------
 
-    def _on_setpoint(self, message: Any, _: _Peer, __: float) -> None:
-        self.commander.receive_setpoint(message)
+    def _on_setpoint(self, message: Any, _: _Peer, now_s: float) -> None:
+        self.commander.receive_setpoint(message, now_s)
 
-    def _on_manual_control(self, message: Any, _: _Peer, __: float) -> None:
+    def _on_manual_control(self, message: Any, _: _Peer, now_s: float) -> None:
         if message.target == self._system_id:
-            self.commander.receive_sticks(message)
+            self.commander.receive_sticks(message, now_s)
 
     def _on_command(self, message: Any, peer: _Peer, now_s: float) -> None:
         command = Command.of(message)
@@ -283,10 +283,10 @@ class Autopilot:
         if mode is not None and message.base_mode & mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED:
             self.commander.set_mode(mode)
 
-    def _on_heartbeat(self, message: Any, peer: _Peer, _: float) -> None:
+    def _on_heartbeat(self, message: Any, peer: _Peer, now_s: float) -> None:
         if message.type == mavlink.MAV_TYPE_GCS:
             peer.has_ground_station = True
-            self.commander.hear_ground_station()
+            self.commander.hear_ground_station(now_s)
 
     def _on_timesync(self, message: Any, peer: _Peer, now_s: float) -> None:
         if message.tc1 == 0:

@@ -249,17 +249,17 @@ class Commander(ABC):
         return Verdict.ACCEPTED if known else Verdict.UNSUPPORTED
 
     @abstractmethod
-    def receive_setpoint(self, message: Any) -> None:
+    def receive_setpoint(self, message: Any, now_s: float) -> None:
         """Take a SET_POSITION_TARGET_LOCAL_NED or _GLOBAL_INT addressed to this vehicle."""
 
-    def receive_sticks(self, message: Any) -> None:
+    def receive_sticks(self, message: Any, now_s: float) -> None:
         """Take a MANUAL_CONTROL."""
         if self.settings.manual_allowed and not self.failures.sticks_cut:
-            self.sticks.receive(message, self._truth.time_s)
+            self.sticks.receive(message, now_s)
 
-    def hear_ground_station(self) -> None:
+    def hear_ground_station(self, now_s: float) -> None:
         """Note a ground station's heartbeat."""
-        self._ground_heard_s = self._truth.time_s
+        self._ground_heard_s = now_s
 
     def say(self, severity: int, text: str) -> None:
         """Tell the operators."""
@@ -288,7 +288,7 @@ class Commander(ABC):
             if on_ground is not was_on_ground:
                 self._note_landing(on_ground=on_ground)
             self._check_setpoints()
-            if truth.time_s - self._checked_s >= _CHECK_PERIOD_S:
+            if truth.time_s - self._checked_s >= _CHECK_PERIOD_S - 1e-9:
                 self._checked_s = truth.time_s
                 self._check_failsafes()
             if on_ground:

@@ -82,7 +82,7 @@ class VehicleConfig(FileModel):
         flavour: which autopilot it behaves like.
         parameters: autopilot parameters that differ from the defaults, by the flavour's names.
         signing_passphrase: sign every message with the key made of it, and obey no others.
-        physics_rate_hz: integration steps per second, a multiple of the autopilot's 100 Hz.
+        physics_rate_hz: integration steps per second, a multiple of the vehicle's 100 ticks.
     """
 
     system_id: Annotated[int, Field(ge=1, le=255)] = 1

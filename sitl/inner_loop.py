@@ -29,7 +29,10 @@ from sitl.multirotor import (
 
 Plain = tuple[float, ...]
 
-_NOTHING = (0.0, 0.0, 0.0)
+# Where a flight's values are.
+STATE, MEMORY, ACCELERATION = slice(0, 17), slice(17, 20), slice(20, 23)
+UNTRIMMED = (0.0, 0.0, 0.0)
+_UNACCELERATED = (0.0, 0.0, 0.0)
 
 
 class Flight(NamedTuple):
@@ -44,17 +47,17 @@ class Flight(NamedTuple):
     @classmethod
     def of(cls, state: MultirotorState) -> Flight:
         """Begin in a state, with nothing trimmed out, and not accelerating."""
-        return cls(tuple(state) + _NOTHING + _NOTHING)
+        return cls(tuple(state) + UNTRIMMED + _UNACCELERATED)
 
     @property
     def state(self) -> MultirotorState:
         """State of the plant."""
-        return MultirotorState._make(self.values[:17])
+        return MultirotorState._make(self.values[STATE])
 
     @property
     def memory(self) -> ControllerMemory:
         """What the controller carries on."""
-        return ControllerMemory._make(self.values[17:20])
+        return ControllerMemory._make(self.values[MEMORY])
 
 
 def fly(
@@ -146,4 +149,4 @@ def _spin(start: Plain, speeds: Plain, body: Plain, air: Plain, step_s: float, s
     parameters, wind = MultirotorParameters(*body), Wind(*air)
     for _ in range(steps):
         state = step(state, command, wind, parameters, step_s)
-    return state[0:17] + _NOTHING + derivative(state, command, wind, parameters)[3:6]
+    return state[0:17] + UNTRIMMED + derivative(state, command, wind, parameters)[3:6]

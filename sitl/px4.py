@@ -141,14 +141,14 @@ class Px4Commander(Commander):
             failures.append("no offboard signal")
         return failures
 
-    def receive_setpoint(self, message: Any) -> None:
+    def receive_setpoint(self, message: Any, now_s: float) -> None:
         """Take a setpoint, in whatever mode."""
         target = read_target(message, self._origin, self.home_ned_m)
         setpoint = _setpoint(target, self._truth.yaw_rad)
         if setpoint is not None:
             self.offboard.receive(
                 setpoint,
-                self._truth.time_s,
+                now_s,
                 self.settings.setpoint_timeout_s,
                 holds_yaw=target.yaw_rad is None,
             )

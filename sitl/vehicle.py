@@ -10,8 +10,8 @@ from sitl.autopilot import Autopilot
 from sitl.battery import Battery
 from sitl.commander import Actuation, Drive
 from sitl.config import StartConfig, VehicleConfig
-from sitl.controller import ControllerGains, ControllerMemory, Setpoint
-from sitl.inner_loop import Flight, fly, spin
+from sitl.controller import ControllerGains, Setpoint
+from sitl.inner_loop import ACCELERATION, MEMORY, STATE, UNTRIMMED, Flight, fly, spin
 from sitl.multirotor import (
     GRAVITY_MPS2,
     RotorSpeeds,
@@ -27,7 +27,6 @@ from sitl.wind import Gust, WindModel
 TICK_RATE_HZ = 100
 _TICK_S = 1.0 / TICK_RATE_HZ
 _TICKS_PER_BATTERY = 20  # charge changes slowly
-_UNTRIMMED = tuple(ControllerMemory())
 
 
 class SimulatedVehicle:
@@ -128,9 +127,9 @@ class SimulatedVehicle:
 
     def _moved(self, actuation: Actuation, wind: Wind) -> Flight:
         """Fly one tick of plant and controller."""
-        state, memory = self._flight.values[:17], self._flight.values[17:20]
+        state, memory = self._flight.values[STATE], self._flight.values[MEMORY]
         if self.autopilot.commander.on_ground:
-            memory = _UNTRIMMED  # the ground's support is no disturbance to trim out
+            memory = UNTRIMMED  # the ground's support is no disturbance to trim out
         if actuation.drive is Drive.FLY and actuation.setpoint is not None:
             return fly(
                 state,
@@ -181,16 +180,17 @@ class SimulatedVehicle:
 
     def _observe(self) -> VehicleTruth:
         values = self._flight.values
-        n, e, d, vn, ve, vd, w, x, y, z, p, q, r, first, second, third, fourth = values[:17]
-        an, ae, ad = values[20:]
+        n, e, d, vn, ve, vd, w, x, y, z, p, q, r, *rotors_rpm = values[STATE]
+        front_right_rpm, rear_left_rpm, front_left_rpm, rear_right_rpm = rotors_rpm
+        an, ae, ad = values[ACCELERATION]
         return VehicleTruth(
-            self._ticks * _TICK_S,
-            (n, e, d),
-            (vn, ve, vd),
-            (an, ae, ad),
-            (w, x, y, z),
-            (p, q, r),
-            (first, second, third, fourth),
+            time_s=self._ticks * _TICK_S,
+            position_ned_m=(n, e, d),
+            velocity_ned_mps=(vn, ve, vd),
+            acceleration_ned_mps2=(an, ae, ad),
+            attitude_quaternion=(w, x, y, z),
+            body_rates_radps=(p, q, r),
+            rotor_speeds_rpm=(front_right_rpm, rear_left_rpm, front_left_rpm, rear_right_rpm),
         )
 
 

@@ -211,6 +211,8 @@ def paper_flight() -> Tracking:
         wanted = vehicle.autopilot.commander.setpoint
         if wanted is None or vehicle.autopilot.commander.mode is not Mode.OFFBOARD:
             continue
+        if simulation.at_tick:
+            continue  # what is wanted was decided two ticks ago: too long to follow it by a line
         # The setpoint is the one of the tick that has just been flown, 10 ms before the state.
         rows.append((simulation.now_s, *_planned(wanted, 0.01), *_flown(vehicle.truth)))
     table = np.array(rows)

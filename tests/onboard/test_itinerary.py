@@ -162,11 +162,14 @@ def test_what_is_no_mission_is_counted_and_changes_nothing(cruising: Rig, payloa
     assert cruising.texts("violation") == []
 
 
-def test_the_new_leg_begins_at_the_height_at_which_the_vehicle_stopped(contract: Contract) -> None:
+@pytest.mark.parametrize("east_m", [0.0, 0.2])
+def test_the_new_leg_begins_at_the_height_at_which_the_vehicle_stopped(
+    contract: Contract, east_m: float
+) -> None:
     """A climb just flown is not yet undone where the vehicle stops; the setpoints do not jump."""
     mission = mission_to((60.0, 0.0)).model_copy(update={"climb_max_m": 1.5})
     rig = Rig(Autonomy(contract, mission, epoch_unix_s=EPOCH_UNIX_S), mode=OFFBOARD)
-    rig.obstacles = [box((24.0, 0.0))]
+    rig.obstacles = [box((24.0, east_m))]
     rig.run(20.0, until=lambda: rig.phase is Phase.AVOID)
     sent(rig, mission_to((30.0, 40.0)))
     rig.run(60.0, until=lambda: rig.phase is Phase.ARRIVED)

@@ -23,10 +23,9 @@ def attitude(time_ms: int, *, version_1: bool = False) -> bytes:
     return packed
 
 
-def hud() -> bytes:
-    packed: bytes = mavlink.MAVLink_vfr_hud_message(1.0, 2.0, 3, 4, 5.0, 6.0).pack(
-        mavlink.MAVLink(None, 1, 1)
-    )
+def hud(*, version_1: bool = False) -> bytes:
+    message = mavlink.MAVLink_vfr_hud_message(1.0, 2.0, 3, 4, 5.0, 6.0)
+    packed: bytes = message.pack(mavlink.MAVLink(None, 1, 1), force_mavlink1=version_1)
     return packed
 
 
@@ -57,9 +56,19 @@ def test_garbage_takes_no_intact_frame_with_it(
     assert reader.bytes_dropped == sum(map(len, garbage)) + len(SILENCE)
 
 
+@given(st.lists(st.binary(max_size=40).map(lambda noise: noise.replace(b"\xfd", b"")), max_size=6))
+def test_where_unknown_ids_are_trusted_only_what_looks_like_mavlink_2_does(
+    garbage: list[bytes],
+) -> None:
+    frames = [attitude(number) for number in range(len(garbage))]
+    data = b"".join(chain.from_iterable(zip_longest(garbage, frames, fillvalue=b""))) + SILENCE
+    heard = FrameReader(mavlink, (ATTITUDE,), trusts_unknown=True).read(data)
+    assert times_ms(heard) == list(range(len(garbage)))
+
+
 def test_what_nobody_wants_is_passed_over_as_long_as_it_is_intact() -> None:
     reader = FrameReader(mavlink, (ATTITUDE,), trusts_unknown=False)
-    assert times_ms(reader.read(hud() + attitude(7) + hud())) == [7]
+    assert times_ms(reader.read(hud() + attitude(7) + hud(version_1=True))) == [7]
     assert reader.bytes_dropped == 0
     damaged = bytearray(hud())
     damaged[12] ^= 0xFF

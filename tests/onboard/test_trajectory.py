@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from onboard import cubic
 from onboard.profile import AxisLimits, AxisState, Profile, Segment, speed_change
-from onboard.trajectory import State, Trajectory
+from onboard.trajectory import CannotCoastError, State, Trajectory
 
 NUMBERS = st.floats(-5.0, 5.0)
 SEGMENTS = st.lists(
@@ -106,6 +106,26 @@ def test_the_rest_leaves_pieces_out_that_last_for_nothing(time_s: float) -> None
     assert rest.start_s == max(time_s, 12.1)
     assert rest.end_s == trajectory.end_s
     np.testing.assert_allclose(rest.sample(13.0), trajectory.sample(13.0))
+
+
+def test_accelerations_are_followed_by_a_coast_to_a_border() -> None:
+    start = State((1.0, 0.0, 0.0), (2.0, 0.5, 0.0))
+    durations_s, nodes_mps2 = np.array([1.0, 2.0]), np.zeros((3, 3))
+    nodes_mps2[1] = (1.0, -0.5, 0.2)
+    plain = Trajectory.from_accelerations(4.0, start, durations_s, nodes_mps2)
+    end_m, end_mps = plain.final.position_leg_m[0], plain.final.velocity_leg_mps[0]
+    coasting = Trajectory.from_accelerations(4.0, start, durations_s, nodes_mps2, end_m + 7.0)
+    for time_s in dense_times_s(plain):
+        for one, other in zip(coasting.sample(time_s), plain.sample(time_s), strict=True):
+            assert one == pytest.approx(other, abs=1e-12)
+    assert coasting.final.position_leg_m[0] == pytest.approx(end_m + 7.0, abs=1e-12)
+    assert coasting.final.velocity_leg_mps == pytest.approx(plain.final.velocity_leg_mps)
+    assert coasting.end_s - plain.end_s == pytest.approx(7.0 / end_mps)
+    with pytest.raises(CannotCoastError, match="0 m are left"):
+        Trajectory.from_accelerations(4.0, start, durations_s, nodes_mps2, end_m)
+    backwards = start._replace(velocity_leg_mps=(-9.0, 0.5, 0.0))
+    with pytest.raises(CannotCoastError, match=r"at -7\.5 m/s"):
+        Trajectory.from_accelerations(4.0, backwards, durations_s, nodes_mps2, end_m)
 
 
 def test_waits_before_and_coasts_after() -> None:
