@@ -90,6 +90,8 @@ _MODES = {
     Mode.HOLD: 17,  # BRAKE
 }
 _MODE_OF_NUMBER = {number: mode for mode, number in _MODES.items()}
+# GUIDED steers towards where its target will be by then: so the measured swerves come out right.
+_TARGET_LEAD_S = 0.02
 
 
 class CopterCommander(Commander):
@@ -179,7 +181,8 @@ class CopterCommander(Commander):
 
     def _follow_setpoints(self, period_s: float) -> Setpoint:
         if self._stream is not None:
-            target = self._stream.setpoint(self._truth.time_s, self._auto.reference.yaw_rad)
+            ahead_s = self._truth.time_s + _TARGET_LEAD_S
+            target = self._stream.setpoint(ahead_s, self._auto.reference.yaw_rad)
             return self._reference.follow(target, period_s)
         self._auto.fly(Mode.OFFBOARD, self._truth, period_s)
         return self._auto.setpoint()
