@@ -66,6 +66,15 @@ def test_where_unknown_ids_are_trusted_only_what_looks_like_mavlink_2_does(
     assert times_ms(heard) == list(range(len(garbage)))
 
 
+def test_an_unknown_id_in_mavlink_1_is_never_trusted() -> None:
+    claim = bytes((0xFE, 60, 0, 1, 1, 193))
+    assert 193 not in mavlink.mavlink_map
+    heard = FrameReader(mavlink, (ATTITUDE,), trusts_unknown=True).read(
+        claim + attitude(1) + attitude(2) + SILENCE
+    )
+    assert times_ms(heard) == [1, 2]
+
+
 def test_what_nobody_wants_is_passed_over_as_long_as_it_is_intact() -> None:
     reader = FrameReader(mavlink, (ATTITUDE,), trusts_unknown=False)
     assert times_ms(reader.read(hud() + attitude(7) + hud(version_1=True))) == [7]
