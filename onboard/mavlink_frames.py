@@ -7,7 +7,7 @@ frames therein.  Here the search goes on at the very next byte; decoding stays p
 from __future__ import annotations
 
 import logging
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
 from typing import Any, Final
 
 from pymavlink.dialects.v20 import common as mavlink
@@ -42,49 +42,48 @@ class FrameReader:
         self._codec = dialect.MAVLink(None)
         self._error = dialect.MAVError
         self._crc = dialect.x25crc
-        self._crc_extra = {
-            number: bytes((kind.crc_extra,)) for number, kind in dialect.mavlink_map.items()
-        }
+        self._kinds = dialect.mavlink_map
         self._pending = bytearray()
 
     def read(self, data: bytes) -> list[Any]:
         """Return the wanted messages that ``data`` completes."""
         self._pending += data
         pending, start = self._pending, 0
-        messages = []
+        messages: list[Any] = []
         try:
             while start < len(pending):
-                length = frame_length(pending, start)
+                length = frame_length(pending, start, self._kinds)
                 if length is None:
                     break  # incomplete
-                frame = pending[start : start + length]
-                if not length or not self._is_frame(frame):
+                if length and self._take(pending[start : start + length], messages):
+                    start += length
+                else:
                     self.bytes_dropped += 1
                     start += 1
-                    continue
-                start += length
-                if self._wanted is None or _id_of(frame) in self._wanted:
-                    messages += self._decoded(frame)
         finally:
             del pending[:start]
         return messages
 
-    def _is_frame(self, frame: bytearray) -> bool:
-        """Tell whether a frame's checksum fits, or cannot be judged but is trusted."""
-        extra = self._crc_extra.get(_id_of(frame))
-        if extra is None:
-            return self._trusts_unknown and frame[0] == mavlink.PROTOCOL_MARKER_V2
+    def _take(self, frame: bytearray, messages: list[Any]) -> bool:
+        """Add a frame's message, if it is wanted; tell whether it is a frame at all."""
+        message_id = _id_of(frame)
+        kind = self._kinds.get(message_id)
+        if kind is None and not self._trusts_unknown:
+            return False
+        if self._wanted is None or message_id in self._wanted:
+            try:
+                messages.append(self._codec.decode(frame))
+            except self._error as error:  # its checksum does not fit, most of all
+                logger.debug("no MAVLink frame: %s", error)
+                return False
+            return True
+        return kind is None or self._fits(frame, kind.crc_extra)
+
+    def _fits(self, frame: bytearray, crc_extra: int) -> bool:
+        """Tell whether a frame's checksum fits."""
         end = _HEADER_LENGTH[frame[0]] + frame[1]
         expected = int.from_bytes(frame[end : end + _CHECKSUM_LENGTH], "little")
-        return bool(self._crc(frame[1:end] + extra).crc == expected)
-
-    def _decoded(self, frame: bytearray) -> list[Any]:
-        try:
-            return [self._codec.decode(frame)]
-        except self._error as error:
-            logger.debug("dropped a frame: %s", error)
-            self.bytes_dropped += len(frame)
-            return []
+        return bool(self._crc(frame[1:end] + bytes((crc_extra,))).crc == expected)
 
 
 def _id_of(frame: bytearray) -> int:
@@ -94,15 +93,26 @@ def _id_of(frame: bytearray) -> int:
     return int.from_bytes(frame[7:10], "little")
 
 
-def frame_length(data: bytearray, start: int) -> int | None:
-    """Length of the frame at ``start``; 0 if none can start there, None if bytes are missing."""
+def frame_length(data: bytearray, start: int, kinds: Mapping[int, Any]) -> int | None:
+    """Length of the frame at ``start``; 0 if none can start there, None if bytes are missing.
+
+    Args:
+        data: the bytes.
+        start: where to look.
+        kinds: `mavlink_map` of the dialect.
+    """
     header_length = _HEADER_LENGTH.get(data[start])
     if header_length is None:
         return 0
-    if len(data) < start + 3:
+    if len(data) < start + _HEADER_LENGTH[mavlink.PROTOCOL_MARKER_V1]:
         return None
     length = header_length + data[start + 1] + _CHECKSUM_LENGTH
-    if data[start] == mavlink.PROTOCOL_MARKER_V2:
+    if data[start] == mavlink.PROTOCOL_MARKER_V1:
+        # In this version nothing is extended, and no other dialect's messages are believed.
+        kind = kinds.get(data[start + 5])
+        if kind is None or data[start + 1] > kind.unpacker.size:
+            return 0
+    else:
         flags = data[start + 2]
         if flags & ~mavlink.MAVLINK_IFLAG_SIGNED:
             return 0

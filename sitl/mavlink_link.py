@@ -70,7 +70,7 @@ def split_frames(data: bytes, length_max: int) -> list[bytes]:
     portions = []
     start = end = 0
     while end < len(frames):
-        length = frame_length(frames, end) or len(frames) - end
+        length = frame_length(frames, end, mavlink.mavlink_map) or len(frames) - end
         if end > start and end + length - start > length_max:
             portions.append(data[start:end])
             start = end

@@ -75,6 +75,12 @@ def test_an_unknown_id_in_mavlink_1_is_never_trusted() -> None:
     assert times_ms(heard) == [1, 2]
 
 
+def test_a_mavlink_1_frame_longer_than_its_message_is_not_waited_for() -> None:
+    claim = bytes((0xFE, mavlink.MAVLink_attitude_message.unpacker.size + 1, 0, 1, 1, ATTITUDE))
+    reader = FrameReader(mavlink, (ATTITUDE,), trusts_unknown=True)
+    assert times_ms(reader.read(claim + attitude(1))) == [1]
+
+
 def test_what_nobody_wants_is_passed_over_as_long_as_it_is_intact() -> None:
     reader = FrameReader(mavlink, (ATTITUDE,), trusts_unknown=False)
     assert times_ms(reader.read(hud() + attitude(7) + hud(version_1=True))) == [7]
