@@ -17,7 +17,13 @@ from gcs_tools.scenario import Scenario
 from gcs_tools.scenario_generator import Case, generated
 from onboard.contract import Assessment
 from sitl.operator import Step
-from sitl.simulation import EPOCH_UNIX_S, SimulatedFlight, Simulation, ticks
+from sitl.simulation import (
+    EPOCH_UNIX_S,
+    SimulatedFlight,
+    Simulation,
+    ticks,
+    without_cycle_collection,
+)
 from sitl.truth_log import truth_record
 
 # Take-off and alignment, and then the leg at this share of the cruise speed.
@@ -132,6 +138,7 @@ class FlightRow:
         return not self.findings
 
 
+@without_cycle_collection()
 def fly_numbered(source: Source, campaign_seed: int, number: int) -> FlightRow:
     """Fly one flight of a campaign; an exception is a finding, not the end of the campaign."""
     began_s = time.process_time()
