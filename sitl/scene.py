@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Any
 
@@ -55,7 +56,7 @@ class Scene:
 
     def advance(self, until_s: float) -> None:
         """Let time pass until ``until_s``, in the vehicle's ticks."""
-        while self.vehicle.tick_before(until_s):
+        while self.vehicle.fly_on(until_s, self._due_s):
             self._look()
 
     def take_detections(self) -> list[Detection]:
@@ -66,6 +67,11 @@ class Scene:
     def truth_record(self) -> dict[str, Any]:
         """Ground truth now, ready for JSON."""
         return truth_record(self.vehicle.truth, self.world, self.start_unix_s)
+
+    @property
+    def _due_s(self) -> float:
+        """When a sensor measures next."""
+        return min((sensor.due_s for sensor in self._sensors), default=math.inf)
 
     def _look(self) -> None:
         truth = self.vehicle.truth

@@ -125,10 +125,15 @@ class ObstacleSensor:
         self._last_payload: bytes | None = None
         self._in_flight: deque[tuple[float, bytes]] = deque()
 
+    @property
+    def due_s(self) -> float:
+        """When it measures next."""
+        return self._frames_due / self.config.rate_hz
+
     def sense(self, now_s: float, truth: VehicleTruth) -> tuple[bytes, ...]:
         """Measure if it is time to, and return the payloads that leave the sensor by ``now_s``."""
         # The epsilon keeps a frame from slipping by one call when now_s carries round-off.
-        if now_s >= self._frames_due / self.config.rate_hz - 1e-9:
+        if now_s >= self.due_s - 1e-9:
             self._frames_due = math.floor(now_s * self.config.rate_hz + 1e-6) + 1
             payload = self._measure(now_s, truth)
             if payload is not None:

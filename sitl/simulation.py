@@ -3,8 +3,8 @@
 Onboard service, vehicle, sensor and operator exchange the same bytes as over UDP and Zenoh, only
 without sockets; simulation shortcuts: bytes and frames arrive in the step in which they were sent,
 unless a link or the sensor's latency delays them; the autopilot decides and reports as often as the
-service, every 20 ms, not every 10 ms as it does live, so that a pose is 10 ms old when it arrives
-and 20 ms when it is used.  The only `sitl` module that imports how `onboard` flies.
+service, every 20 ms, not every 10 ms as it does live.  Its telemetry takes 10 ms, so that a pose is
+20 ms old when it is used.  The only `sitl` module that imports how `onboard` flies.
 """
 
 from __future__ import annotations
@@ -22,6 +22,7 @@ from onboard.agility import InputSet
 from onboard.autonomy import Autonomy
 from onboard.avoidance import AvoidanceProblem
 from onboard.config import Contract, Mission
+from onboard.contract import TICK_S
 from onboard.guidance import Phase
 from onboard.journal import Journal
 from onboard.log_thread import LogGuard
@@ -37,11 +38,10 @@ from sitl.operator import Operator, Step
 from sitl.plant_faults import PlantFaults
 from sitl.scene import Scene
 from sitl.truth_log import TruthLog
-from sitl.vehicle import warm_up
+from sitl.vehicle import TICK_RATE_HZ, warm_up
 
-STEP_S: Final = 0.01
-STEPS_PER_TICK: Final = 2
-STEPS_PER_OPERATOR: Final = 10
+STEPS_PER_OPERATOR: Final = 5
+TELEMETRY_DELAY_S: Final = 0.01
 # Where virtual time begins; any instant will do, as long as it is always the same.
 EPOCH_UNIX_S: Final = 1_790_000_000.0
 ONBOARD_LINK, OPERATOR_LINK = 0, 1
@@ -110,7 +110,7 @@ class Simulation:
     def __init__(self, flight: SimulatedFlight) -> None:
         config = flight.sitl.model_copy(update={"seed": flight.seed})
         self.now_s = 0.0
-        self.scene = Scene(config, flight.obstacles, EPOCH_UNIX_S, STEPS_PER_TICK)
+        self.scene = Scene(config, flight.obstacles, EPOCH_UNIX_S, round(TICK_S * TICK_RATE_HZ))
         self._solver = _LimitedQp()
         self.autonomy = _start_service(flight, self._solver)
         self.operator = Operator(config.system_id, flight.mission.altitude_m)
@@ -137,15 +137,10 @@ class Simulation:
             return self.operator.gave_up
         return "the vehicle did not land within the time limit"
 
-    @property
-    def at_tick(self) -> bool:
-        """Whether the onboard service decided in the last step."""
-        return self._steps % STEPS_PER_TICK == 0
-
     def advance(self) -> None:
-        """Let 10 ms pass."""
+        """Let 20 ms pass: a tick of the service."""
         self._steps += 1
-        self.now_s = self._steps * STEP_S
+        self.now_s = self._steps * TICK_S
         self._faults.advance(self.now_s, self.autonomy.navigator.phase)
         self._plant_faults.apply(self._faults, self.now_s)
         self._solver.limited = self._faults.present("solver_limited")
@@ -168,8 +163,8 @@ class Simulation:
         for frame in frames:
             autonomy.receive_detection(frame, self.now_s)
         if telemetry:
-            autonomy.receive_mavlink(telemetry, self.now_s)
-        if self.at_tick and not faults.present("tick_stall"):
+            autonomy.receive_mavlink(telemetry, self.now_s - TICK_S + TELEMETRY_DELAY_S)
+        if not faults.present("tick_stall"):
             self._fill_disk()
             self._change_mission()
             autonomy.tick(self.now_s)
@@ -296,8 +291,7 @@ def ticks(simulation: Simulation, *, shown: bool = True) -> Iterator[list[Record
             if service is not simulation.autonomy:  # it died, and was started again
                 service = simulation.autonomy
                 journal = Journal(service, timed=False, shown=shown)
-            if simulation.at_tick:
-                yield journal.collect(simulation.now_s)
+            yield journal.collect(simulation.now_s)
 
 
 def fly(

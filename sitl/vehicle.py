@@ -72,7 +72,7 @@ class SimulatedVehicle:
             )
         )
         self._battery = Battery(config.battery)
-        self._wind_model = WindModel(config.wind, random.Random(f"{seed} wind"), _TICK_S)
+        self._wind_model = WindModel(config.wind, random.Random(f"{seed} wind"))
         self.truth = self._observe()
         self.autopilot = Autopilot(config, self.truth, self._battery.reading, start_unix_s)
         self._actuation = Actuation(Drive.OFF)
@@ -89,21 +89,34 @@ class SimulatedVehicle:
 
     def advance(self, until_s: float) -> None:
         """Fly on in whole ticks of 10 ms, as far as they fit before ``until_s``."""
-        while self.tick_before(until_s):
+        while self.fly_on(until_s):
             pass
 
-    def tick_before(self, until_s: float) -> bool:
-        """Fly on by one tick of 10 ms, if it fits before ``until_s``; tell whether it did."""
-        fits = (self._ticks + 1) * _TICK_S <= until_s + 1e-9
-        if fits:
-            self._tick()
-        return fits
+    def fly_on(self, until_s: float, pause_s: float = math.inf) -> bool:
+        """Fly on in whole ticks of 10 ms, to the autopilot's next decision at most.
+
+        Args:
+            until_s: not beyond this.
+            pause_s: not beyond the first tick from this on.
+
+        Returns:
+            Whether there was time to.
+        """
+        ticks = min(
+            math.floor(until_s * TICK_RATE_HZ + 1e-6) - self._ticks,
+            self._ticks_per_decision - self._ticks_since_decision,
+        )
+        if pause_s < (self._ticks + ticks) * _TICK_S:
+            ticks = min(ticks, math.ceil(pause_s * TICK_RATE_HZ - 1e-6) - self._ticks)
+        if ticks > 0:
+            self._fly(ticks)
+        return ticks > 0
 
     def add_gust(self, gust: Gust) -> None:
         """Let one more gust come."""
         self._wind_model.add(gust)
 
-    def _tick(self) -> None:
+    def _fly(self, ticks: int) -> None:
         if self._ticks_since_decision == 0:
             self._actuation = self.autopilot.step(
                 self.truth,
@@ -112,11 +125,14 @@ class SimulatedVehicle:
                 self._ticks_per_decision * _TICK_S,
             )
         wind = self._wind_model.sample(
-            self.truth.time_s, -self.truth.position_ned_m[2], self.truth.velocity_ned_mps
+            self.truth.time_s,
+            ticks * _TICK_S,
+            -self.truth.position_ned_m[2],
+            self.truth.velocity_ned_mps,
         )
-        self._flight = self._moved(self._actuation, wind)
-        self._ticks += 1
-        if self._ticks % _TICKS_PER_BATTERY == 0:
+        self._flight = self._moved(self._actuation, wind, ticks * self._steps_per_tick)
+        self._ticks += ticks
+        if self._ticks % _TICKS_PER_BATTERY < ticks:
             power_w = self._battery.drive_power_w(self._flight.state, self._parameters)
             self._battery.drain(power_w, _TICKS_PER_BATTERY * _TICK_S)
         self.truth = self._observe()
@@ -125,8 +141,8 @@ class SimulatedVehicle:
     def _ticks_since_decision(self) -> int:
         return self._ticks % self._ticks_per_decision
 
-    def _moved(self, actuation: Actuation, wind: Wind) -> Flight:
-        """Fly one tick of plant and controller."""
+    def _moved(self, actuation: Actuation, wind: Wind, steps: int) -> Flight:
+        """Fly some steps of plant and controller."""
         state, memory = self._flight.values[STATE], self._flight.values[MEMORY]
         if self.autopilot.commander.on_ground:
             memory = UNTRIMMED  # the ground's support is no disturbance to trim out
@@ -140,13 +156,13 @@ class SimulatedVehicle:
                 self.autopilot.commander.failures.rotor_shares,
                 wind,
                 self._step_s,
-                self._steps_per_tick,
+                steps,
                 self._ticks_since_decision * _TICK_S,
             )
         # Idle rotors that have failed stand still, which makes no difference on the ground.
         idle_rpm = self._parameters.rotor_speed_min_rpm if actuation.drive is Drive.IDLE else 0.0
         command = RotorSpeeds(idle_rpm, idle_rpm, idle_rpm, idle_rpm)
-        return spin(state, command, self._parameters, wind, self._step_s, self._steps_per_tick)
+        return spin(state, command, self._parameters, wind, self._step_s, steps)
 
     def _in_truth(self, setpoint: Setpoint) -> Setpoint:
         """Return a setpoint given where the estimator believes to be, as it acts in the world.

@@ -50,12 +50,11 @@ class WindConfig(FileModel):
 
 
 class WindModel:
-    """Wind at the vehicle, sampled at a fixed period."""
+    """Wind at the vehicle, constant from one sample to the next."""
 
-    def __init__(self, config: WindConfig, noise: random.Random, period_s: float) -> None:
+    def __init__(self, config: WindConfig, noise: random.Random) -> None:
         self._config = config
         self._noise = noise
-        self._period_s = period_s
         self._along_mps = 0.0
         self._across = (0.0, 0.0)
         self._down = (0.0, 0.0)
@@ -67,7 +66,9 @@ class WindModel:
         """Let one more gust come."""
         self._config = self._config.model_copy(update={"gusts": (*self._config.gusts, gust)})
 
-    def sample(self, now_s: float, height_m: float, velocity_ned_mps: Vector) -> Wind:
+    def sample(
+        self, now_s: float, period_s: float, height_m: float, velocity_ned_mps: Vector
+    ) -> Wind:
         """Return the wind, for the period from ``now_s`` on, where the vehicle flies."""
         north, east, down = self._config.mean_ned_mps
         for gust in self._config.gusts:
@@ -77,14 +78,17 @@ class WindModel:
             down += share * gust.peak_ned_mps[2]
         if self._config.turbulence_mps > 0.0:
             air_speed_mps = math.dist(velocity_ned_mps, self._config.mean_ned_mps)
-            along, across, sink = self._turbulence(height_m, max(air_speed_mps, _AIR_SPEED_MIN_MPS))
+            air_speed_mps = max(air_speed_mps, _AIR_SPEED_MIN_MPS)
+            along, across, sink = self._turbulence(period_s, height_m, air_speed_mps)
             cosine, sine = self._heading
             north += along * cosine - across * sine
             east += along * sine + across * cosine
             down += sink
         return Wind(north, east, down)
 
-    def _turbulence(self, height_m: float, air_speed_mps: float) -> tuple[float, float, float]:
+    def _turbulence(
+        self, period_s: float, height_m: float, air_speed_mps: float
+    ) -> tuple[float, float, float]:
         """Advance the Dryden filters by one period; velocities along, across and down [m/s]."""
         height_ft = min(max(height_m * _FEET_PER_M, 10.0), 1000.0)
         shape = 0.177 + 0.000823 * height_ft
@@ -93,25 +97,23 @@ class WindModel:
         sigma_mps = self._config.turbulence_mps
         sigma_down_mps = sigma_mps * shape**0.4
 
-        decay = math.exp(-self._period_s * air_speed_mps / length_m)
+        lags, lags_down = (period_s * air_speed_mps / l_m for l_m in (length_m, length_down_m))
+        decay = math.exp(-lags)
         kick = sigma_mps * math.sqrt(1.0 - decay * decay)
         self._along_mps = decay * self._along_mps + kick * self._noise.gauss(0.0, 1.0)
-        self._across, across = self._second_order(self._across, length_m, sigma_mps, air_speed_mps)
-        self._down, down = self._second_order(
-            self._down, length_down_m, sigma_down_mps, air_speed_mps
-        )
+        self._across, across = self._second_order(self._across, sigma_mps, lags)
+        self._down, down = self._second_order(self._down, sigma_down_mps, lags_down)
         return self._along_mps, across, down
 
     def _second_order(
-        self, memory: tuple[float, float], length_m: float, sigma_mps: float, air_speed_mps: float
+        self, memory: tuple[float, float], sigma_mps: float, lags: float
     ) -> tuple[tuple[float, float], float]:
-        """Advance sigma sqrt(tau) (1 + sqrt(3) tau s) / (1 + tau s)^2 by one period.
+        """Advance sigma sqrt(tau) (1 + sqrt(3) tau s) / (1 + tau s)^2 by ``lags`` times tau.
 
         Both lags are sampled exactly; noise held over a period has the power of white noise.
         """
-        tau_s = length_m / air_speed_mps
-        decay = math.exp(-self._period_s / tau_s)
-        noise = self._noise.gauss(0.0, 1.0) * sigma_mps * math.sqrt(tau_s / self._period_s)
+        decay = math.exp(-lags)
+        noise = self._noise.gauss(0.0, 1.0) * sigma_mps / math.sqrt(lags)
         first = decay * memory[0] + (1.0 - decay) * noise
         second = decay * memory[1] + (1.0 - decay) * first
         # (1 + sqrt3 tau s)/(1 + tau s) = sqrt3 + (1 - sqrt3)/(1 + tau s), applied to the first lag.

@@ -100,14 +100,20 @@ class World:
         return self.clearance_m < 0.0
 
     def observe(self, position_ned_m: tuple[float, float, float]) -> None:
-        """Take note of where the vehicle is now."""
-        self._here = (position_ned_m[0], position_ned_m[1])
+        """Take note of where the vehicle is now, and half-way from where it was before."""
+        before, self._here = self._here, (position_ned_m[0], position_ned_m[1])
         # Clearance changes by no more than the way flown: there is often no need to look.
         at_least_m = self._looked_m - math.dist(self._here, self._looked_at)
         if at_least_m > max(self.clearance_min_m, 0.0):
             return
+        if math.isfinite(before[0]):
+            (north_m, east_m), (before_north_m, before_east_m) = self._here, before
+            self._look((0.5 * (before_north_m + north_m), 0.5 * (before_east_m + east_m)))
+        self._look(self._here)
+
+    def _look(self, point_ned_m: tuple[float, float]) -> None:
         was_in_collision = self._looked_m < 0.0
-        self._looked_m, self._looked_at = self.clearance_at_m(self._here), self._here
+        self._looked_m, self._looked_at = self.clearance_at_m(point_ned_m), point_ned_m
         self.clearance_min_m = min(self.clearance_min_m, self._looked_m)
         if self._looked_m < 0.0 and not was_in_collision:
             self.collisions += 1

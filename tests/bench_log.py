@@ -126,8 +126,7 @@ def _costs_of_the_paper_s_flight() -> Costs:
     ):
         while not simulation.over:
             simulation.advance()
-            if simulation.at_tick:
-                _log(journal, here, there, costs, simulation.now_s)
+            _log(journal, here, there, costs, simulation.now_s)
     return costs
 
 

@@ -206,27 +206,22 @@ def paper_flight() -> Tracking:
     vehicle = simulation.scene.vehicle
     rows = []
     while not simulation.over:
+        decided_s, truth = simulation.now_s, vehicle.truth
         simulation.advance()
         simulation.autonomy.events()  # taken by nobody else here
         wanted = vehicle.autopilot.commander.setpoint
         if wanted is None or vehicle.autopilot.commander.mode is not Mode.OFFBOARD:
             continue
-        if simulation.at_tick:
-            continue  # what is wanted was decided two ticks ago: too long to follow it by a line
-        # The setpoint is the one of the tick that has just been flown, 10 ms before the state.
-        rows.append((simulation.now_s, *_planned(wanted, 0.01), *_flown(vehicle.truth)))
+        # The setpoint was decided on when the step began.
+        rows.append((decided_s, *_planned(wanted), *_flown(truth)))
     table = np.array(rows)
     return Tracking(table[:, 0], table[:, 1:10], table[:, 10:19], table[:, 19:23])
 
 
-def _planned(wanted: Setpoint, age_s: float) -> list[float]:
-    position, velocity = np.array(wanted[0:3]), np.array(wanted[3:6])
-    acceleration = np.array(wanted[6:9])
-    position = position + age_s * velocity + 0.5 * age_s**2 * acceleration
-    velocity = velocity + age_s * acceleration
-    yaw = np.array([wanted.yaw_rad])
-    roll, pitch, _ = flatness_attitude(acceleration[None, :], yaw, 1.0)
-    return [*position, *velocity, float(roll[0]), float(pitch[0]), wanted.yaw_rad]
+def _planned(wanted: Setpoint) -> list[float]:
+    acceleration, yaw = np.array([wanted[6:9]]), np.array([wanted.yaw_rad])
+    roll, pitch, _ = flatness_attitude(acceleration, yaw, 1.0)
+    return [*wanted[0:6], float(roll[0]), float(pitch[0]), wanted.yaw_rad]
 
 
 def _flown(truth: VehicleTruth) -> list[float]:

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import json
+import math
 from pathlib import Path
 from typing import Any
 
@@ -40,6 +41,18 @@ def test_vehicle_world_and_sensors_advance_together() -> None:
     record = together.truth_record()
     assert record["time_unix_s"] == pytest.approx(1001.0)
     assert record["clearance_m"] == pytest.approx(5.2, abs=0.01)
+
+
+def test_sensors_measure_on_time_between_two_decisions_of_the_autopilot() -> None:
+    config = SitlConfig(start=HOVER, sensors=(SensorConfig(rate_hz=19.0), SensorConfig(source="b")))
+    seldom = Scene(config, FIELD, ticks_per_decision=4)
+    seldom.advance(1.1)
+    frames = [(d.source, json.loads(d.payload)["stamp_unix_s"]) for d in seldom.take_detections()]
+    for source, rate_hz in (("front", 19.0), ("b", 20.0)):
+        stamps_s = [stamp_s for name, stamp_s in frames if name == source]
+        # In the first tick of 10 ms from each instant on.
+        due_s = [math.ceil(100.0 * number / rate_hz - 1e-9) / 100.0 for number in range(20)]
+        assert stamps_s[:20] == pytest.approx(due_s)
 
 
 def test_same_seed_same_flight_to_the_byte(tmp_path: Path) -> None:

@@ -153,11 +153,13 @@ def test_looking_only_where_it_matters_finds_what_looking_always_finds(
 ) -> None:
     world = World(ObstacleField.of([box(1.5), box(-3.0)]), 0.5)
     here_ned_m = (0.0, 0.0)
-    clearances_m = []
+    world.observe((*here_ned_m, -4.0))
+    clearances_m = [world.clearance_at_m(here_ned_m)]
     for north_m, east_m in steps_m:
+        half_way_ned_m = (here_ned_m[0] + 0.5 * north_m, here_ned_m[1] + 0.5 * east_m)
         here_ned_m = (here_ned_m[0] + north_m, here_ned_m[1] + east_m)
         world.observe((*here_ned_m, -4.0))
-        clearances_m.append(world.clearance_at_m(here_ned_m))
+        clearances_m += map(world.clearance_at_m, (half_way_ned_m, here_ned_m))
         assert world.clearance_m == clearances_m[-1]
         assert world.in_collision is (clearances_m[-1] < 0.0)
     assert world.clearance_min_m == min(clearances_m)
