@@ -9,6 +9,7 @@ with real bytes and the real clock, the simulation with virtual time: what is te
 
 from __future__ import annotations
 
+import bisect
 import logging
 import math
 from collections import deque
@@ -448,8 +449,9 @@ class Autonomy:
         )
         # Looked up among what was sent: the reference of before may have been replaced since.
         acting_s = pose.time_s - terms.attitude_lag_s
-        asked = next((sent for sent_s, sent in self._sent if sent_s >= acting_s), None)
-        if asked is not None:
+        since = bisect.bisect_left(self._sent, acting_s, key=_time_of)
+        if since < len(self._sent):
+            asked = self._sent[since][1]
             forward_right_mps2 = _in_heading(asked.acceleration_ned_mps2, pose.yaw_rad)
             lacking = self._tilt_watch.check(pose, forward_right_mps2, terms)
             found += [] if lacking is None else [lacking]
@@ -539,6 +541,10 @@ class Autonomy:
                 "missions_malformed": self._malformed_missions,
             },
         }
+
+
+def _time_of(sent: tuple[float, Setpoint]) -> float:
+    return sent[0]
 
 
 def _track_id(frame: DetectionFrame, detection: Detection) -> str:

@@ -90,7 +90,7 @@ def _id_of(frame: bytearray) -> int:
     """Id of the message in a whole frame."""
     if frame[0] == mavlink.PROTOCOL_MARKER_V1:
         return frame[5]
-    return int.from_bytes(frame[7:10], "little")
+    return frame[7] | frame[8] << 8 | frame[9] << 16
 
 
 def frame_length(data: bytearray, start: int, kinds: Mapping[int, Any]) -> int | None:

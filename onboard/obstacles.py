@@ -10,14 +10,13 @@ import bisect
 import functools
 import math
 from collections import defaultdict, deque
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Annotated, Final, Literal
 
-import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
 
-from onboard.frames import FloatArray, LegFrame, wrap_angle
+from onboard.frames import LegFrame, wrap_angle
 from onboard.mavlink import Pose
 from onboard.payload import parse
 from onboard.region import Box, RegionOfInfluence
@@ -29,6 +28,10 @@ MAX_COORDINATE_M: Final = 1e6
 
 Coordinate = Annotated[float, Field(ge=-MAX_COORDINATE_M, le=MAX_COORDINATE_M)]
 Extent = Annotated[float, Field(ge=0.0, le=1e4)]
+
+
+# North and east of each [m].
+Corners = Sequence[tuple[float, float]]
 
 
 class _Message(BaseModel):
@@ -116,8 +119,8 @@ def _time_of(pose: Pose) -> float:
     return pose.time_s
 
 
-def corners_ned(detection: Detection, pose: Pose | None) -> FloatArray:
-    """Corners (4, 2) of a detected box, north and east in metres.
+def corners_ned(detection: Detection, pose: Pose | None) -> Corners:
+    """Corners of a detected box.
 
     Args:
         detection: the box.
@@ -129,8 +132,8 @@ def corners_ned(detection: Detection, pose: Pose | None) -> FloatArray:
         center_m = LegFrame(pose.position_ned_m, pose.yaw_rad).position_ned(center_m)
         yaw_rad += pose.yaw_rad
     box, (x_m, y_m) = LegFrame(center_m, yaw_rad), (side_m / 2.0 for side_m in detection.size_m)
-    corners = ((-x_m, -y_m), (x_m, -y_m), (x_m, y_m), (-x_m, y_m))
-    return np.array([box.position_ned((*corner, 0.0))[:2] for corner in corners])
+    corners = ((-x_m, -y_m, 0.0), (x_m, -y_m, 0.0), (x_m, y_m, 0.0), (-x_m, y_m, 0.0))
+    return [box.position_ned(corner)[:2] for corner in corners]
 
 
 @dataclass(frozen=True)
@@ -170,7 +173,7 @@ class Obstacle:
 class _Track:
     """One detected obstacle: what encloses its measurements, in NED for other legs too."""
 
-    corners_ned_m: FloatArray
+    corners_ned_m: Corners
     measured: Box
     position_error_m: float
 
@@ -232,12 +235,12 @@ class ObstacleMap:
         for track_id, track in tracks.items():
             self.add(track_id, track.corners_ned_m, track.position_error_m)
 
-    def add(self, track_id: str, corners_ned_m: FloatArray, position_error_m: float) -> bool:
+    def add(self, track_id: str, corners_ned_m: Corners, position_error_m: float) -> bool:
         """Remember a measurement; tell whether it changed what is known.
 
         Args:
             track_id: which obstacle.
-            corners_ned_m: corners (4, 2) of the measured box, NED.
+            corners_ned_m: corners of the measured box.
             position_error_m: uncertainty of its faces.
 
         Raises:
@@ -347,12 +350,12 @@ class ObstacleMap:
         for strip in range(math.floor(left_m), math.floor(right_m) + 1):
             yield self._strips[strip]
 
-    def _leg_box(self, corners_ned_m: FloatArray) -> Box:
-        points = [self._leg.position_leg((*corner, 0.0)) for corner in corners_ned_m.tolist()]
+    def _leg_box(self, corners_ned_m: Corners) -> Box:
+        points = [self._leg.position_leg((*corner, 0.0)) for corner in corners_ned_m]
         x_m, y_m, _ = zip(*points, strict=True)
         return Box(min(x_m), max(x_m), min(y_m), max(y_m))
 
-    def _corners_of(self, box: Box) -> FloatArray:
-        x_m = [box.x_min_m, box.x_max_m, box.x_max_m, box.x_min_m]
-        y_m = [box.y_min_m, box.y_min_m, box.y_max_m, box.y_max_m]
-        return self._leg.position_ned_from_leg(np.column_stack((x_m, y_m, np.zeros(4))))[:, :2]
+    def _corners_of(self, box: Box) -> Corners:
+        x_m = (box.x_min_m, box.x_max_m, box.x_max_m, box.x_min_m)
+        y_m = (box.y_min_m, box.y_min_m, box.y_max_m, box.y_max_m)
+        return [self._leg.position_ned((x, y, 0.0))[:2] for x, y in zip(x_m, y_m, strict=True)]

@@ -119,7 +119,7 @@ class TrackingWatch:
     """How well the vehicle follows its reference."""
 
     def __init__(self) -> None:
-        self._streaks: dict[str, int] = {}
+        self._streaks: dict[tuple[Assumption, str], int] = {}
         self.position_error_m = 0.0
         self.velocity_error_mps = (0.0, 0.0)
 
@@ -164,10 +164,10 @@ class TrackingWatch:
         return [
             Violation(assumption, measured, limit, unit, axis)
             for assumption, axis, measured, limit, unit in bounds
-            if self._confirmed(f"{assumption}{axis}", exceeded=measured > limit)
+            if self._confirmed((assumption, axis), exceeded=measured > limit)
         ]
 
-    def _confirmed(self, bound: str, *, exceeded: bool) -> bool:
+    def _confirmed(self, bound: tuple[Assumption, str], *, exceeded: bool) -> bool:
         self._streaks[bound] = self._streaks.get(bound, 0) + 1 if exceeded else 0
         return self._streaks[bound] >= CONFIRMATIONS
 

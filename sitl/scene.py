@@ -52,6 +52,7 @@ class Scene:
             ObstacleSensor(sensor, field, config.seed, start_unix_s) for sensor in config.sensors
         ]
         self._detections: list[Detection] = []
+        self._due_s = 0.0  # when a sensor measures next
         self._look()
 
     def advance(self, until_s: float) -> None:
@@ -68,14 +69,10 @@ class Scene:
         """Ground truth now, ready for JSON."""
         return truth_record(self.vehicle.truth, self.world, self.start_unix_s)
 
-    @property
-    def _due_s(self) -> float:
-        """When a sensor measures next."""
-        return min((sensor.due_s for sensor in self._sensors), default=math.inf)
-
     def _look(self) -> None:
         truth = self.vehicle.truth
         self.world.observe(truth.position_ned_m)
         for sensor in self._sensors:
             for payload in sensor.sense(truth.time_s, truth):
                 self._detections.append(Detection(sensor.config.source, payload))
+        self._due_s = min((sensor.due_s for sensor in self._sensors), default=math.inf)

@@ -49,7 +49,7 @@ ONBOARD_LINK, OPERATOR_LINK = 0, 1
 FULL_DISK: Final = Path("/dev/full")
 # How long the operator waits after the mission, and where the service does not fly (it has died, it
 # refuses to depart, the autopilot does not obey it), before landing.
-LINGER_S: Final = 1.0
+LINGER_S: Final = 0.5
 PATIENCE_S: Final = 8.0
 
 

@@ -6,8 +6,6 @@ import statistics
 import time
 from pathlib import Path
 
-import numpy as np
-
 from gcs_tools.scenario import load_scenario
 from onboard.contract import TICK_S
 from onboard.guidance import Phase
@@ -35,10 +33,10 @@ def bench_tick_with_5000_obstacles() -> Measurement:
 
 def _remember(obstacles: ObstacleMap, count: int) -> None:
     """Remember obstacles far beside the leg."""
-    corner = np.array([[-0.5, -0.5], [0.5, -0.5], [0.5, 0.5], [-0.5, 0.5]])
     for number in range(count):
-        center_m = (20.0 * (number // 50), 200.0 + 25.0 * (number % 50))
-        obstacles.add(f"far/{number}", corner + center_m, 0.0)
+        north_m, east_m = 20.0 * (number // 50), 200.0 + 25.0 * (number % 50)
+        opposite_m = ((north_m - 0.5, east_m - 0.5), (north_m + 0.5, east_m + 0.5))
+        obstacles.add(f"far/{number}", opposite_m, 0.0)
 
 
 def _cruising() -> Simulation:

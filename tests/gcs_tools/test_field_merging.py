@@ -38,7 +38,7 @@ def discovered(boxes_m: FloatArray, order: list[int]) -> ObstacleMap:
     for n in order:
         x_min_m, x_max_m, y_min_m, y_max_m = boxes_m[n].tolist()
         corners_m = [(x_min_m, y_min_m), (x_max_m, y_max_m)]
-        seen.add(str(n), np.array(corners_m), 0.0)
+        seen.add(str(n), corners_m, 0.0)
     return seen
 
 
