@@ -59,6 +59,7 @@ _FULL: Final = Extent((38.0, 52.0), (1.2, 5.0), airborne=False)
 _QUICK: Final = Extent((16.0, 20.0), (3.0, 5.5), airborne=True)
 # Where nothing goes wrong every take-off is the same: so many of a hundred flights do without.
 _FROM_HOVER_PERCENT: Final = 90
+_TURN_MAX_DEG: Final = 20.0
 
 # Seconds of latency and confirmation that the simulated sensor needs lie within this.
 _REACTION_TIME_S: Final = (0.15, 0.25)
@@ -111,13 +112,21 @@ def _nominal(draw: random.Random, extent: Extent = _FULL) -> Case:
 
 
 def _mostly_from_hover(draw: random.Random) -> Case:
-    """Leave the take-off out of most flights (simulation shortcut), and all else as it is."""
+    """Leave the take-off out of most flights (simulation shortcut), and all else as it is.
+
+    They begin with the nose nearly along the leg, too: most of a turn at rest is left out.
+    """
     case = _nominal(draw)
     if draw.randrange(100) >= _FROM_HOVER_PERCENT:
         return case
     scenario = case.scenario
     position_ned_m = (*scenario.mission.start_ned_m, -scenario.mission.altitude_m)
-    start = scenario.plant.start.model_copy(update={"position_ned_m": position_ned_m})
+    north_m, east_m = scenario.mission.legs[0].end_ned_m
+    turn_deg = draw.uniform(-_TURN_MAX_DEG, _TURN_MAX_DEG)
+    yaw_deg = math.degrees(math.atan2(east_m, north_m)) + turn_deg
+    start = scenario.plant.start.model_copy(
+        update={"position_ned_m": position_ned_m, "yaw_deg": yaw_deg}
+    )
     plant = scenario.plant.model_copy(update={"start": start})
     return replace(case, scenario=replace(scenario, plant=plant))
 

@@ -50,7 +50,7 @@ class MotionTarget(NamedTuple):
     def plausible(self) -> bool:
         """Whether no component is absurd: infinite, or beyond anything that flies."""
         every = (*self.position_m, *self.velocity_mps, *self.acceleration_mps2)
-        return all(math.isnan(value) or abs(value) <= _PLAUSIBLE_MAX for value in every)
+        return not any(abs(value) > _PLAUSIBLE_MAX for value in every)
 
     def setpoint(self) -> Setpoint:
         """Return the same in local NED's terms; the vectors must be NED by now."""

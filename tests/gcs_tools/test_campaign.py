@@ -33,6 +33,7 @@ from gcs_tools.scenario import load_scenario
 from gcs_tools.scenario_generator import FAULT_KINDS, GENERATORS, generated
 from onboard import region
 from onboard.contract import assess
+from onboard.frames import wrap_angle
 from onboard.region import Arithmetic, Encounter
 from sitl.faults import Fault
 from tests.gcs_tools.running import Clearway, is_alive, until
@@ -78,9 +79,16 @@ def test_nominal_fields_keep_their_contract_and_cover_both_shapes() -> None:
     assert min(speeds_mps) < 1.8
     assert max(speeds_mps) > 4.4
     assert {len(s.obstacles) for s in scenarios} >= {1, 2, 3}
-    # Most begin in hover; every tenth or so takes off.
-    from_ground = sum(s.plant.start.position_ned_m[2] == 0.0 for s in scenarios)
-    assert 5 <= from_ground <= 30
+    # Most begin in hover, nose to the end; every tenth or so takes off, and turns.
+    from_ground = [s for s in scenarios if s.plant.start.position_ned_m[2] == 0.0]
+    assert 5 <= len(from_ground) <= 30
+    turns_rad = [
+        abs(wrap_angle(math.radians(s.plant.start.yaw_deg) - math.atan2(east_m, north_m)))
+        for s in scenarios
+        if s not in from_ground
+        for north_m, east_m in (s.mission.legs[0].end_ned_m,)
+    ]
+    assert 0.3 < max(turns_rad) < math.radians(20.1)
     # Up to S_max, and not much farther apart than D_sep.
     filled = [
         max(rule.required for rule in _rules(s, "obstacle_size_max"))
