@@ -20,6 +20,7 @@ from gcs_tools.scenario import Expectation, Outcome, Plant, Scenario
 from onboard.autonomy import POSE_TIMING_S
 from onboard.config import Contract, Mission, SensorTerms, VehicleTerms
 from onboard.contract import Assessment, assess
+from onboard.frames import LegFrame
 from sitl.faults import Fault, FaultKind
 from sitl.field import Obstacle, ObstacleField
 
@@ -112,18 +113,14 @@ def _nominal(draw: random.Random, extent: Extent = _FULL) -> Case:
 
 
 def _mostly_from_hover(draw: random.Random) -> Case:
-    """Leave the take-off out of most flights (simulation shortcut), and all else as it is.
-
-    They begin with the nose nearly along the leg, too: most of a turn at rest is left out.
-    """
+    """Leave take-off and most of the first turn out of most flights (simulation shortcut)."""
     case = _nominal(draw)
     if draw.randrange(100) >= _FROM_HOVER_PERCENT:
         return case
     scenario = case.scenario
     position_ned_m = (*scenario.mission.start_ned_m, -scenario.mission.altitude_m)
-    north_m, east_m = scenario.mission.legs[0].end_ned_m
-    turn_deg = draw.uniform(-_TURN_MAX_DEG, _TURN_MAX_DEG)
-    yaw_deg = math.degrees(math.atan2(east_m, north_m)) + turn_deg
+    leg = LegFrame.between(position_ned_m, (*scenario.mission.legs[0].end_ned_m, 0.0))
+    yaw_deg = math.degrees(leg.heading_rad) + draw.uniform(-_TURN_MAX_DEG, _TURN_MAX_DEG)
     start = scenario.plant.start.model_copy(
         update={"position_ned_m": position_ned_m, "yaw_deg": yaw_deg}
     )

@@ -449,7 +449,7 @@ class Autonomy:
         )
         # Looked up among what was sent: the reference of before may have been replaced since.
         acting_s = pose.time_s - terms.attitude_lag_s
-        since = bisect.bisect_left(self._sent, acting_s, key=_time_of)
+        since = bisect.bisect_left(self._sent, (acting_s,))
         if since < len(self._sent):
             asked = self._sent[since][1]
             forward_right_mps2 = _in_heading(asked.acceleration_ned_mps2, pose.yaw_rad)
@@ -541,10 +541,6 @@ class Autonomy:
                 "missions_malformed": self._malformed_missions,
             },
         }
-
-
-def _time_of(sent: tuple[float, Setpoint]) -> float:
-    return sent[0]
 
 
 def _track_id(frame: DetectionFrame, detection: Detection) -> str:

@@ -41,6 +41,8 @@ class FrameReader:
         self._trusts_unknown = trusts_unknown
         self._codec = dialect.MAVLink(None)
         self._error = dialect.MAVError
+        # Else an environment variable would have pymavlink believe damaged frames.
+        dialect.MAVLINK_IGNORE_CRC = False
         self._crc = dialect.x25crc
         self._kinds = dialect.mavlink_map
         self._pending = bytearray()

@@ -56,7 +56,7 @@ class Scene:
         self._look()
 
     def advance(self, until_s: float) -> None:
-        """Let time pass until ``until_s``, in the vehicle's ticks."""
+        """Let time pass until ``until_s``, from decision to decision or measurement."""
         while self.vehicle.fly_on(until_s, self._due_s):
             self._look()
 

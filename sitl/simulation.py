@@ -3,8 +3,9 @@
 Onboard service, vehicle, sensor and operator exchange the same bytes as over UDP and Zenoh, only
 without sockets; simulation shortcuts: bytes and frames arrive in the step in which they were sent,
 unless a link or the sensor's latency delays them; the autopilot decides and reports as often as the
-service, every 20 ms, not every 10 ms as it does live.  Its telemetry takes 10 ms, so that a pose is
-20 ms old when it is used.  The only `sitl` module that imports how `onboard` flies.
+service, every 20 ms, not every 10 ms as it does live, and the wind is as constant in between.  Its
+telemetry takes 10 ms, so that a pose is 20 ms old when it is used.  The only `sitl` module that
+imports how `onboard` flies.
 """
 
 from __future__ import annotations

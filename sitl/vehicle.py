@@ -30,7 +30,7 @@ _TICKS_PER_BATTERY = 20  # charge changes slowly
 
 
 class SimulatedVehicle:
-    """A vehicle that flies when told to over MAVLink; time advances only in :meth:`advance`.
+    """A vehicle that flies when told to over MAVLink; time advances only when it is told to.
 
     Attributes:
         truth: true state at the current instant.
@@ -60,7 +60,7 @@ class SimulatedVehicle:
         self._step_s = 1.0 / config.physics_rate_hz
         self._steps_per_tick = config.physics_rate_hz // TICK_RATE_HZ
         self._ticks_per_decision = ticks_per_decision
-        self._ticks = 0
+        self._ticks = self._drained_ticks = 0
         north_m, east_m, down_m = config.start.position_ned_m
         self._flight = Flight.of(
             standing_state(
@@ -107,7 +107,8 @@ class SimulatedVehicle:
             self._ticks_per_decision - self._ticks_since_decision,
         )
         if pause_s < (self._ticks + ticks) * _TICK_S:
-            ticks = min(ticks, math.ceil(pause_s * TICK_RATE_HZ - 1e-6) - self._ticks)
+            # One at least: what does not happen in this tick, for round-off, does in the next.
+            ticks = min(ticks, max(math.ceil(pause_s * TICK_RATE_HZ - 1e-7) - self._ticks, 1))
         if ticks > 0:
             self._fly(ticks)
         return ticks > 0
@@ -132,9 +133,10 @@ class SimulatedVehicle:
         )
         self._flight = self._moved(self._actuation, wind, ticks * self._steps_per_tick)
         self._ticks += ticks
-        if self._ticks % _TICKS_PER_BATTERY < ticks:
+        if self._ticks >= self._drained_ticks + _TICKS_PER_BATTERY:
             power_w = self._battery.drive_power_w(self._flight.state, self._parameters)
-            self._battery.drain(power_w, _TICKS_PER_BATTERY * _TICK_S)
+            self._battery.drain(power_w, (self._ticks - self._drained_ticks) * _TICK_S)
+            self._drained_ticks = self._ticks
         self.truth = self._observe()
 
     @property

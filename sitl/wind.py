@@ -97,23 +97,23 @@ class WindModel:
         sigma_mps = self._config.turbulence_mps
         sigma_down_mps = sigma_mps * shape**0.4
 
-        lags, lags_down = (period_s * air_speed_mps / l_m for l_m in (length_m, length_down_m))
-        decay = math.exp(-lags)
+        flown_m = period_s * air_speed_mps
+        decay = math.exp(-flown_m / length_m)
         kick = sigma_mps * math.sqrt(1.0 - decay * decay)
         self._along_mps = decay * self._along_mps + kick * self._noise.gauss(0.0, 1.0)
-        self._across, across = self._second_order(self._across, sigma_mps, lags)
-        self._down, down = self._second_order(self._down, sigma_down_mps, lags_down)
+        self._across, across = self._second_order(self._across, sigma_mps, flown_m / length_m)
+        self._down, down = self._second_order(self._down, sigma_down_mps, flown_m / length_down_m)
         return self._along_mps, across, down
 
     def _second_order(
-        self, memory: tuple[float, float], sigma_mps: float, lags: float
+        self, memory: tuple[float, float], sigma_mps: float, share: float
     ) -> tuple[tuple[float, float], float]:
-        """Advance sigma sqrt(tau) (1 + sqrt(3) tau s) / (1 + tau s)^2 by ``lags`` times tau.
+        """Advance sigma sqrt(tau) (1 + sqrt(3) tau s) / (1 + tau s)^2 by a share of tau.
 
         Both lags are sampled exactly; noise held over a period has the power of white noise.
         """
-        decay = math.exp(-lags)
-        noise = self._noise.gauss(0.0, 1.0) * sigma_mps / math.sqrt(lags)
+        decay = math.exp(-share)
+        noise = self._noise.gauss(0.0, 1.0) * sigma_mps / math.sqrt(share)
         first = decay * memory[0] + (1.0 - decay) * noise
         second = decay * memory[1] + (1.0 - decay) * first
         # (1 + sqrt3 tau s)/(1 + tau s) = sqrt3 + (1 - sqrt3)/(1 + tau s), applied to the first lag.

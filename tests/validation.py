@@ -207,10 +207,11 @@ def paper_flight() -> Tracking:
     rows = []
     while not simulation.over:
         decided_s, truth = simulation.now_s, vehicle.truth
+        mode = vehicle.autopilot.commander.mode
         simulation.advance()
         simulation.autonomy.events()  # taken by nobody else here
         wanted = vehicle.autopilot.commander.setpoint
-        if wanted is None or vehicle.autopilot.commander.mode is not Mode.OFFBOARD:
+        if wanted is None or mode is not Mode.OFFBOARD:
             continue
         # The setpoint was decided on when the step began.
         rows.append((decided_s, *_planned(wanted), *_flown(truth)))

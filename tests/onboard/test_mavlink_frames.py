@@ -76,9 +76,21 @@ def test_an_unknown_id_in_mavlink_1_is_never_trusted() -> None:
 
 
 def test_a_mavlink_1_frame_longer_than_its_message_is_not_waited_for() -> None:
-    claim = bytes((0xFE, mavlink.MAVLink_attitude_message.unpacker.size + 1, 0, 1, 1, ATTITUDE))
+    longest = mavlink.MAVLink_position_target_local_ned_message
+    claim = bytes((0xFE, longest.unpacker.size + 1, 0, 1, 1, longest.id))
+    assert claim[1] > len(attitude(1))
     reader = FrameReader(mavlink, (ATTITUDE,), trusts_unknown=True)
     assert times_ms(reader.read(claim + attitude(1))) == [1]
+
+
+def test_the_environment_cannot_have_damaged_frames_believed(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(mavlink, "MAVLINK_IGNORE_CRC", True)  # what MAV_IGNORE_CRC does
+    damaged = bytearray(attitude(1))
+    damaged[15] ^= 0xFF
+    reader = FrameReader(mavlink, (ATTITUDE,), trusts_unknown=True)
+    assert times_ms(reader.read(bytes(damaged) + attitude(2) + SILENCE)) == [2]
 
 
 def test_what_nobody_wants_is_passed_over_as_long_as_it_is_intact() -> None:
