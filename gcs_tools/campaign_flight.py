@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from typing import Any, Final, Protocol
 
 from gcs_tools.flight_log import Log
-from gcs_tools.oracles import Evidence, findings, true_tracking_error_m
+from gcs_tools.oracles import Evidence, findings
 from gcs_tools.preflight import Preflight, check
 from gcs_tools.result import Result, result_of
 from gcs_tools.scenario import Scenario
@@ -161,7 +161,7 @@ def fly_numbered(source: Source, campaign_seed: int, number: int) -> FlightRow:
         checked.assessment,
         evidence.result,
         found=found,
-        tracking_m=true_tracking_error_m(evidence),
+        tracking_m=evidence.true_tracking_error_m,
         time_s=(virtual_s, time.process_time() - began_s),
     )
 

@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import pairwise
 from typing import Any, Final
 
@@ -65,6 +66,18 @@ class Evidence:
     def states(self) -> list[dict[str, Any]]:
         """The service's state in every tick."""
         return self.flight.topic("/state")
+
+    @cached_property
+    def true_tracking_error_m(self) -> float:
+        """Largest horizontal distance of the true position from the reference while flying."""
+        return max(
+            (
+                math.dist(state["reference_position_ned_m"][:2], truth["position_ned_m"][:2])
+                for state, truth in zip(self.states, self.truth.topic("/truth"), strict=True)
+                if state["phase"] in _FLYING and state["reference_position_ned_m"] is not None
+            ),
+            default=0.0,
+        )
 
 
 def findings(evidence: Evidence) -> dict[str, str]:
@@ -179,21 +192,9 @@ def _tracking(evidence: Evidence) -> Iterator[str]:
     limit_m = evidence.case.scenario.contract.vehicle.tracking_error_m
     if not evidence.undisturbed:
         return
-    worst_m = true_tracking_error_m(evidence)
+    worst_m = evidence.true_tracking_error_m
     if worst_m > limit_m:
         yield f"flown {worst_m:.3f} m beside the plan, {limit_m:.3f} m declared"
-
-
-def true_tracking_error_m(evidence: Evidence) -> float:
-    """Largest horizontal distance of the true position from the reference, in cruise and avoid."""
-    return max(
-        (
-            math.dist(state["reference_position_ned_m"][:2], truth["position_ned_m"][:2])
-            for state, truth in zip(evidence.states, evidence.truth.topic("/truth"), strict=True)
-            if state["phase"] in _FLYING and state["reference_position_ned_m"] is not None
-        ),
-        default=0.0,
-    )
 
 
 def _setpoints_in_limits(evidence: Evidence) -> Iterator[str]:
