@@ -36,7 +36,7 @@ _STEP_S: Final = 1e-3
 _ROOM_TOLERANCE_M: Final = 0.01
 # Without a motor a quadrotor falls: no software brings it to a defined end.
 FALLING: Final = frozenset({"motor_failed"})
-# More obstacles than any field here has, ghosts under ever new names included.
+# More obstacles than any field here has, split and renamed ones included.
 KNOWN_OBSTACLES_MAX: Final = 200
 
 
@@ -310,8 +310,17 @@ def _exit_condition(evidence: Evidence) -> Iterator[str]:
 
 def _bounded_memory(evidence: Evidence) -> Iterator[str]:
     known = max((state["obstacles_known"] for state in evidence.states), default=0)
-    if known > KNOWN_OBSTACLES_MAX:
+    if known > KNOWN_OBSTACLES_MAX + _ghosts_max(evidence):
         yield f"{known} obstacles are remembered"
+
+
+def _ghosts_max(evidence: Evidence) -> int:
+    """How many ghosts may have been seen: one in every frame, under a new name each time."""
+    scenario, states = evidence.case.scenario, evidence.states
+    if not any(fault.kind == "detections_ghost" for fault in scenario.faults):
+        return 0
+    lasted_s: float = states[-1]["time_s"] - states[0]["time_s"]
+    return math.ceil(lasted_s * sum(sensor.rate_hz for sensor in scenario.plant.sensors))
 
 
 def _heading_rad(evidence: Evidence) -> float:

@@ -190,6 +190,11 @@ def _replaced(evidence: Evidence, topic: str, messages: list[dict[str, Any]]) ->
     )
 
 
+def _with_fault(evidence: Evidence, fault: Fault) -> Evidence:
+    scenario = dataclasses.replace(evidence.case.scenario, faults=(fault,))
+    return dataclasses.replace(evidence, case=dataclasses.replace(evidence.case, scenario=scenario))
+
+
 def _pushed_without_alarm(evidence: Evidence) -> Evidence:
     truths = [{**truth, "collisions": 1} for truth in evidence.truth.topic("/truth")]
     return dataclasses.replace(
@@ -229,16 +234,18 @@ BROKEN: dict[str, Callable[[Evidence], Evidence]] = {
     ),
     "exit_condition": lambda e: _spoilt(e, "/state", _moved("reference_velocity_ned_mps", 0, 9.0)),
     "bounded_memory": lambda e: _spoilt(e, "/state", lambda _: {"obstacles_known": 10_000}),
-    "detected_in_time": lambda e: dataclasses.replace(
-        e,
-        case=dataclasses.replace(
-            e.case,
-            scenario=dataclasses.replace(
-                e.case.scenario, faults=(Fault(kind="detections_off", phase="cruise", start_s=2.0),)
-            ),
-        ),
+    "detected_in_time": lambda e: _with_fault(
+        e, Fault(kind="detections_off", phase="cruise", start_s=2.0)
     ),
 }
+
+
+def test_a_ghost_in_every_frame_may_be_remembered(evidence: Evidence) -> None:
+    full = _spoilt(evidence, "/state", lambda _: {"obstacles_known": 201})
+    assert "bounded_memory" in findings(full)
+    haunted = Fault(kind="detections_ghost", start_s=0.0)
+    assert "bounded_memory" not in findings(_with_fault(full, haunted))
+    assert "bounded_memory" in findings(_with_fault(BROKEN["bounded_memory"](evidence), haunted))
 
 
 def test_a_push_after_the_alarm_is_excused(evidence: Evidence) -> None:
