@@ -31,6 +31,19 @@ NonNegativePair = Annotated[tuple[NonNegative, NonNegative], Field(strict=False)
 FilePath = Annotated[Path, Field(strict=False)]
 
 
+# Keys added after the first version: absent from a contract's canonical form at their default.
+LATER_KEYS: Final[dict[str, tuple[str, ...]]] = {
+    "vehicle": (
+        "setpoint_loss_run_on_speed_mps",
+        "tracking_error_z_m",
+        "heading_error_deg",
+        "estimator_reset_max_m",
+        "drag_per_s",
+    ),
+    "environment": ("wind_max_mps",),
+}
+
+
 class VehicleTerms(FileModel):
     """What the vehicle guarantees."""
 
@@ -49,8 +62,24 @@ class VehicleTerms(FileModel):
     setpoint_loss_run_on_m: NonNegative | None = Field(
         None, description="measured forward run after the stream stops; replaces the model"
     )
+    setpoint_loss_run_on_speed_mps: Positive | None = Field(
+        None,
+        description="speed at which the run-on was measured; null: the file's cruise speed",
+    )
     recentring_speed_mps: NonNegative = Field(
         0.0, description="lateral speed of the way back to the leg line after an avoidance; 0: none"
+    )
+    tracking_error_z_m: NonNegative = Field(
+        1.0, description="vertical distance between reference and actual position"
+    )
+    heading_error_deg: Annotated[float, Field(ge=0.0, lt=45.0)] = Field(
+        0.0, description="estimated heading to true heading; displaces what the body sees"
+    )
+    estimator_reset_max_m: NonNegative = Field(
+        0.0, description="estimator jumps up to this shift what is remembered; 0: each one holds"
+    )
+    drag_per_s: NonNegative = Field(
+        0.3, description="deceleration per airspeed: how much tilt a steady wind takes (trim)"
     )
 
 
@@ -78,6 +107,9 @@ class EnvironmentTerms(FileModel):
     obstacle_size_max_m: Positive = Field(description="S_max, both extents, in the leg frame")
     obstacle_size_min_m: NonNegative = Field(description="smallest extent along the leg, or 0")
     obstacle_separation_min_m: Positive = Field(description="D_sep, centre to centre")
+    wind_max_mps: NonNegative | None = Field(
+        None, description="steady wind, horizontally; null: not declared, and not monitored"
+    )
 
     @model_validator(mode="after")
     def _sizes_are_ordered(self) -> Self:
@@ -99,8 +131,18 @@ class Contract(FileModel):
 
     @property
     def sha256(self) -> str:
-        """Hash of the terms themselves: comments, key order and notation do not change it."""
-        canonical = json.dumps(self.model_dump(mode="json"), sort_keys=True, separators=(",", ":"))
+        """Hash of the terms themselves: comments, key order and notation do not change it.
+
+        A key of `LATER_KEYS` counts only where it differs from its default, so contracts written
+        before the key existed keep their hash.
+        """
+        terms = self.model_dump(mode="json")
+        for section, keys in LATER_KEYS.items():
+            fields = type(getattr(self, section)).model_fields
+            for key in keys:
+                if terms[section][key] == fields[key].default:
+                    del terms[section][key]
+        canonical = json.dumps(terms, sort_keys=True, separators=(",", ":"))
         return hashlib.sha256(canonical.encode()).hexdigest()
 
 

@@ -54,7 +54,13 @@ class Terms(Generic[Q]):
     obstacle_size_min_m: Q
     obstacle_separation_min_m: Q
     recentring_speed_mps: Q
+    tracking_error_z_m: Q
+    heading_error_rad: Q
+    estimator_reset_max_m: Q
+    drag_per_s: Q
     setpoint_loss_run_on_m: Q | None = None
+    setpoint_loss_run_on_speed_mps: Q | None = None
+    wind_max_mps: Q | None = None
     stop: bool = True
     passive_safety: bool = True
     input_set: InputSet = "inner"
@@ -76,7 +82,13 @@ class Terms(Generic[Q]):
             attitude_lag_s=vehicle.attitude_lag_s,
             setpoint_loss_timeout_s=vehicle.setpoint_loss_timeout_s,
             setpoint_loss_run_on_m=vehicle.setpoint_loss_run_on_m,
+            setpoint_loss_run_on_speed_mps=vehicle.setpoint_loss_run_on_speed_mps,
             recentring_speed_mps=vehicle.recentring_speed_mps,
+            tracking_error_z_m=vehicle.tracking_error_z_m,
+            heading_error_rad=math.radians(vehicle.heading_error_deg),
+            estimator_reset_max_m=vehicle.estimator_reset_max_m,
+            drag_per_s=vehicle.drag_per_s,
+            wind_max_mps=environment.wind_max_mps,
             detection_range_m=sensor.detection_range_m,
             field_of_view_rad=math.radians(sensor.field_of_view_deg),
             frame_age_max_s=sensor.frame_age_max_s,
@@ -102,6 +114,8 @@ class Terms(Generic[Q]):
             attitude_lag_s=zero,
             position_error_m=zero,
             recentring_speed_mps=zero,
+            tracking_error_z_m=zero,
+            heading_error_rad=zero,
             passive_safety=False,
         )
 

@@ -74,6 +74,16 @@ class HomeConfig(FileModel):
     altitude_m: float = 488.0
 
 
+class TrackingConfig(FileModel):
+    """How the plant deviates from its reference.
+
+    Attributes:
+        toward_obstacle: pin the tracking error at the contract's E toward the nearest obstacle.
+    """
+
+    toward_obstacle: bool = False
+
+
 class VehicleConfig(FileModel):
     """Body, autopilot and surroundings of one simulated vehicle.
 
@@ -82,6 +92,8 @@ class VehicleConfig(FileModel):
         flavour: which autopilot it behaves like.
         parameters: autopilot parameters that differ from the defaults, by the flavour's names.
         signing_passphrase: sign every message with the key made of it, and obey no others.
+        realism: ``field`` as measured on real autopilots, or ``ideal``: exact estimates and echoes.
+        tracking: how the plant deviates from its reference.
         physics_rate_hz: integration steps per second, a multiple of the vehicle's 100 ticks.
     """
 
@@ -94,6 +106,8 @@ class VehicleConfig(FileModel):
     home: HomeConfig = HomeConfig()
     parameters: dict[str, float] = Field(default_factory=dict)
     signing_passphrase: Annotated[str, Field(min_length=1)] | None = None
+    realism: Literal["field", "ideal"] = "field"
+    tracking: TrackingConfig = TrackingConfig()
     physics_rate_hz: Annotated[int, Field(ge=400, le=4000, multiple_of=100)] = 400
 
 
