@@ -14,7 +14,7 @@ import zenoh
 from onboard import daemon
 from onboard.config import Contract, DaemonConfig, Mission
 from onboard.contract import assess
-from onboard.links import LinkError
+from onboard.link_url import LinkError
 from onboard.log_format import configure_logging
 from onboard.yaml_file import FileError, load_yaml
 

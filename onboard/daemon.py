@@ -92,7 +92,7 @@ async def run(config: DaemonConfig, contract: Contract, mission: Mission, log_pa
             autonomy.receive_mavlink(data, now_s)
             logs.write_mavlink("received", clock.epoch_unix_s + now_s, data)
 
-        link = await open_link(config.mavlink.url, receive)
+        link = await open_link(config.mavlink.url, receive, config.mavlink.system_id)
         stack.callback(link.close)
         session = stack.enter_context(open_session(config.zenoh))
         bus = Bus(session, config.vehicle, contract)

@@ -1,159 +1,219 @@
 """MAVLink connection URLs -> asyncio endpoints (UDP, TCP, serial); bytes in, bytes out.
 
-The URLs are MAVSDK's: ``udpin://0.0.0.0:14540``, ``udpout://HOST:PORT``, ``tcpout://HOST:PORT``,
-``tcpin://HOST:PORT``, ``serial:///dev/ttyAMA0:921600``.
+Names are resolved once, when a link is opened: a name server that does not answer must not delay a
+tick.  A port that listens sends to the vehicle alone (`onboard.vehicle_peer`).
 """
 
 from __future__ import annotations
 
 import asyncio
+import itertools
 import logging
-import os
-import termios
-import tty
+import socket
 from collections.abc import Callable
-from dataclasses import dataclass
-from typing import Final, Protocol, cast
-from urllib.parse import urlsplit
+from typing import Any, Final, Protocol, cast
+
+from onboard.link_url import LinkError, LinkUrl
+from onboard.serial_line import SerialLine
+from onboard.vehicle_peer import VehiclePeer
 
 log = logging.getLogger(__name__)
 
 Receive = Callable[[bytes], None]
-SCHEMES: Final = ("udpin", "udpout", "tcpin", "tcpout", "serial")
+# A socket address: host and port, for IPv6 also flow and scope.
+Address = tuple[Any, ...]
+
 RECONNECT_S: Final = 1.0
 READ_BYTES: Final = 65_536
-
-
-class LinkError(RuntimeError):
-    """A link that cannot be opened; the message names the URL."""
+CONNECTIONS_MAX: Final = 8
+# A peer that acknowledges nothing for this long is gone; by itself TCP believes in it for minutes.
+TCP_SILENCE_S: Final = 5.0
+# Set-points that wait for longer than a few seconds have no use.
+TCP_BACKLOG_BYTES: Final = 16_384
 
 
 class Link(Protocol):
     """An open link."""
 
     def send(self, data: bytes) -> None:
-        """Send bytes, or drop them while nobody is connected."""
+        """Send bytes, or drop them while the vehicle is not connected."""
 
     def close(self) -> None:
         """Release the port."""
 
 
-@dataclass(frozen=True)
-class LinkUrl:
-    """A parsed connection URL: a host and port, or a device and baud rate."""
+async def open_link(url: str, receive: Receive, system_id: int) -> Link:
+    """Open a MAVLink connection.
 
-    url: str
-    scheme: str
-    target: str
-    number: int
-
-    @classmethod
-    def parse(cls, url: str) -> LinkUrl:
-        """Parse a URL.
-
-        Raises:
-            LinkError: the URL is not one of ours.
-        """
-        parts = urlsplit(url)
-        if parts.scheme not in SCHEMES:
-            raise LinkError(f"{url}: scheme must be one of {', '.join(SCHEMES)}")
-        target, _, number = (parts.netloc + parts.path).rpartition(":")
-        if not target or not number.isdecimal() or not 0 < int(number) < 2**24:
-            form = "/dev/DEVICE:BAUD" if parts.scheme == "serial" else "HOST:PORT"
-            raise LinkError(f"{url}: expected {parts.scheme}://{form}")
-        return cls(url, parts.scheme, target, int(number))
-
-
-async def open_link(url: str, receive: Receive) -> Link:
-    """Open a MAVLink connection; ``receive`` is called in the event loop with what arrives.
+    Args:
+        url: as `onboard.link_url` describes.
+        receive: called in the event loop with what arrives.
+        system_id: MAVLink id of the vehicle, to which a port that listens keeps.
 
     Raises:
-        LinkError: the URL is malformed, the port is in use, the device is missing.
+        LinkError: the URL is malformed, its host unknown, the port in use, the device unusable.
     """
     parsed = LinkUrl.parse(url)
+    if parsed.scheme == "serial":
+        return SerialLine(parsed, receive)
     try:
+        family, address = await _resolve(parsed)
         match parsed.scheme:
             case "udpin":
-                return await _open_udp(receive, local=(parsed.target, parsed.number))
+                return await _UdpServer.open(family, address, receive, system_id)
             case "udpout":
-                return await _open_udp(receive, remote=(parsed.target, parsed.number))
+                return await _UdpClient.open(family, address, receive)
             case "tcpin":
-                return await _TcpServer.open(parsed, receive)
-            case "tcpout":
-                return _TcpClient(parsed, receive)
+                return await _TcpServer.open(family, address, receive, system_id)
             case _:
-                return _Serial(parsed, receive)
+                return _TcpClient(url, family, address, receive)
     except OSError as error:
         raise LinkError(f"{url}: cannot be opened: {error.strerror or error}") from error
 
 
-class _Udp(asyncio.DatagramProtocol):
-    """Sends to its remote, or to whoever was heard last."""
+async def _resolve(url: LinkUrl) -> tuple[socket.AddressFamily, Address]:
+    """Return the address family and the first address of a URL's host.
 
-    def __init__(self, receive: Receive, remote: tuple[str, int] | None) -> None:
+    Raises:
+        LinkError: the host has no address.
+    """
+    kind = socket.SOCK_DGRAM if url.scheme.startswith("udp") else socket.SOCK_STREAM
+    loop = asyncio.get_running_loop()
+    try:
+        found = await loop.getaddrinfo(url.target, url.number, type=kind)
+    except (socket.gaierror, UnicodeError) as error:
+        reason = error.strerror if isinstance(error, OSError) else "not a host name"
+        raise LinkError(f"{url.url}: host {url.target!r} has no address: {reason}") from error
+    family, _, _, _, address = found[0]
+    return family, address
+
+
+class _Udp(asyncio.DatagramProtocol):
+    """What both ends of UDP have in common."""
+
+    def __init__(self, receive: Receive) -> None:
         self._receive = receive
-        self._remote = remote
         self._transport: asyncio.DatagramTransport | None = None
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
         # Python 3.11's own datagram transport does not derive from the class it implements.
-        self._transport = cast(asyncio.DatagramTransport, transport)
-
-    def datagram_received(self, data: bytes, addr: tuple[str, int]) -> None:
-        self._remote = addr
-        self._receive(data)
+        self._transport = cast("asyncio.DatagramTransport", transport)
 
     def error_received(self, exc: Exception) -> None:
-        # Nobody listens there yet: normal before the other side has started.
+        # The other side does not listen: normal before it has started.
         log.debug("UDP: %s", exc)
-
-    def send(self, data: bytes) -> None:
-        if self._remote is not None and self._transport is not None:
-            self._transport.sendto(data, self._remote)
 
     def close(self) -> None:
         if self._transport is not None:
             self._transport.close()
 
 
-async def _open_udp(
-    receive: Receive, local: tuple[str, int] | None = None, remote: tuple[str, int] | None = None
-) -> _Udp:
-    loop = asyncio.get_running_loop()
-    bind = local or ("0.0.0.0", 0)  # noqa: S104  the autopilot may be on any interface
-    _, protocol = await loop.create_datagram_endpoint(
-        lambda: _Udp(receive, remote), local_addr=bind
-    )
-    return protocol
+class _UdpServer(_Udp):
+    """Bound to a port; sends to the vehicle once it was heard."""
+
+    def __init__(self, receive: Receive, system_id: int) -> None:
+        super().__init__(receive)
+        self._loop = asyncio.get_running_loop()
+        self._vehicle: VehiclePeer[Address] = VehiclePeer(system_id)
+
+    @classmethod
+    async def open(
+        cls, family: socket.AddressFamily, address: Address, receive: Receive, system_id: int
+    ) -> _UdpServer:
+        _, link = await asyncio.get_running_loop().create_datagram_endpoint(
+            lambda: cls(receive, system_id), local_addr=_host_and_port(address), family=family
+        )
+        return link
+
+    def datagram_received(self, data: bytes, addr: Address) -> None:
+        if self._vehicle.admit(data, addr, self._loop.time()):
+            self._receive(data)
+
+    def send(self, data: bytes) -> None:
+        if self._vehicle.peer is not None and self._transport is not None:
+            self._transport.sendto(data, self._vehicle.peer)
+
+
+class _UdpClient(_Udp):
+    """Sends to one address and reads what comes from there.
+
+    The socket is not connected: that would fail where the network comes up after the daemon.
+    """
+
+    def __init__(self, receive: Receive, remote: Address) -> None:
+        super().__init__(receive)
+        self._remote = remote
+
+    @classmethod
+    async def open(
+        cls, family: socket.AddressFamily, address: Address, receive: Receive
+    ) -> _UdpClient:
+        anywhere = "::" if family is socket.AF_INET6 else "0.0.0.0"  # noqa: S104  any interface
+        _, link = await asyncio.get_running_loop().create_datagram_endpoint(
+            lambda: cls(receive, address), local_addr=(anywhere, 0), family=family
+        )
+        return link
+
+    def datagram_received(self, data: bytes, addr: Address) -> None:
+        if addr[:2] == self._remote[:2]:
+            self._receive(data)
+
+    def send(self, data: bytes) -> None:
+        if self._transport is not None:
+            self._transport.sendto(data, self._remote)
+
+
+def _host_and_port(address: Address) -> tuple[str, int]:
+    """Return an address as asyncio takes it; the host is numeric, so it resolves nothing anew."""
+    host, port = socket.getnameinfo(address, socket.NI_NUMERICHOST | socket.NI_NUMERICSERV)
+    return host, int(port)
 
 
 class _TcpServer:
-    """Serves one autopilot at a time; a new connection replaces the old one."""
+    """Listens; of those who connect it keeps to the vehicle."""
 
-    def __init__(self) -> None:
+    def __init__(self, receive: Receive, system_id: int) -> None:
+        self._receive = receive
+        self._loop = asyncio.get_running_loop()
+        self._vehicle: VehiclePeer[int] = VehiclePeer(system_id)
+        self._numbers = itertools.count(1)
+        self._writers: dict[int, asyncio.StreamWriter] = {}
         self._server: asyncio.Server | None = None
-        self._writer: asyncio.StreamWriter | None = None
 
     @classmethod
-    async def open(cls, url: LinkUrl, receive: Receive) -> _TcpServer:
-        link = cls()
-
-        async def serve(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
-            if link._writer is not None:
-                link._writer.close()
-            link._writer = writer
-            await _pump(reader, receive)
-
-        link._server = await asyncio.start_server(serve, url.target, url.number)
+    async def open(
+        cls, family: socket.AddressFamily, address: Address, receive: Receive, system_id: int
+    ) -> _TcpServer:
+        link = cls(receive, system_id)
+        host, port = _host_and_port(address)
+        link._server = await asyncio.start_server(link._serve, host, port, family=family)
         return link
 
+    async def _serve(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        if len(self._writers) >= CONNECTIONS_MAX:
+            writer.close()
+            return
+        number = next(self._numbers)
+        self._writers[number] = writer
+        _expect_acknowledgement(writer)
+        try:
+            while data := await reader.read(READ_BYTES):
+                if self._vehicle.admit(data, number, self._loop.time()):
+                    self._receive(data)
+        except OSError as error:
+            log.info("TCP connection %d: %s", number, error)
+        finally:
+            self._vehicle.forget(number)
+            del self._writers[number]
+            writer.close()
+
     def send(self, data: bytes) -> None:
-        if self._writer is not None and not self._writer.is_closing():
-            self._writer.write(data)
+        if self._vehicle.peer is not None:
+            _write(self._writers[self._vehicle.peer], data)
 
     def close(self) -> None:
-        if self._writer is not None:
-            self._writer.close()
+        for writer in self._writers.values():
+            writer.close()
         if self._server is not None:
             self._server.close()
 
@@ -161,26 +221,41 @@ class _TcpServer:
 class _TcpClient:
     """Connects, and connects again when the other side went away."""
 
-    def __init__(self, url: LinkUrl, receive: Receive) -> None:
-        self._url = url
+    def __init__(
+        self, url: str, family: socket.AddressFamily, address: Address, receive: Receive
+    ) -> None:
+        self._url, self._family, self._address = url, family, address
         self._receive = receive
         self._writer: asyncio.StreamWriter | None = None
-        self._task = asyncio.get_running_loop().create_task(self._run(), name=url.url)
+        self._said = ""
+        self._task = asyncio.get_running_loop().create_task(self._run(), name=url)
 
     async def _run(self) -> None:
         while True:
             try:
-                reader, self._writer = await asyncio.open_connection(
-                    self._url.target, self._url.number
-                )
-                await _pump(reader, self._receive)
+                await self._connect()
             except OSError as error:
-                log.info("%s: %s; trying again", self._url.url, error)
+                reason = error.strerror or str(error)
+                if reason != self._said:  # each second anew would fill the log
+                    self._said = reason
+                    log.info("%s: %s; trying again", self._url, reason)
             await asyncio.sleep(RECONNECT_S)
 
+    async def _connect(self) -> None:
+        """Be connected until the other side ends it."""
+        host, port = _host_and_port(self._address)
+        reader, writer = await asyncio.open_connection(host, port, family=self._family)
+        self._writer, self._said = writer, ""
+        _expect_acknowledgement(writer)
+        try:
+            while data := await reader.read(READ_BYTES):
+                self._receive(data)
+        finally:
+            writer.close()
+
     def send(self, data: bytes) -> None:
-        if self._writer is not None and not self._writer.is_closing():
-            self._writer.write(data)
+        if self._writer is not None:
+            _write(self._writer, data)
 
     def close(self) -> None:
         self._task.cancel()
@@ -188,77 +263,17 @@ class _TcpClient:
             self._writer.close()
 
 
-async def _pump(reader: asyncio.StreamReader, receive: Receive) -> None:
-    while data := await reader.read(READ_BYTES):
-        receive(data)
+def _expect_acknowledgement(writer: asyncio.StreamWriter) -> None:
+    """Have the kernel end a connection whose other side no longer acknowledges."""
+    connection = writer.get_extra_info("socket")
+    if hasattr(socket, "TCP_USER_TIMEOUT"):
+        connection.setsockopt(
+            socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT, round(TCP_SILENCE_S * 1e3)
+        )
 
 
-class _Serial:
-    """A raw serial line, read when the event loop says so, opened again when it breaks."""
-
-    def __init__(self, url: LinkUrl, receive: Receive) -> None:
-        speed = getattr(termios, f"B{url.number}", None)
-        if speed is None:
-            raise LinkError(f"{url.url}: {url.number} baud is not a standard rate")
-        self._url, self._receive, self._speed = url, receive, speed
-        self._loop = asyncio.get_running_loop()
-        self._descriptor: int | None = None
-        self._retry: asyncio.TimerHandle | None = None
-        self._open()
-
-    def _open(self) -> None:
-        descriptor = os.open(self._url.target, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
-        tty.setraw(descriptor)
-        settings = termios.tcgetattr(descriptor)
-        settings[4] = settings[5] = self._speed
-        termios.tcsetattr(descriptor, termios.TCSANOW, settings)
-        self._descriptor = descriptor
-        self._loop.add_reader(descriptor, self._read, descriptor)
-
-    def _reopen(self) -> None:
-        try:
-            self._open()
-        except (OSError, termios.error) as error:
-            log.info("%s: %s; trying again", self._url.url, error)
-            self._retry = self._loop.call_later(RECONNECT_S, self._reopen)
-
-    def _read(self, descriptor: int) -> None:
-        try:
-            data = os.read(descriptor, READ_BYTES)
-        except BlockingIOError:
-            return
-        except OSError:
-            data = b""
-        if data:
-            self._receive(data)
-        else:
-            self._break()
-
-    def _break(self) -> None:
-        log.warning("%s: the line broke", self._url.url)
-        self._release()
-        self._retry = self._loop.call_later(RECONNECT_S, self._reopen)
-
-    def send(self, data: bytes) -> None:
-        if self._descriptor is None:
-            return
-        try:
-            written = os.write(self._descriptor, data)
-        except BlockingIOError:
-            written = 0
-        except OSError:
-            self._break()
-            return
-        if written < len(data):
-            log.warning("%s: too slow, dropped %d bytes", self._url.url, len(data) - written)
-
-    def _release(self) -> None:
-        if self._descriptor is not None:
-            self._loop.remove_reader(self._descriptor)
-            os.close(self._descriptor)
-            self._descriptor = None
-
-    def close(self) -> None:
-        if self._retry is not None:
-            self._retry.cancel()
-        self._release()
+def _write(writer: asyncio.StreamWriter, data: bytes) -> None:
+    """Write, unless the other side has stopped to read."""
+    backlog_bytes = writer.transport.get_write_buffer_size()
+    if not writer.is_closing() and backlog_bytes <= TCP_BACKLOG_BYTES:
+        writer.write(data)

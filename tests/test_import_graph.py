@@ -22,6 +22,7 @@ IO_MODULES = {
     "onboard.daemon",
     "onboard.links",
     "onboard.log_thread",
+    "onboard.serial_line",
     "sitl.__main__",
     "sitl.live",
     "sitl.simulation",  # a stopwatch: how long the simulation took
