@@ -14,6 +14,7 @@ import zenoh
 from onboard import daemon
 from onboard.config import Contract, DaemonConfig, Mission
 from onboard.contract import assess
+from onboard.flight_logs import LogFileError
 from onboard.link_url import LinkError
 from onboard.log_format import configure_logging
 from onboard.yaml_file import FileError, load_yaml
@@ -24,7 +25,7 @@ def main(arguments: list[str] | None = None) -> int:
     parser = argparse.ArgumentParser(prog="clearway-onboard", description=daemon.__doc__)
     parser.add_argument("--config", type=Path, required=True, help="daemon configuration, YAML")
     parser.add_argument(
-        "--log-format", choices=("text", "json"), default="text", help="of messages, one a line"
+        "--log-format", choices=("text", "json"), help="of messages; default: the file's log_format"
     )
     options = parser.parse_args(arguments)
     try:
@@ -32,15 +33,13 @@ def main(arguments: list[str] | None = None) -> int:
         base = options.config.parent
         contract = load_yaml(base / config.contract, Contract)
         mission = load_yaml(base / config.mission, Mission)
-        configure_logging(config.log_level, options.log_format)
+        configure_logging(config.log_level, options.log_format or config.log_format)
         _warn_if_not_compliant(contract, config)
         asyncio.run(daemon.run(config, contract, mission, _log_path(base, config)))
-    except (FileError, LinkError) as error:
+    except (FileError, LinkError, LogFileError) as error:
         return _refuse(str(error))
     except zenoh.ZError as error:
         return _refuse(f"{options.config}: no Zenoh session: {error}")
-    except OSError as error:
-        return _refuse(f"{options.config}: {error}")
     return 0
 
 
@@ -52,13 +51,9 @@ def _warn_if_not_compliant(contract: Contract, config: DaemonConfig) -> None:
 
 def _log_path(base: Path, config: DaemonConfig) -> Path:
     if config.log_file is not None:
-        path = base / config.log_file
-    else:
-        path = (
-            base / config.log_directory / time.strftime("flight-%Y%m%d-%H%M%S.mcap", time.gmtime())
-        )
-    path.parent.mkdir(parents=True, exist_ok=True)
-    return path
+        return base / config.log_file
+    name = time.strftime("flight-%Y%m%d-%H%M%S.mcap", time.gmtime())
+    return base / config.log_directory / name
 
 
 def _refuse(message: str) -> int:

@@ -169,6 +169,19 @@ class Autonomy:
         """Take a mission to be flown instead of the present one; it is read in the next tick."""
         self._pending_mission = payload
 
+    def set_epoch(self, epoch_unix_s: float) -> None:
+        """Read stamps by another Unix time at ``now_s`` zero; only while the vehicle is disarmed.
+
+        Every sensor has to be seen anew: ages by the old time mean nothing by the new one.
+        """
+        if epoch_unix_s != self.epoch_unix_s:
+            self.epoch_unix_s = epoch_unix_s
+            self._detection_watch.forget_stamps()
+
+    def emit(self, event: Event) -> None:
+        """Take an event of the daemon's own, to be logged and sent like those of the service."""
+        self._news.append(event)
+
     def report_log_end(self, reason: str, now_s: float) -> None:
         """Say, once, that the flight goes on without a log."""
         if not self._log_ended:

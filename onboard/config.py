@@ -201,8 +201,12 @@ class DaemonConfig(FileModel):
     mavlink: MavlinkLink = MavlinkLink(url="udpin://0.0.0.0:14540", system_id=1, stale_after_s=0.5)
     zenoh: ZenohEndpoints = ZenohEndpoints(connect=(), listen=())
     log_directory: FilePath = Path("flights")
-    log_file: FilePath | None = Field(None, description="instead of a new file in log_directory")
+    log_file: FilePath | None = Field(
+        None,
+        description="instead of a name by date; where it exists, the next free",
+    )
     log_level: Literal["debug", "info", "warning", "error"] = "info"
+    log_format: Literal["text", "json"] = Field("text", description="of the daemon's messages")
     mission_changes: bool = Field(
         False, description="fly what comes on the Zenoh key `mission` instead, even in mid-flight"
     )

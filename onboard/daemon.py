@@ -15,20 +15,19 @@ import signal
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Final, Self
+from typing import Final
 
 import zenoh
 
 from onboard.autonomy import Autonomy
+from onboard.clock import Clock
 from onboard.config import Contract, DaemonConfig, Mission, ZenohEndpoints
 from onboard.contract import TICK_S
+from onboard.event_log import EventLog
+from onboard.flight_logs import Logs
 from onboard.journal import Journal
 from onboard.links import Link, open_link
-from onboard.log_parts import LogParts
-from onboard.log_thread import LogThread
 from onboard.record import Record
-from onboard.recorder import Direction, FlightLog
-from onboard.telemetry_log import TelemetryLog
 
 log = logging.getLogger(__name__)
 
@@ -51,24 +50,12 @@ _KEYS: Final = {
 _LASTING: Final = frozenset({"plan", "obstacles", "margins"})
 
 
-class Clock:
-    """Time since the start that no clock adjustment can move, and the Unix time of that start."""
-
-    def __init__(self) -> None:
-        self.epoch_unix_s = time.time()
-        self._start_s = time.monotonic()
-
-    def now_s(self) -> float:
-        """Return the time since the start."""
-        return time.monotonic() - self._start_s
-
-
 async def run(config: DaemonConfig, contract: Contract, mission: Mission, log_path: Path) -> None:
     """Serve until SIGINT or SIGTERM.
 
     Raises:
         LinkError: the MAVLink link cannot be opened.
-        OSError: the flight log cannot be written.
+        LogFileError: the flight log cannot be written.
         zenoh.ZError: no Zenoh session with this configuration.
     """
     claim_priority()
@@ -84,22 +71,27 @@ async def run(config: DaemonConfig, contract: Contract, mission: Mission, log_pa
         preflight_age_max_s=config.preflight_age_max_s if config.require_preflight else None,
         stopwatch=time.perf_counter,
     )
-    with contextlib.ExitStack() as stack:
-        logs = stack.enter_context(Logs(log_path, _metadata(contract, mission)))
+    logs: Logs | None = None
 
-        def receive(data: bytes) -> None:
-            now_s = clock.now_s()
-            autonomy.receive_mavlink(data, now_s)
+    def receive(data: bytes) -> None:
+        now_s = clock.now_s()
+        autonomy.receive_mavlink(data, now_s)
+        if logs is not None:
             logs.write_mavlink("received", clock.epoch_unix_s + now_s, data)
 
+    with contextlib.ExitStack() as stack:
         link = await open_link(config.mavlink.url, receive, config.mavlink.system_id)
         stack.callback(link.close)
         session = stack.enter_context(open_session(config.zenoh))
+        # Last: a daemon that cannot start leaves no log behind.
+        logs = stack.enter_context(Logs(log_path, _metadata(contract, mission)))
         bus = Bus(session, config.vehicle, contract)
         bus.subscribe(autonomy, clock, mission_changes=config.mission_changes)
         stop = _stop_on_signals()
         spare_the_collector()
-        log.info("ready: %s, contract %s", config.mavlink.url, contract.sha256[:12])
+        log.info(
+            "ready: %s, contract %s, log %s", config.mavlink.url, contract.sha256[:12], logs.path
+        )
         await _serve(autonomy, link, logs, bus, clock, stop)
     log.info("stopped")
 
@@ -128,8 +120,11 @@ def spare_the_collector() -> None:
 
 def _stop_on_signals() -> asyncio.Event:
     stop = asyncio.Event()
+    loop = asyncio.get_running_loop()
     for number in (signal.SIGINT, signal.SIGTERM):
-        asyncio.get_running_loop().add_signal_handler(number, stop.set)
+        loop.add_signal_handler(number, stop.set)
+    # A terminal that closes, or an SSH connection that drops, must not end a flight.
+    loop.add_signal_handler(signal.SIGHUP, lambda: log.warning("SIGHUP ignored: flying on"))
     return stop
 
 
@@ -141,13 +136,14 @@ async def _serve(
     clock: Clock,
     stop: asyncio.Event,
 ) -> None:
-    journal = Journal(autonomy, timed=True)
+    journal, event_log = Journal(autonomy, timed=True), EventLog()
     due_s = clock.now_s()
     while not stop.is_set():
         now_s = clock.now_s()
         if now_s - due_s > LATE_TICK_S:
             log.warning("tick %.0f ms late", (now_s - due_s) * 1e3)
             due_s = now_s
+        _follow_clock(autonomy, clock, now_s)
         if logs.failure is not None:
             autonomy.report_log_end(logs.failure, now_s)
         autonomy.tick(now_s)
@@ -155,60 +151,20 @@ async def _serve(
             link.send(data)
             logs.write_mavlink("sent", clock.epoch_unix_s + now_s, data)
         records = journal.collect(now_s)
+        event_log.write(records, now_s)
         logs.write(records)
-        bus.publish(records)
+        bus.publish(records, now_s)
         due_s += TICK_S
         with contextlib.suppress(TimeoutError):
             await asyncio.wait_for(stop.wait(), max(0.0, due_s - clock.now_s()))
 
 
-class Logs:
-    """The flight log and, beside it, the MAVLink traffic as ``.tlog``; neither delays a tick.
-
-    Args:
-        path: of the flight log.
-        metadata: what flew.
-
-    Raises:
-        OSError: a file cannot be written.
-    """
-
-    def __init__(self, path: Path, metadata: dict[str, str]) -> None:
-        with contextlib.ExitStack() as stack:
-            self._flight = stack.enter_context(FlightLog(path, metadata))
-            parts = LogParts(path.with_suffix(".tlog"))
-            self._telemetry = stack.enter_context(TelemetryLog(parts))
-            # Entered last, so that it has written everything before the files are closed.
-            self._thread = stack.enter_context(LogThread())
-            self._open = stack.pop_all()
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        try:
-            self._open.close()
-        except OSError as error:  # said before where a full disk has ended the logs in flight
-            if self.failure is None:
-                log.error("the flight log ends here: %s", error)  # noqa: TRY400  a full disk is no defect of ours
-
-    @property
-    def failure(self) -> str | None:
-        """Why the logs have ended; None as long as they go on."""
-        return self._thread.failure
-
-    def write(self, records: list[Record]) -> None:
-        """Log what a tick left behind."""
-        self._thread.submit(lambda: self._flight.write(records))
-
-    def write_mavlink(self, direction: Direction, time_unix_s: float, data: bytes) -> None:
-        """Log bytes of the MAVLink link."""
-
-        def write() -> None:
-            self._flight.write_mavlink(direction, time_unix_s, data)
-            self._telemetry.write(direction, time_unix_s, data)
-
-        self._thread.submit(write)
+def _follow_clock(autonomy: Autonomy, clock: Clock, now_s: float) -> None:
+    step = clock.follow(armed=autonomy.link.status.armed)
+    if step is None:
+        return
+    autonomy.set_epoch(clock.epoch_unix_s)
+    autonomy.emit(step.event(now_s))
 
 
 class Bus:
@@ -258,16 +214,15 @@ class Bus:
 
         self._session.declare_subscriber(f"{self._prefix}/{key}", receive)
 
-    def publish(self, records: list[Record]) -> None:
+    def publish(self, records: list[Record], now_s: float) -> None:
         """Publish what others may want to know; the state at a rate for people."""
         for record in records:
             if record.topic in _LASTING:
                 self._lasting[record.topic] = record
-            if record.topic != "state" or self._status_is_due(record):
+            if record.topic != "state" or self._status_is_due(now_s):
                 self._put(record)
-        now_unix_s = records[0].time_unix_s
-        if now_unix_s >= self._repeat_due_s:
-            self._repeat_due_s = now_unix_s + REPEAT_PERIOD_S
+        if now_s >= self._repeat_due_s:
+            self._repeat_due_s = now_s + REPEAT_PERIOD_S
             for record in self._lasting.values():
                 self._put(record)
 
@@ -276,10 +231,10 @@ class Bus:
         if publisher is not None:
             publisher.put(record.as_json())
 
-    def _status_is_due(self, record: Record) -> bool:
-        if record.time_unix_s < self._status_due_s:
+    def _status_is_due(self, now_s: float) -> bool:
+        if now_s < self._status_due_s:
             return False
-        self._status_due_s = record.time_unix_s + STATUS_PERIOD_S
+        self._status_due_s = now_s + STATUS_PERIOD_S
         return True
 
 

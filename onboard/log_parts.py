@@ -1,9 +1,10 @@
-"""Names of a log's parts: a log that grows too large goes on in the next file."""
+"""Files of one log: a log that grows too large goes on in the next file; none is overwritten."""
 
 from __future__ import annotations
 
+from collections import deque
 from pathlib import Path
-from typing import Final
+from typing import BinaryIO, Final, cast
 
 # A part holds hours; together they are what a log may take of the disk.
 PART_BYTES: Final = 64 * 1024 * 1024
@@ -11,30 +12,59 @@ PARTS_KEPT: Final = 16
 
 
 class LogParts:
-    """Numbers the parts of one log and removes the oldest beyond those to keep.
+    """Opens the parts of one log and removes the oldest of them beyond those to keep.
 
     Args:
         path: of the first part; ``flight.mcap`` is followed by ``flight.2.mcap``.
         part_bytes: a part is full at this size.
         kept: how many parts may exist at once, at least one.
+        overwrite: whether to replace a file that exists; a simulation repeats itself, a flight
+            does not.
     """
 
-    def __init__(self, path: Path, part_bytes: int = PART_BYTES, kept: int = PARTS_KEPT) -> None:
+    def __init__(
+        self,
+        path: Path,
+        part_bytes: int = PART_BYTES,
+        kept: int = PARTS_KEPT,
+        *,
+        overwrite: bool = False,
+    ) -> None:
         self.part_bytes = part_bytes
         self._path = path
         self._kept = kept
+        self._overwrite = overwrite
         self._number = 0
+        self._own: deque[Path] = deque()
 
-    def next(self) -> Path:
-        """Return the path of the next part; afterwards there is room for it.
+    def open_next(self) -> BinaryIO:
+        """Open the next part for writing; afterwards there is room for it.
+
+        A number whose file exists, left by another log, is passed over; only the first part has no
+        other name.
 
         Raises:
-            OSError: the oldest part cannot be removed.
+            FileExistsError: the first part exists and must not be overwritten.
+            OSError: the part cannot be opened, or the oldest not be removed.
         """
-        self._number += 1
-        if self._number > self._kept:
-            self._part(self._number - self._kept).unlink(missing_ok=True)
-        return self._part(self._number)
+        while True:
+            self._number += 1
+            path = self._part(self._number)
+            try:
+                file = self._open(path)
+            except FileExistsError:
+                if self._number == 1:
+                    raise
+                continue
+            self._own.append(path)
+            while len(self._own) > self._kept:
+                self._own.popleft().unlink(missing_ok=True)
+            return file
+
+    def _open(self, path: Path) -> BinaryIO:
+        # A device such as /dev/null holds no log that could be destroyed.
+        mode = "wb" if self._overwrite or path.is_char_device() else "xb"
+        return cast("BinaryIO", path.open(mode))
 
     def _part(self, number: int) -> Path:
         if number == 1:

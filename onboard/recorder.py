@@ -44,7 +44,7 @@ class FlightLog:
     """
 
     def __init__(self, path: Path | LogParts, metadata: Mapping[str, str]) -> None:
-        self._parts = path if isinstance(path, LogParts) else LogParts(path)
+        self._parts = path if isinstance(path, LogParts) else LogParts(path, overwrite=True)
         self._metadata = {"format_version": str(FORMAT_VERSION), **versions(), **metadata}
         self._lasting: dict[str, Record] = {}
         self._file: BinaryIO
@@ -98,7 +98,7 @@ class FlightLog:
         self._file.close()
 
     def _open_part(self) -> None:
-        self._file = self._parts.next().open("wb")
+        self._file = self._parts.open_next()
         self._writer = Writer(
             self._file,
             chunk_size=_CHUNK_BYTES,

@@ -83,7 +83,7 @@ class SerialLine:
         self._retry = self._loop.call_later(RETRY_S, self._reopen)
 
     def _reason(self, error: OSError | termios.error) -> str:
-        number = error.errno if isinstance(error, OSError) else error.args[0]
+        number = int(error.args[0])  # termios.error is not an OSError
         match number:
             case errno.ENOTTY:
                 return "not a serial device"

@@ -54,15 +54,15 @@ class TelemetryLog:
     """Writes both directions of a MAVLink link to a ``.tlog``, and to the next when it is full.
 
     Args:
-        parts: names and sizes of the files, which are overwritten.
+        parts: names and sizes of the files.
 
     Raises:
-        OSError: the file cannot be written.
+        OSError: the file cannot be written, or exists.
     """
 
     def __init__(self, parts: LogParts) -> None:
         self._parts = parts
-        self._file = parts.next().open("wb")
+        self._file = parts.open_next()
         self._splitters: dict[Direction, FrameSplitter] = {
             "received": FrameSplitter(),
             "sent": FrameSplitter(),
@@ -87,7 +87,7 @@ class TelemetryLog:
         """
         if self._file.tell() >= self._parts.part_bytes:
             self._file.close()
-            self._file = self._parts.next().open("wb")
+            self._file = self._parts.open_next()
         stamp = struct.pack(">Q", round(time_unix_s * 1e6))
         for frame in self._splitters[direction].split(data):
             self._file.write(stamp + frame)

@@ -67,12 +67,18 @@ class DetectionWatch:
         if ahead_s > CLOCK_TOLERANCE_S:
             fault = Violation(Assumption.SENSOR_CLOCK, ahead_s, CLOCK_TOLERANCE_S, "s", source)
             return [fault]
-        previous_s = self._newest_stamp_s.get(source, stamp_s)
+        previous_s = self._newest_stamp_s.get(source, -math.inf)
+        if previous_s == -math.inf:
+            previous_s = stamp_s
         self._newest_stamp_s[source] = max(previous_s, min(stamp_s, now_s))
         reaction_s, limit_s = now_s - previous_s, terms.reaction_time_s
         if stamp_s <= previous_s or reaction_s <= limit_s:
             return []
         return [Violation(Assumption.REACTION_TIME, reaction_s, limit_s, "s")]
+
+    def forget_stamps(self) -> None:
+        """Count every sensor as not seen yet: the clock by which it was seen was set."""
+        self._newest_stamp_s = dict.fromkeys(self._newest_stamp_s, -math.inf)
 
     def check(self, now_s: float, terms: Terms[float]) -> Violation | None:
         """Tell whether a sensor has been silent for longer than the contract allows."""

@@ -171,6 +171,8 @@ async def serve(config: SitlConfig) -> None:
     loop = asyncio.get_running_loop()
     for number in (signal.SIGINT, signal.SIGTERM):
         loop.add_signal_handler(number, stop.set)
+    # A terminal that closes must not end a flight, on a bench as little as in the air.
+    loop.add_signal_handler(signal.SIGHUP, lambda: log.info("SIGHUP ignored"))
     simulators = [LiveSimulator(one, field) for one in config.each()]
     with open_session(config.zenoh) as session:
         await _run_all(simulators, stop, session)

@@ -95,13 +95,14 @@ def parse_url(url: str) -> tuple[str, Address]:
     Raises:
         TransportError: the scheme is not one of the module's table, or host or port are missing.
     """
-    parts = urlsplit(url)
+    refusal = f"{url}: expected udpout://, udpin:// or tcpin:// with host:port"
     try:
+        parts = urlsplit(url)
         port = parts.port
-    except ValueError:
-        port = None
+    except ValueError as error:  # a port that is no port, or an unclosed bracket
+        raise TransportError(refusal) from error
     if parts.scheme not in {"udpout", "udpin", "tcpin"} or not parts.hostname or not port:
-        raise TransportError(f"{url}: expected udpout://, udpin:// or tcpin:// with host:port")
+        raise TransportError(refusal)
     return parts.scheme, (parts.hostname, port)
 
 

@@ -13,7 +13,7 @@ from gcs_tools.scenario import load_scenario
 from onboard.autonomy import Autonomy
 from onboard.config import Leg, Mission
 from onboard.contract import TICK_S
-from onboard.daemon import Logs
+from onboard.flight_logs import Logs
 from onboard.journal import Journal
 from onboard.recorder import Direction, FlightLog
 from sitl.field import Obstacle, ObstacleField

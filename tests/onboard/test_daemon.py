@@ -20,8 +20,10 @@ import zenoh
 from mcap.reader import make_reader
 from pymavlink.dialects.v20 import common as mavlink
 
+from gcs_tools.flight_log import read_log
 from onboard.config import Contract, DaemonConfig, Mission, ZenohEndpoints, load_contract
-from onboard.daemon import Logs, open_session, run
+from onboard.daemon import open_session, run
+from onboard.flight_logs import LogFileError, Logs
 from onboard.yaml_file import load_yaml
 
 CONFIG = Path(__file__).parents[2] / "config"
@@ -127,6 +129,12 @@ def test_mavlink_port_in_use_names_the_url(tmp_path: Path, settings: dict[str, A
         assert settings["mavlink"]["url"] in refused(tmp_path, settings)
 
 
+def test_unusable_mavlink_url_is_one_error(tmp_path: Path, settings: dict[str, Any]) -> None:
+    url = settings["mavlink"]["url"] = "serial:///dev/null:57600"
+    assert f"{url}: cannot be opened: not a serial device" in refused(tmp_path, settings)
+    assert not list(tmp_path.glob("flight*")), "a daemon that cannot start leaves no log"
+
+
 def test_zenoh_port_in_use_is_one_error(tmp_path: Path, settings: dict[str, Any]) -> None:
     with socket.socket(socket.AF_INET, socket.SOCK_STREAM) as holder:
         holder.bind(("127.0.0.1", 0))
@@ -147,6 +155,61 @@ def test_signal_ends_it_cleanly_with_a_finished_log(
     assert summary is not None
     assert summary.statistics is not None
     assert summary.statistics.message_count > 0
+
+
+def test_neither_a_dropped_terminal_nor_a_second_start_does_harm(
+    tmp_path: Path, settings: dict[str, Any]
+) -> None:
+    with running(tmp_path, settings) as daemon:
+        daemon.send_signal(signal.SIGHUP)
+        assert "cannot be opened" in refused(tmp_path, settings)
+        assert "SIGHUP ignored" in (tmp_path / SAID).read_text()
+        assert daemon.poll() is None
+        daemon.send_signal(signal.SIGINT)
+        assert daemon.wait(timeout=60.0) == 0
+    assert read_log(tmp_path / "flight.mcap").complete
+    assert {path.name for path in tmp_path.glob("flight*")} == {"flight.mcap", "flight.tlog"}
+
+
+@pytest.mark.parametrize("extension", ["mcap", "tlog"])
+def test_logs_take_the_next_free_name(tmp_path: Path, extension: str) -> None:
+    old = tmp_path / f"flight.{extension}"
+    old.write_text("yesterday's")
+    paths = []
+    for _ in range(3):
+        with Logs(tmp_path / "flight.mcap", {}) as logs:
+            paths.append(logs.path.name)
+    assert paths == ["flight-2.mcap", "flight-3.mcap", "flight-4.mcap"]
+    assert old.read_text() == "yesterday's"
+    assert len(list(tmp_path.iterdir())) == 7
+
+
+def test_logs_make_their_directory(tmp_path: Path) -> None:
+    with Logs(tmp_path / "a" / "b" / "flight.mcap", {}) as logs:
+        assert logs.path.is_file()
+
+
+@pytest.mark.parametrize(
+    ("path", "reason"),
+    [
+        ("file/flight.mcap", "File exists"),
+        ("file/sub/flight.mcap", "Not a directory"),
+        ("/proc/flight.mcap", "No such file or directory"),
+        ("x" * 300 + ".mcap", "File name too long"),
+    ],
+)
+def test_a_log_that_cannot_be_begun_is_one_error(tmp_path: Path, path: str, reason: str) -> None:
+    (tmp_path / "file").touch()
+    with pytest.raises(LogFileError, match=f"flight log cannot be written: {reason}"):
+        Logs(tmp_path / path, {})
+    assert len(list(tmp_path.iterdir())) == 1
+
+
+def test_a_log_file_that_cannot_be_written_is_refused(
+    tmp_path: Path, settings: dict[str, Any]
+) -> None:
+    settings["log_file"] = "onboard.yaml/flight.mcap"
+    assert "flight log cannot be written" in refused(tmp_path, settings)
 
 
 def test_it_starts_without_any_zenoh_peer(tmp_path: Path, settings: dict[str, Any]) -> None:
@@ -199,7 +262,9 @@ def test_a_full_disk_is_said_and_survived(tmp_path: Path, settings: dict[str, An
         daemon.send_signal(signal.SIGINT)
         assert daemon.wait(timeout=60.0) == 0
     said = (tmp_path / SAID).read_text()
-    assert said.count("[Errno 28]") == said.count("the flight log ends here: [Errno 28]") == 1
+    for line in ("the flight log ends here: [Errno 28]", "flying on without a log: [Errno 28]"):
+        assert said.count(line) == 1
+    assert said.count("[Errno 28]") == 2
     assert "Traceback" not in said
 
 

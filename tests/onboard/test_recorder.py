@@ -8,6 +8,7 @@ import signal
 import subprocess
 import sys
 import threading
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -110,12 +111,36 @@ def test_a_full_part_is_followed_by_one_that_says_again_what_lasts(tmp_path: Pat
 
 
 def test_a_log_whose_next_part_cannot_be_opened_is_closed_all_the_same(tmp_path: Path) -> None:
-    (tmp_path / "flight.2.mcap").mkdir()
-    log = FlightLog(LogParts(tmp_path / "flight.mcap", part_bytes=1), {})
-    with pytest.raises(IsADirectoryError):
+    directory, moved = tmp_path / "flights", tmp_path / "moved"
+    directory.mkdir()
+    log = FlightLog(LogParts(directory / "flight.mcap", part_bytes=1), {})
+    directory.rename(moved)
+    with pytest.raises(FileNotFoundError):
         log.write([record(0)])
     log.close()
-    assert read_log(tmp_path / "flight.mcap").complete
+    assert read_log(moved / "flight.mcap").complete
+
+
+@pytest.mark.parametrize("opened", [FlightLog, lambda parts, _: TelemetryLog(parts)])
+def test_a_log_of_another_flight_is_never_overwritten(
+    tmp_path: Path, opened: Callable[[LogParts, dict[str, str]], FlightLog | TelemetryLog]
+) -> None:
+    (tmp_path / "flight.mcap").write_text("yesterday's")
+    with pytest.raises(FileExistsError):
+        opened(LogParts(tmp_path / "flight.mcap"), {})
+    assert (tmp_path / "flight.mcap").read_text() == "yesterday's"
+
+
+def test_parts_of_another_flight_are_passed_over_and_kept(tmp_path: Path) -> None:
+    foreign = [tmp_path / f"flight.{number}.mcap" for number in (2, 4)]
+    for path in foreign:
+        path.write_text("yesterday's")
+    with FlightLog(LogParts(tmp_path / "flight.mcap", part_bytes=1, kept=2), {}) as log:
+        for number in range(3):
+            log.write([record(number)])
+    assert [path.read_text() for path in foreign] == ["yesterday's"] * 2
+    ours = sorted(path.name for path in tmp_path.iterdir() if path not in foreign)
+    assert ours == ["flight.5.mcap", "flight.6.mcap"]
 
 
 def test_a_damaged_chunk_ends_what_is_read_not_the_reader(tmp_path: Path) -> None:

@@ -1,0 +1,107 @@
+"""The daemon's clock: time since its start, and how it relates to Unix time.
+
+A companion computer without a battery clock starts in the past and is set later, by GNSS or NTP.
+Time since the start never jumps; what jumps is the Unix time of its zero, and that is followed only
+while the vehicle is disarmed: in flight, frames stamped before and after a step could not be told
+apart.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Final
+
+from onboard.events import Event, Severity
+
+# Less than the time in which a frame's stamp and the vehicle's pose have to agree.  A slow
+# adjustment by NTP moves both clocks alike and is no step.
+STEP_MIN_S: Final = 0.01
+# A process that was interrupted between two readings cannot compare them.
+_READING_MAX_S: Final = 0.002
+
+
+def elapsed_s() -> float:
+    """Return a time that is never set and, where the kernel can tell, counts suspension too.
+
+    What was heard before the computer slept must not look fresh after it.
+    """
+    if hasattr(time, "CLOCK_BOOTTIME"):
+        return time.clock_gettime(time.CLOCK_BOOTTIME)
+    return time.monotonic()
+
+
+@dataclass(frozen=True)
+class ClockStep:
+    """The system's clock was set.
+
+    Attributes:
+        step_s: by how much, forward if positive.
+        followed: whether stamps are read by the new time from now on.
+    """
+
+    step_s: float
+    followed: bool
+
+    def event(self, now_s: float) -> Event:
+        """Return what the operator should know."""
+        direction = "forward" if self.step_s > 0.0 else "back"
+        text = f"system clock set {direction} by {abs(self.step_s):.2f} s"
+        if self.followed:
+            severity, rest = Severity.NOTICE, "stamps are read by the new time"
+        else:
+            severity, rest = Severity.WARNING, "armed: stamps are read by the old time"
+        data = {"step_s": round(self.step_s, 6), "followed": self.followed}
+        return Event(now_s, "clock_step", severity, f"{text}; {rest}", data)
+
+
+class Clock:
+    """Time since the start that no clock adjustment can move, and the Unix time of that start.
+
+    Args:
+        elapsed_s: reads a clock that is never set.
+        unix_s: reads the system's clock.
+
+    Attributes:
+        epoch_unix_s: Unix time at zero; `follow` may change it.
+    """
+
+    def __init__(
+        self,
+        elapsed_s: Callable[[], float] = elapsed_s,
+        unix_s: Callable[[], float] = time.time,
+    ) -> None:
+        self._elapsed_s, self._unix_s = elapsed_s, unix_s
+        self._start_s = elapsed_s()
+        self.epoch_unix_s = unix_s()
+        self._reported_s = 0.0
+
+    def now_s(self) -> float:
+        """Return the time since the start."""
+        return self._elapsed_s() - self._start_s
+
+    def follow(self, *, armed: bool) -> ClockStep | None:
+        """Look for a step of the system's clock; follow it unless the vehicle is armed.
+
+        Returns:
+            What has happened since the last call; each step is reported once, and again when it is
+            followed at last.
+        """
+        before_s = self.now_s()
+        unix_s = self._unix_s()
+        after_s = self.now_s()
+        if after_s - before_s > _READING_MAX_S:
+            return None
+        step_s = unix_s - after_s - self.epoch_unix_s
+        if abs(step_s) < STEP_MIN_S:
+            self._reported_s = 0.0
+            return None
+        if not armed:
+            self.epoch_unix_s += step_s
+            self._reported_s = 0.0
+            return ClockStep(step_s, followed=True)
+        if abs(step_s - self._reported_s) < STEP_MIN_S:
+            return None
+        self._reported_s = step_s
+        return ClockStep(step_s, followed=False)
