@@ -15,7 +15,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
-import yaml
 from rich.console import Console
 from rich.markup import escape
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
@@ -32,6 +31,7 @@ from gcs_tools.errors import CommandError
 from gcs_tools.output import write_text
 from gcs_tools.scenario import Scenario, load_scenario, obstacle_list
 from gcs_tools.scenario_generator import GENERATORS
+from onboard.yaml_file import dump_document
 from sitl.field import load_field
 
 # A campaign that is killed loses at most this many flights.
@@ -192,7 +192,7 @@ def _keep_scenarios(failed: Iterable[FlightRow], sources: Sequence[Source], plac
             f"# {line}\n" for line in row.findings.splitlines()
         )
         document = scenario_document(case.scenario)
-        text = yaml.safe_dump(document, sort_keys=False, allow_unicode=True)
+        text = dump_document(document)
         place.mkdir(exist_ok=True)
         write_text(heading + text, path)
 
@@ -210,7 +210,7 @@ def _shrink_failures(
             continue
         path = place / f"minimal-{Path(row.source).stem}-{row.campaign_seed}-{row.number}.yaml"
         replay = f"clearway campaign {shlex.quote(str(path))} --seed {case.seed} --only 0"
-        text = yaml.safe_dump(shrunk.document, sort_keys=False, allow_unicode=True)
+        text = dump_document(shrunk.document)
         found = "".join(f"# {line}\n" for line in shrunk.findings.splitlines())
         write_text(f"# {replay}\n{found}{text}", path)
         console.print(f"shrunk in {shrunk.flights} flights: {replay}", markup=False, soft_wrap=True)

@@ -13,11 +13,9 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any, NamedTuple
 
-import yaml
-
 from gcs_tools.campaign_flight import FileSource, fly_numbered
 from gcs_tools.scenario import load_scenario
-from onboard.yaml_file import FileError
+from onboard.yaml_file import FileError, dump_document
 
 Document = dict[str, Any]
 
@@ -68,7 +66,7 @@ def _findings(document: Document, seed: int) -> str:
     """Fly a document as its replay will; what is no scenario, or is refused, finds nothing."""
     with TemporaryDirectory() as directory:
         path = Path(directory) / "candidate.yaml"
-        path.write_text(yaml.safe_dump(document, sort_keys=False), encoding="utf-8")
+        path.write_text(dump_document(document), encoding="utf-8")
         try:
             scenario = load_scenario(path)
         except FileError:

@@ -15,7 +15,6 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
-import yaml
 import zenoh
 from pydantic import BaseModel
 
@@ -29,6 +28,7 @@ from gcs_tools.scenario import Scenario, obstacle_list
 from gcs_tools.vehicle import Vehicle, VehicleError, connected_vehicle
 from onboard.config import DaemonConfig, MavlinkLink, Mission, ZenohEndpoints
 from onboard.daemon import open_session
+from onboard.yaml_file import dump_document
 
 VEHICLE_NAME = "vehicle"
 # Compiling the plant for the first time takes the longest.
@@ -157,7 +157,7 @@ def write_configuration(
     documents["field"] = [_plain(obstacle) for obstacle in obstacle_list(scenario.obstacles)]
     try:
         for name, document in documents.items():
-            text = yaml.safe_dump(document, sort_keys=False, allow_unicode=True)
+            text = dump_document(document)
             (out / f"{name}.yaml").write_text(text, encoding="utf-8")
     except OSError as error:
         raise CommandError(f"{out}: cannot be written: {error.strerror or error}") from error

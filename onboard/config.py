@@ -12,11 +12,17 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, Any, Final, Literal, Self
 
-import yaml
 from pydantic import Field, model_validator
 
 from onboard.agility import InputSet
-from onboard.yaml_file import FileError, FileModel, load_yaml, read_mapping, validate
+from onboard.yaml_file import (
+    FileError,
+    FileModel,
+    load_yaml,
+    parse_value,
+    read_mapping,
+    validate,
+)
 
 Positive = Annotated[float, Field(gt=0.0)]
 NonNegative = Annotated[float, Field(ge=0.0)]
@@ -243,16 +249,4 @@ def _override(data: dict[str, Any], override: str) -> None:
         target = target.setdefault(parent, {})
         if not isinstance(target, dict):
             raise FileError(f"--set {override}: {parent} holds a value, not keys")
-    target[last] = parse_scalar(text, source=f"--set {override}")
-
-
-def parse_scalar(text: str, *, source: str) -> Any:
-    """Return the value that YAML would read from ``text``.
-
-    Raises:
-        FileError: the text is not YAML.
-    """
-    try:
-        return yaml.safe_load(text)
-    except yaml.YAMLError as error:
-        raise FileError(f"{source}: {text!r} is not a value") from error
+    target[last] = parse_value(text, source=f"--set {override}")

@@ -6,13 +6,14 @@ vehicle may share it with the daemon that it tests.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any, Final, TypeVar
 
 import yaml
 from pydantic import BaseModel, ConfigDict, ValidationError
 
+from onboard import strict_yaml
+
 if TYPE_CHECKING:
-    from collections.abc import Hashable, Mapping
     from pathlib import Path
 
     from pydantic_core import ErrorDetails
@@ -33,6 +34,10 @@ _UNITS = {
     "_kg": "kg",
     "to_weight": "times the weight",
 }
+
+
+# A field of a hundred thousand obstacles takes a tenth of this.
+FILE_BYTES_MAX: Final = 100_000_000
 
 
 class FileError(ValueError):
@@ -66,27 +71,74 @@ def read_mapping(path: Path) -> dict[str, Any]:
         FileError: the file is missing, unreadable, not YAML or not a mapping.
     """
     data = read_document(path)
+    if data is None:
+        raise FileError(f"{path}: expected keys and values, found nothing")
     if not isinstance(data, dict):
         raise FileError(f"{path}: expected keys and values, found {_describe(data)}")
     return data
 
 
 def read_document(path: Path) -> Any:
-    """Read ``path`` as one YAML document of any shape, refusing duplicate keys.
+    """Read ``path`` as one YAML document of any shape (`onboard.strict_yaml`).
 
     Raises:
         FileError: the file is missing, unreadable or not YAML.
     """
+    return parse_document(read_text(path), source=str(path))
+
+
+def read_text(path: Path) -> str:
+    """Read a text file: UTF-8, with or without a byte order mark.
+
+    Raises:
+        FileError: the file is missing, unreadable, larger than `FILE_BYTES_MAX` or not UTF-8.
+    """
     try:
-        text = path.read_text(encoding="utf-8")
+        with path.open("rb") as file:
+            data = file.read(FILE_BYTES_MAX + 1)
     except OSError as error:
         raise FileError(f"{path}: cannot be read: {error.strerror or error}") from error
+    except ValueError as error:  # a zero byte in its name
+        raise FileError(f"{path!s:.60}: cannot be read: {error}") from error
+    if len(data) > FILE_BYTES_MAX:
+        raise FileError(f"{path}: is larger than {FILE_BYTES_MAX // 1_000_000} MB")
+    try:
+        return data.decode("utf-8-sig")
     except UnicodeDecodeError as error:
         raise FileError(f"{path}: is not UTF-8 text (byte {error.start})") from error
+
+
+def parse_document(text: str, *, source: str) -> Any:
+    """Read a text as one YAML document; ``source`` names it in errors.
+
+    Raises:
+        FileError: the text is not YAML, or has a value that could be misread.
+    """
     try:
-        return yaml.load(text, Loader=_StrictLoader)  # noqa: S506  a SafeLoader, made stricter
+        return strict_yaml.load(text)
+    except strict_yaml.UnclearValueError as error:
+        raise FileError(f"{source}: {error}") from error
     except yaml.YAMLError as error:
-        raise FileError(f"{path}: is not valid YAML: {' '.join(str(error).split())}") from error
+        raise FileError(f"{source}: is not valid YAML: {' '.join(str(error).split())}") from error
+
+
+def parse_value(text: str, *, source: str) -> Any:
+    """Read one value as given on a command line; ``source`` names it in errors.
+
+    Raises:
+        FileError: the text is not a value, or could be misread.
+    """
+    try:
+        return strict_yaml.load(text)
+    except strict_yaml.UnclearValueError as error:
+        raise FileError(f"{source}: {error.reason}") from error
+    except yaml.YAMLError as error:
+        raise FileError(f"{source}: {text!r} is not a value") from error
+
+
+def dump_document(document: Any) -> str:
+    """Return a document as YAML that `parse_document` reads as the same values."""
+    return strict_yaml.dump(document)
 
 
 def validate(data: Any, model: type[ModelT], *, source: str) -> ModelT:
@@ -124,19 +176,3 @@ def _innermost_key(error: ErrorDetails) -> str:
 def _describe(value: Any) -> str:
     text = repr(value)
     return text if len(text) <= 60 else f"{text[:57]}..."
-
-
-class _StrictLoader(yaml.SafeLoader):
-    """PyYAML keeps the last of two equal keys in silence; a contract must not."""
-
-    def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Hashable, Any]:
-        seen: set[Any] = set()
-        for key_node, _ in node.value:
-            key = self.construct_object(key_node, deep=True)
-            if key in seen:
-                raise yaml.constructor.ConstructorError(
-                    None, None, f"key {key!r} is given twice", key_node.start_mark
-                )
-            seen.add(key)
-        mapping: Mapping[Hashable, Any] = super().construct_mapping(node, deep=deep)
-        return dict(mapping)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import json
 import queue
+import signal
 import socket
 from collections.abc import Callable
 from itertools import pairwise
@@ -141,6 +142,8 @@ def test_several_vehicles_in_one_process(tmp_path: Path) -> None:
         ({"parameters": {"MPC_TILTMAX_AIR": 95.0}}, "MPC_TILTMAX_AIR = 95"),
         ({"mavlink": ["udp://127.0.0.1:1"]}, "udp://127.0.0.1:1"),
         ({"mavlink": ["udpin://127.0.0.1"]}, "udpin://127.0.0.1"),
+        ({"mavlink": ["udpin://127.0.0.1:99999"]}, "udpin://127.0.0.1:99999"),
+        ({"mavlink": ["udpin://[::1:14550"]}, "udpin://[::1:14550"),
         ({"field": "missing.yaml"}, "missing.yaml"),
         ({"zenoh": {"listen": ["nonsense"]}}, "nonsense"),
         ({"truth_log": "/no/such/directory/truth.mcap"}, "/no/such/directory"),
@@ -188,5 +191,5 @@ def test_zenoh_port_in_use_names_the_endpoint(
 def test_starts_although_no_zenoh_peer_answers(tmp_path: Path) -> None:
     nobody = f"tcp/127.0.0.1:{free_port(socket.SOCK_STREAM)}"
     path, _ = configured(tmp_path, zenoh={"listen": [], "connect": [nobody]})
-    with running(path):
-        pass
+    with running(path) as process:
+        process.send_signal(signal.SIGHUP)  # a terminal that closes
