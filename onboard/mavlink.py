@@ -15,6 +15,7 @@ from typing import Any, Final, NamedTuple
 from pymavlink.dialects.v20 import common as mavlink
 
 from onboard.mavlink_frames import FrameReader
+from onboard.status_text import chunks
 
 COMPONENT_ID: Final = mavlink.MAV_COMP_ID_OBSTACLE_AVOIDANCE
 HEARTBEAT_PERIOD_S: Final = 1.0
@@ -26,7 +27,10 @@ ATTITUDE_AGE_MAX_S: Final = 0.2
 _TYPE_MASK: Final = mavlink.POSITION_TARGET_TYPEMASK_YAW_RATE_IGNORE
 _PX4_MAIN_MODE_OFFBOARD: Final = 6
 _COPTER_MODE_GUIDED: Final = 4
-_STATUSTEXT_BYTES: Final = 50
+# Of STATUSTEXT: together a tenth of what a serial line at 57,600 baud carries.
+_TEXT_PERIOD_S: Final = 0.1
+_TEXTS_MAX: Final = 100
+_TEXT_ID_MAX: Final = 0xFFFF
 
 _REQUESTED_MESSAGES: Final = (
     (mavlink.MAVLINK_MSG_ID_LOCAL_POSITION_NED, TELEMETRY_RATE_HZ),
@@ -144,6 +148,10 @@ class MavlinkEndpoint:
         wanted = frozenset((*self._handlers, *_SETPOINT_MESSAGES))
         self._reader = FrameReader(mavlink, wanted, trusts_unknown=True)
         self._heartbeat_due_s = -math.inf
+        # Severity, chunk, id of the text, number of the chunk.
+        self._texts: deque[tuple[int, bytes, int, int]] = deque(maxlen=_TEXTS_MAX)
+        self._text_due_s = -math.inf
+        self._text_id = 0
         self._request_due_s = -math.inf
 
     def receive(self, data: bytes, now_s: float) -> None:
@@ -159,13 +167,16 @@ class MavlinkEndpoint:
         return data
 
     def keep_alive(self, now_s: float, *, active: bool) -> None:
-        """Send the heartbeat and, while telemetry is missing, ask for it."""
+        """Send the heartbeat and a text that waits; while telemetry is missing, ask for it."""
         if now_s >= self._heartbeat_due_s:
             self._heartbeat_due_s = now_s + HEARTBEAT_PERIOD_S
             state = mavlink.MAV_STATE_ACTIVE if active else mavlink.MAV_STATE_STANDBY
             self._mavlink.heartbeat_send(
                 mavlink.MAV_TYPE_ONBOARD_CONTROLLER, mavlink.MAV_AUTOPILOT_INVALID, 0, 0, state
             )
+        if self._texts and now_s >= self._text_due_s:
+            self._text_due_s = now_s + _TEXT_PERIOD_S
+            self._mavlink.statustext_send(*self._texts.popleft())
         if now_s >= self._request_due_s and math.isfinite(self.status.heard_s):
             self._request_due_s = now_s + _REQUEST_PERIOD_S
             if self._telemetry_is_missing(now_s):
@@ -187,9 +198,16 @@ class MavlinkEndpoint:
         )
 
     def send_text(self, severity: int, text: str) -> None:
-        """Queue one STATUSTEXT; ``severity`` is a MAV_SEVERITY, longer text is cut."""
-        data = text.encode("ascii", "replace")[:_STATUSTEXT_BYTES]
-        self._mavlink.statustext_send(severity, data)
+        """Queue a text for the operator; ``severity`` is a MAV_SEVERITY.
+
+        It leaves chunk by chunk with `keep_alive`: a burst of texts must not crowd set-points out
+        of a slow link.
+        """
+        parts = chunks(text)
+        text_id = 0
+        if len(parts) > 1:
+            self._text_id = text_id = self._text_id % _TEXT_ID_MAX + 1
+        self._texts.extend((severity, part, text_id, n) for n, part in enumerate(parts))
 
     def _telemetry_is_missing(self, now_s: float) -> bool:
         silent = self.pose is None or now_s - self.pose.time_s > 1.0

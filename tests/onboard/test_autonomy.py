@@ -19,6 +19,7 @@ from onboard.journal import Journal
 from onboard.manoeuvre import cruise
 from onboard.planner import NoPlan, Planner
 from onboard.trajectory import State
+from tests.status_texts import status_texts
 
 EPOCH_UNIX_S = 1_790_000_000.0
 OFFBOARD, POSCTL = 6 << 16, 3 << 16
@@ -673,10 +674,10 @@ def test_obstacle_that_appears_in_the_way_to_hover_is_answered(cruising: Rig) ->
 
 def test_operator_is_told_once_even_if_nobody_fetches_the_events(cruising: Rig) -> None:
     cruising.now_s += 0.2
-    texts = []
+    heard = []
     for _ in range(20):
         cruising.now_s += TICK_S
         cruising.autonomy.tick(cruising.now_s)
-        heard = cruising.autopilot_hears(cruising.autonomy.mavlink_to_send())
-        texts += [message.text for message in heard if message.get_type() == "STATUSTEXT"]
+        heard += cruising.autopilot_hears(cruising.autonomy.mavlink_to_send())
+    texts = status_texts(heard)
     assert len(texts) == len(set(texts)) > 0

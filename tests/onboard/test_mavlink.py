@@ -7,10 +7,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pymavlink.dialects.v20 import common as mavlink
 
+from onboard.contract import TICK_S
 from onboard.mavlink import COMPONENT_ID, MavlinkEndpoint, Setpoint
+from onboard.status_text import CHUNK_BYTES, TEXT_BYTES_MAX, chunks
+from tests.status_texts import status_texts
 
 OFFBOARD = 6 << 16
 LOITER = 4 << 16 | 3 << 24
+CONTROL = dict.fromkeys((*range(0x20), *range(0x7F, 0xA0)), " ")
 
 
 class Autopilot:
@@ -170,10 +174,89 @@ def test_missing_telemetry_is_asked_for_until_it_comes(
     assert [m.get_type() for m in heard] == ["HEARTBEAT"]
 
 
-def test_status_text_is_cut_to_what_fits(endpoint: MavlinkEndpoint, autopilot: Autopilot) -> None:
-    endpoint.send_text(mavlink.MAV_SEVERITY_ERROR, "x" * 80 + "é")
-    (message,) = autopilot.heard(endpoint.bytes_to_send())
-    assert message.text == "x" * 50
+def texts_heard(endpoint: MavlinkEndpoint, autopilot: Autopilot, seconds: float) -> list[Any]:
+    messages: list[Any] = []
+    for tick in range(round(seconds / TICK_S)):
+        endpoint.keep_alive(tick * TICK_S, active=True)
+        messages += autopilot.heard(endpoint.bytes_to_send())
+    return [message for message in messages if message.get_type() == "STATUSTEXT"]
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "",
+        "short",
+        "x" * 50,
+        "x" * 51,
+        "x" * 99,
+        "x" * 100,
+        "x" * 101,
+        "x" * 249,
+        "Clearway: tracking error 0.40 > 0.25 m with 3.2 m/s², obstacle front/7: braking to hover",
+        "é" * 25,
+        "é" * 60,
+    ],
+)
+def test_a_long_text_is_sent_in_chunks(
+    endpoint: MavlinkEndpoint, autopilot: Autopilot, text: str
+) -> None:
+    endpoint.send_text(mavlink.MAV_SEVERITY_ERROR, text)
+    heard = texts_heard(endpoint, autopilot, 1.0)
+    assert status_texts(heard) == [text]
+    assert {message.severity for message in heard} == {mavlink.MAV_SEVERITY_ERROR}
+    assert [message.chunk_seq for message in heard] == list(range(len(heard)))
+    if len(text.encode()) <= 50:
+        assert [message.id for message in heard] == [0]
+    else:
+        (text_id,) = {message.id for message in heard}
+        assert text_id > 0
+        # The first NUL ends a text: every chunk but the last is full, and the last is not.
+        *full, last = (bytes(message._text_raw).rstrip(b"\0") for message in heard)
+        assert {len(part) for part in full} == {50}
+        assert len(last) < 50
+
+
+def test_texts_do_not_mix_and_leave_room_for_set_points(
+    endpoint: MavlinkEndpoint, autopilot: Autopilot
+) -> None:
+    texts = [f"{number}: " + "x" * 120 for number in range(20)]
+    for text in texts:
+        endpoint.send_text(mavlink.MAV_SEVERITY_WARNING, text)
+    heard = texts_heard(endpoint, autopilot, 1.0)
+    assert 10 <= len(heard) <= 11
+    endpoint._text_due_s = 0.0
+    heard += texts_heard(endpoint, autopilot, 6.0)
+    assert status_texts(heard) == texts
+    assert len({message.id for message in heard}) == len(texts)
+
+
+def test_a_character_that_would_straddle_two_chunks_is_moved() -> None:
+    assert chunks("x" * 49 + "² end") == [b"x" * 49 + b" ", "² end".encode()]
+
+
+def test_a_text_id_is_never_zero(endpoint: MavlinkEndpoint, autopilot: Autopilot) -> None:
+    endpoint._text_id = 0xFFFE
+    for _ in range(3):
+        endpoint.send_text(mavlink.MAV_SEVERITY_WARNING, "x" * 60)
+    ids = [message.id for message in texts_heard(endpoint, autopilot, 1.0)]
+    assert ids == [0xFFFF, 0xFFFF, 1, 1, 2, 2]
+
+
+@given(st.text(max_size=300))
+def test_chunks_decode_one_by_one_and_lose_nothing_but_the_end(text: str) -> None:
+    parts = chunks(text)
+    assert all(len(part) == CHUNK_BYTES for part in parts[:-1])
+    assert len(parts) <= 5
+    assert len(parts) == 1 or len(parts[-1]) < CHUNK_BYTES
+    joined = "".join(part.decode() for part in parts)  # each is UTF-8 by itself
+    assert joined.isprintable() or not text.isprintable()
+    assert "\0" not in joined
+    squeezed, expected = "".join(joined.split()), "".join(text.translate(CONTROL).split())
+    if joined.endswith("...") and len(joined.encode()) >= TEXT_BYTES_MAX - 4:
+        assert expected.startswith(squeezed.removesuffix("...")) or squeezed == expected
+    else:
+        assert squeezed == expected
 
 
 @given(st.binary(max_size=400))
