@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import argparse
-import math
+import contextlib
 import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+from gcs_tools.argument_types import count, natural, port, positive
 from gcs_tools.errors import CommandError
+from gcs_tools.standard_output import with_output
 from onboard.yaml_file import FileError
 
 _REFUSED = 1
@@ -25,10 +27,8 @@ class _Parser(argparse.ArgumentParser):
 
 def main(arguments: list[str] | None = None) -> int:
     """Run one command; return its exit code."""
-    options = build_parser().parse_args(arguments)
-    command: Callable[[argparse.Namespace], int] = options.command
     try:
-        return command(options)
+        return with_output(lambda: _run(arguments))
     except FileError as error:
         return _fail(str(error))
     except CommandError as error:
@@ -39,10 +39,12 @@ def main(arguments: list[str] | None = None) -> int:
         raise
     except KeyboardInterrupt:
         return _fail("interrupted", 128 + 2)
-    except BrokenPipeError:
-        # Whoever read our output, for instance `head`, has had enough.
-        sys.stderr.close()
-        return _REFUSED
+
+
+def _run(arguments: list[str] | None) -> int:
+    options = build_parser().parse_args(arguments)
+    command: Callable[[argparse.Namespace], int] = options.command
+    return command(options)
 
 
 def build_parser() -> argparse.ArgumentParser:
@@ -64,7 +66,7 @@ def _add_fly(commands: Any) -> None:
     parser = commands.add_parser("fly", help="fly a scenario against the bundled simulation")
     parser.add_argument("scenario", type=Path, nargs="?", metavar="SCENARIO")
     parser.add_argument("--virtual", action="store_true", help="in virtual time, in one process")
-    parser.add_argument("--seed", type=_natural, default=1, metavar="N")
+    parser.add_argument("--seed", type=natural, default=1, metavar="N")
     parser.add_argument(
         "--out", type=Path, metavar="DIR", help="default: flights/<scenario>-<seed>"
     )
@@ -89,11 +91,11 @@ def _add_preflight(commands: Any) -> None:
         "--zenoh-config", type=Path, metavar="F", help="live detections and daemon: how to join"
     )
     parser.add_argument(
-        "--endurance", type=_positive, metavar="S", help="hover time of a full battery"
+        "--endurance", type=positive, metavar="S", help="hover time of a full battery"
     )
     parser.add_argument(
         "--authorise",
-        type=_positive,
+        type=positive,
         metavar="S",
         help="then answer the vehicle's arm requests by the verdict for so many seconds",
     )
@@ -161,7 +163,7 @@ def _add_watch(commands: Any) -> None:
         "--daemon-config", type=Path, metavar="F", help="the onboard.yaml it runs on"
     )
     parser.add_argument("--host", default="127.0.0.1", help="address to serve on (loopback)")
-    parser.add_argument("--port", type=_natural, default=8640, help="0: any that is free")
+    parser.add_argument("--port", type=port, default=8640, help="0: any that is free")
     parser.add_argument("--tui", action="store_true", help="in this terminal instead")
     parser.set_defaults(command=_watch)
 
@@ -170,7 +172,7 @@ def _add_identify(commands: Any) -> None:
     parser = commands.add_parser("identify", help="contract values measured from flight logs")
     parser.add_argument("logs", type=Path, nargs="+", metavar="LOG", help="MCAP, ULog or tlog")
     parser.add_argument(
-        "--margin", type=_positive, default=0.25, metavar="SHARE", help="default: 0.25"
+        "--margin", type=positive, default=0.25, metavar="SHARE", help="default: 0.25"
     )
     _add_output_options(parser, "table", "json", "csv")
     parser.set_defaults(command=_identify)
@@ -185,18 +187,18 @@ def _add_campaign(commands: Any) -> None:
         help="nominal, violating, faults, outside, competition, quick, quick-faults; scenario "
         "files; stem maps (CSV)",
     )
-    parser.add_argument("--flights", type=_natural, default=100, metavar="N")
-    parser.add_argument("--seed", type=_natural, default=1, metavar="S")
-    parser.add_argument("--only", type=_natural, metavar="N", help="replay flight number N alone")
+    parser.add_argument("--flights", type=natural, default=100, metavar="N")
+    parser.add_argument("--seed", type=natural, default=1, metavar="S")
+    parser.add_argument("--only", type=natural, metavar="N", help="replay flight number N alone")
     where = parser.add_mutually_exclusive_group()
-    where.add_argument("--jobs", type=_count, metavar="J", help="processes; default: all cores")
+    where.add_argument("--jobs", type=count, metavar="J", help="processes; default: all cores")
     where.add_argument("--dask", metavar="ADDRESS", help="tcp://… of a Dask scheduler")
     parser.add_argument(
         "--out", type=Path, metavar="DIR", help="default: campaigns/<scenarios>-<seed>"
     )
     parser.add_argument(
         "--shrink",
-        type=_natural,
+        type=natural,
         default=3,
         metavar="N",
         help="reduce N of the failing flights to minimal scenarios; default: 3",
@@ -232,29 +234,6 @@ def _add_contract_options(parser: argparse.ArgumentParser) -> None:
 def _add_output_options(parser: argparse.ArgumentParser, *forms: str) -> None:
     parser.add_argument("--format", dest="form", choices=forms, default=forms[0])
     parser.add_argument("-o", "--output", type=Path, metavar="FILE")
-
-
-def _natural(text: str) -> int:
-    if not text.isdecimal():
-        raise argparse.ArgumentTypeError(f"{text!r} is not a number from 0 on")
-    return int(text)
-
-
-def _positive(text: str) -> float:
-    try:
-        value = float(text)
-    except ValueError:
-        value = 0.0
-    if not 0.0 < value < math.inf:
-        raise argparse.ArgumentTypeError(f"{text!r} is not a number above 0")
-    return value
-
-
-def _count(text: str) -> int:
-    number = _natural(text)
-    if not number:
-        raise argparse.ArgumentTypeError("0 is not a number from 1 on")
-    return number
 
 
 # Each command's module is imported when it is asked for: a daemon's computer that runs
@@ -392,7 +371,8 @@ def _schema(options: argparse.Namespace) -> int:
 
 
 def _fail(message: str, code: int = _BAD_INPUT) -> int:
-    sys.stderr.write(f"clearway: error: {message}\n")
+    with contextlib.suppress(OSError):  # the exit code is heard all the same
+        sys.stderr.write(f"clearway: error: {message}\n")
     return code
 
 

@@ -38,10 +38,11 @@ def write_document(
     Raises:
         CommandError: the file cannot be written.
     """
-    if form == "table" and path is None:
-        table(Console(width=None if sys.stdout.isatty() else _FILE_WIDTH, highlight=False))
+    if form == "table" and path is None and sys.stdout.isatty():
+        table(Console(highlight=False))
         return
-    write_text(_rendered(document, table, form), path)
+    ascii_only = path is None and not _is_unicode(sys.stdout.encoding)
+    write_text(_rendered(document, table, form, ascii_only=ascii_only), path)
 
 
 def write_text(text: str, path: Path | None) -> None:
@@ -54,14 +55,20 @@ def write_text(text: str, path: Path | None) -> None:
         sys.stdout.write(text)
         return
     try:
-        path.write_text(text, encoding="utf-8")
+        path.write_text(text, encoding="utf-8", errors="replace")
     except OSError as error:
         raise CommandError(f"{path}: cannot be written: {error.strerror or error}") from error
 
 
-def _rendered(document: dict[str, Any], table: Callable[[Console], None], form: Format) -> str:
+def _is_unicode(encoding: str | None) -> bool:
+    return encoding is None or encoding.lower().startswith("utf")
+
+
+def _rendered(
+    document: dict[str, Any], table: Callable[[Console], None], form: Format, *, ascii_only: bool
+) -> str:
     if form == "json":
-        return json.dumps(document, indent=2, ensure_ascii=False) + "\n"
+        return json.dumps(document, indent=2, ensure_ascii=ascii_only) + "\n"
     text = io.StringIO()
     if form == "csv":
         writer = csv.writer(text, lineterminator="\n")
