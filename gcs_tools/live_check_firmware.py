@@ -75,12 +75,15 @@ CHECKS_SKIPPED: Final = (ParameterName("ARMING_SKIPCHK", "", 1.0, (4, 7), (4, 7)
 
 
 def names_in(names: tuple[ParameterName, ...], version: Version | None) -> list[ParameterName]:
-    """Return the names that a release knows; all of them where the release is not known."""
+    """Return the names that a release knows; all of them where the release is not known.
+
+    Releases beyond the known ones are judged by the nearest that is known.
+    """
     if version is None:
         return list(names)
-    # What follows the newest known release is judged by that one's names.
-    newest = max(each.last for each in names)
-    return [each for each in names if each.first <= min(version[:2], newest) <= each.last]
+    oldest, newest = KNOWN["ardupilot"]
+    release = min(max(version[:2], oldest), newest)
+    return [each for each in names if each.first <= release <= each.last]
 
 
 def firmware_finding(flavour: str | None, version: Version | None, stage: str) -> Finding:

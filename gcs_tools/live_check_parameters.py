@@ -1,4 +1,4 @@
-"""The autopilot's parameters against the contract: only those that it obeys in OFFBOARD or GUIDED."""
+"""The autopilot's parameters against the contract: those that it obeys in OFFBOARD or GUIDED."""
 
 from __future__ import annotations
 

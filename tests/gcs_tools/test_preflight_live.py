@@ -14,12 +14,14 @@ from gcs_tools.live_check_bus import contract_finding, telemetry_finding
 from gcs_tools.live_check_detections import Sample, check_detections
 from gcs_tools.live_check_vehicle import flight_time_s, judge
 from gcs_tools.preflight_finding import Verdict
-from gcs_tools.vehicle_survey import (
+from gcs_tools.vehicle_clock import (
     ClockComparison,
-    EstimatorStatus,
-    VehicleFacts,
+    SystemTime,
     compare_clocks,
+    compare_one_way,
+    unix_offset_s,
 )
+from gcs_tools.vehicle_survey import EstimatorStatus, VehicleFacts
 from onboard.config import Mission, load_contract
 from onboard.contract import assess
 from tests.gcs_tools.running import CONFIG
@@ -35,7 +37,8 @@ FACTS = VehicleFacts(
     version=(1, 15, 0),
     rates_hz={"ATTITUDE": 10.0, "LOCAL_POSITION_NED": 10.0},
     estimator=EstimatorStatus(flags=0x33F, worst_ratio=0.1),
-    clock=ClockComparison(round_trip_s=0.004, offset_s=-12.0, unsteady_s=0.0),
+    radio_heard=True,
+    clock=ClockComparison(round_trip_s=0.004, unsteady_s=0.0),
     home_ned_m=(0.0, 0.0, 0.0),
     position_ned_m=(0.2, 0.0, 0.0),
     battery_share=0.9,
@@ -75,15 +78,41 @@ def test_a_vehicle_in_order() -> None:
         ({"version": None}, "firmware", UNKNOWN),
         ({"flavour": None}, "parameters", UNKNOWN),
         ({"rates_hz": {"ATTITUDE": 10.0}}, "LOCAL_POSITION_NED", BROKEN),
-        ({"clock": ClockComparison(0.2, 0.0, 0.0)}, "link delay", BROKEN),
+        ({"clock": ClockComparison(0.2, 0.0)}, "link delay", BROKEN),
+        ({"clock": ClockComparison(0.2, None, "PING")}, "link delay", BROKEN),
+        ({"clock": ClockComparison(0.004, None, "PING")}, "link delay", HOLDS),
+        ({"clock": ClockComparison(0.004, None, "PING")}, "clock", UNKNOWN),
         ({"clock": None}, "link delay", UNKNOWN),
-        ({"clock": ClockComparison(0.004, 0.0, 0.15)}, "clock", BROKEN),
+        ({"clock": ClockComparison(0.004, 0.15)}, "clock", BROKEN),
         ({"clock": None}, "clock", UNKNOWN),
         ({"estimator": None}, "estimator", UNKNOWN),
         ({"estimator": EstimatorStatus(0x33F, math.nan)}, "estimator", UNKNOWN),
         ({"estimator": EstimatorStatus(0x33F, 0.6)}, "estimator", BROKEN),
         ({"estimator": EstimatorStatus(0x33F & ~2, 0.1)}, "estimator", BROKEN),
         ({"estimator": EstimatorStatus(0x33F | 1024, 0.1)}, "estimator", BROKEN),
+        # As recorded of a real PX4 that rests: its position is kept constant.
+        ({"estimator": EstimatorStatus(0x3FF, 0.1), "on_ground": True}, "estimator", HOLDS),
+        ({"estimator": EstimatorStatus(0x3FF, 0.1)}, "estimator", BROKEN),
+        ({"estimator": EstimatorStatus(0x3FF & ~24, 0.1), "on_ground": True}, "estimator", BROKEN),
+        ({"estimator": EstimatorStatus(0x3FF, 0.6), "on_ground": True}, "estimator", BROKEN),
+        (
+            {
+                "flavour": "ardupilot",
+                "estimator": EstimatorStatus(0x3FF, 0.1),
+                "on_ground": True,
+            },
+            "estimator",
+            BROKEN,
+        ),
+        (
+            {"flavour": "ardupilot", "estimator": EstimatorStatus(0x33F | 32768, 0.1)},
+            "estimator",
+            BROKEN,
+        ),
+        ({"radio_heard": None}, "take-over", UNKNOWN),
+        ({"radio_heard": None, "parameters": {"COM_RC_IN_MODE": 4.0}}, "take-over", HOLDS),
+        ({"radio_heard": False}, "take-over", HOLDS),
+        ({"parameters": {"FENCE_TOTAL": 5.0}}, "geofence areas", UNKNOWN),
         ({"home_ned_m": None}, "home", UNKNOWN),
         ({"home_ned_m": (0.0, 0.0, -3.0)}, "home", BROKEN),
         ({"position_ned_m": None}, "start", UNKNOWN),
@@ -122,11 +151,75 @@ def test_clocks_are_compared_within_what_the_link_allows() -> None:
     ]
     found = compare_clocks(exchanges)
     assert found.round_trip_s == pytest.approx(0.003)
-    assert found.offset_s == pytest.approx(-5.0)
     assert found.unsteady_s == 0.0
     # Set by 50 ms: 1 ms of that the link may have been.
     jumped = compare_clocks([*exchanges, (12_000_000_000, 7_051_000_000, 12_002_000_000)])
     assert jumped.unsteady_s == pytest.approx(0.048)
+
+
+def told(arrived_s: float, boot_s: float, unix_s: float = 0.0) -> SystemTime:
+    return SystemTime(arrived_s, arrived_s + NOW_UNIX_S, boot_s, unix_s)
+
+
+@pytest.mark.parametrize("late_s", [0.0, 0.003])
+def test_times_that_are_told_one_way_bound_the_same(late_s: float) -> None:
+    # 5 s behind; up to 3 ms on their way; set by 50 ms at the third.
+    steady = [told(10.0, 5.0), told(11.0 + late_s, 6.0)]
+    found = compare_one_way(0.004, steady)
+    assert (found.unsteady_s, found.source) == (0.0, "PING and SYSTEM_TIME")
+    jumped = compare_one_way(0.004, [*steady, told(12.0, 7.05)])
+    assert jumped.unsteady_s == pytest.approx(0.050 - 0.005 + late_s)
+
+
+@pytest.mark.parametrize("times", [[], [told(10.0, 5.0)]])
+def test_one_time_cannot_show_a_jump(times: list[SystemTime]) -> None:
+    found = compare_one_way(0.004, times)
+    assert (found.round_trip_s, found.unsteady_s, found.source) == (0.004, None, "PING")
+
+
+def test_the_unix_time_is_of_the_quickest_message_and_of_a_clock_that_was_set() -> None:
+    late = [told(10.0 + late_s, 5.0, NOW_UNIX_S + 30.0) for late_s in (0.4, 0.0, 0.2)]
+    assert unix_offset_s(late) == pytest.approx(20.0)
+    assert unix_offset_s([told(10.0, 5.0), told(11.0, 6.0, 6.0)]) is None
+
+
+def test_a_clock_is_described_in_words() -> None:
+    clock = ClockComparison(0.004, 0.0, "PING and SYSTEM_TIME", unix_offset_s=-1199.9)
+    found = judge(replace(FACTS, clock=clock), ASSESSMENT, MISSION, None)
+    (text,) = (each.text for each in found if each.name == "clock")
+    assert "its Unix time is 1199.900 s behind this computer's" in text
+    assert "PING and SYSTEM_TIME" in text
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"version": (1, 16, 0), "stage": "alpha"}, "system id 1, px4 1.16.0 alpha"),
+        ({"system_id": 7, "flavour": "ardupilot"}, "system id 7, ardupilot 1.15.0"),
+        ({"version": None}, "system id 1, px4"),
+        ({"flavour": None, "version": None}, "system id 1, neither PX4 nor ArduPilot"),
+    ],
+)
+def test_the_vehicle_is_named(changes: dict[str, Any], words: str) -> None:
+    found = judge(replace(FACTS, **changes), ASSESSMENT, MISSION, None)
+    assert [each.text for each in found if each.name == "identity"] == [words]
+
+
+@pytest.mark.parametrize(
+    ("flavour", "heard", "words"),
+    [
+        ("px4", True, "POSCTL"),
+        ("px4", False, "PX4 refuses POSCTL then: take over from the ground station with HOLD"),
+        ("ardupilot", True, "LOITER"),
+        ("ardupilot", False, "take over from the ground station with BRAKE"),
+    ],
+)
+def test_how_the_pilot_takes_over_is_said(flavour: str, heard: bool, words: str) -> None:
+    found = judge(
+        replace(FACTS, flavour=flavour, radio_heard=heard), ASSESSMENT, MISSION, endurance_s=None
+    )
+    (text,) = (each.text for each in found if each.name == "take-over")
+    assert words in text
 
 
 def test_the_flight_time_has_a_reserve() -> None:

@@ -208,7 +208,7 @@ def released(**changes: float) -> dict[str, float]:
     return kept | dict(RENAMED.values()) | changes
 
 
-@pytest.mark.parametrize("version", [(4, 7, 0), (4, 7, 3), None])
+@pytest.mark.parametrize("version", [(4, 7, 0), (4, 7, 3), (4, 9, 0), None])
 @pytest.mark.parametrize("jerk", ["PSC_NE_JERK", "PSC_JERK_NE", "PSC_JERK_XY"])
 def test_the_names_of_the_released_4_7_are_understood(version: Version | None, jerk: str) -> None:
     parameters = {name: value for name, value in released().items() if name != "PSC_NE_JERK"}
@@ -232,7 +232,7 @@ def test_the_renamed_parameters_are_judged_in_their_own_units(change: dict[str, 
     assert {name for name, verdict in found.items() if verdict is Verdict.BROKEN} == {*change}
 
 
-@pytest.mark.parametrize("version", [(4, 5, 7), (4, 6, 2)])
+@pytest.mark.parametrize("version", [(4, 5, 7), (4, 6, 2), (3, 6, 0)])
 def test_an_older_version_has_the_old_names_only(version: Version) -> None:
     assert set(verdicts("ardupilot", ARDUPILOT, version=version).values()) == {Verdict.HOLDS}
     found = verdicts("ardupilot", released(), version=version)
