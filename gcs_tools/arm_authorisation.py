@@ -8,7 +8,7 @@ process has ended.
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import aclosing
 from typing import Final
 
@@ -32,28 +32,40 @@ _POLL_S: Final = 0.2
 
 
 def answer_arm_requests(
-    url: str, verdict: Verdict, duration_s: float, report: Callable[[str], None]
+    url: str,
+    verdict: Verdict,
+    duration_s: float,
+    report: Callable[[str], None],
+    *,
+    system_id: int | None = None,
 ) -> int:
     """Answer every request for a while; return how many there were.
+
+    Only the vehicle that was checked may be permitted to arm: any other is refused.
 
     Args:
         url: MAVSDK connection URL of the vehicle.
         verdict: of the pre-flight check; only one that holds permits anything.
         duration_s: how long the verdict is good for.
         report: told of every answer.
+        system_id: of the vehicle that was checked; None for the first that is heard.
 
     Raises:
         UrlError: the URL cannot be opened.
         VehicleError: no autopilot was heard in time, or an answer could not be sent.
     """
     try:
-        return asyncio.run(_answer(url, verdict, duration_s, report))
+        return asyncio.run(_answer(url, verdict, duration_s, report, system_id))
     except MavsdkError as error:
         raise VehicleError(f"arm authorisation: {error}") from error
 
 
 async def _answer(
-    url: str, verdict: Verdict, duration_s: float, report: Callable[[str], None]
+    url: str,
+    verdict: Verdict,
+    duration_s: float,
+    report: Callable[[str], None],
+    system_id: int | None,
 ) -> int:
     identity = Configuration.create_with_component_type(ComponentType.GROUND_STATION)
     identity.system_id = AUTHORISER_SYSTEM_ID
@@ -64,13 +76,15 @@ async def _answer(
                 await mavsdk.add_any_connection(url)
             except MavsdkError as error:
                 raise UrlError(f"{url}: cannot be opened: {error}") from error
-            if await mavsdk.first_autopilot(CONNECT_TIMEOUT_S) is None:
+            first = await mavsdk.first_autopilot(CONNECT_TIMEOUT_S)
+            if first is None:
                 raise VehicleError(f"{url}: no autopilot heard in {CONNECT_TIMEOUT_S:g} s")
+            checked_id = await first.get_system_id() if system_id is None else system_id
             report(f"answering arm requests for {duration_s:g} s: {verdict.value}")
             return await _answer_until(
                 asyncio.get_running_loop().time() + duration_s,
                 server,
-                verdict,
+                {checked_id: verdict},
                 interruption,
                 report,
             )
@@ -79,7 +93,7 @@ async def _answer(
 async def _answer_until(
     until_s: float,
     server: ArmAuthorizerServerAsync,
-    verdict: Verdict,
+    verdicts: Mapping[int, Verdict],
     interruption: Interruption,
     report: Callable[[str], None],
 ) -> int:
@@ -89,6 +103,7 @@ async def _answer_until(
         while loop.time() < until_s and not interruption.requested:
             if not (await asyncio.wait({following}, timeout=_POLL_S))[0]:
                 continue
+            verdict = verdicts.get(following.result(), Verdict.UNKNOWN)
             following = asyncio.ensure_future(anext(requests))
             await _decide(server, verdict)
             count += 1

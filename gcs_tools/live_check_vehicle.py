@@ -12,7 +12,7 @@ from gcs_tools.geofence import FenceError, fence_areas
 from gcs_tools.live_check_firmware import firmware_finding
 from gcs_tools.live_check_parameters import ReportedParameters, check_parameters, corridor_m
 from gcs_tools.live_check_takeover import takeover_finding
-from gcs_tools.preflight_finding import Finding, Verdict
+from gcs_tools.preflight_finding import VEHICLE_IDENTITY, Finding, Verdict
 from gcs_tools.vehicle import HEALTH_TIMEOUT_S
 from gcs_tools.vehicle_clock import ANSWER_TIMEOUT_S, PINGS
 from gcs_tools.vehicle_question import TRIES, WAIT_S
@@ -30,7 +30,6 @@ CHARGE_RESERVE = 0.2
 # Of the default gates; PX4 by default arms up to this (COM_ARM_EKF_POS, _VEL, _YAW).
 INNOVATION_RATIO_MAX = 0.5
 
-IDENTITY = "identity"
 _NOT_ANSWERED = f"neither TIMESYNC nor PING was answered within {ANSWER_TIMEOUT_S:g} s"
 # ESTIMATOR_STATUS_FLAGS and EKF_STATUS_FLAGS have these in common ...
 _ESTIMATOR_NEEDS: Mapping[str, int] = {
@@ -112,7 +111,7 @@ def _identity(facts: VehicleFacts) -> Finding:
     version = "" if facts.version is None else ".".join(map(str, facts.version))
     autopilot = facts.flavour or "neither PX4 nor ArduPilot"
     text = " ".join(filter(None, (autopilot, version, facts.stage)))
-    return _known(IDENTITY, holds=True, text=f"system id {facts.system_id}, {text}")
+    return _known(VEHICLE_IDENTITY, holds=True, text=f"system id {facts.system_id}, {text}")
 
 
 def _health(facts: VehicleFacts) -> Finding:
