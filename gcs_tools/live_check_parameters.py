@@ -115,7 +115,7 @@ def _named(
 ) -> list[ParameterRule]:
     """Return one rule for each name that the vehicle reports; one of all names if it has none."""
     known = names_in(names, reported.version)
-    present = [(each,) for each in known if each.name in reported.values]
+    present = [[each] for each in known if each.name in reported.values]
     return [ParameterRule(reason, tuple(map(condition, group))) for group in present or [known]]
 
 

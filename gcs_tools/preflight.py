@@ -203,9 +203,7 @@ class _LookedAt(NamedTuple):
     endurance_s: float | None
 
 
-def _look(
-    result: Preflight, mission: Mission | None, looked_at: _LookedAt
-) -> tuple[Finding, ...]:
+def _look(result: Preflight, mission: Mission | None, looked_at: _LookedAt) -> tuple[Finding, ...]:
     # MAVSDK and Zenoh are large native libraries: load them for those who have a vehicle.
     from gcs_tools.live_check import STEPS, LiveRequest, check_live  # noqa: PLC0415
     from gcs_tools.live_check_bus import BusConfig  # noqa: PLC0415

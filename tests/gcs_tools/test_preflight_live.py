@@ -10,7 +10,13 @@ from typing import Any
 import pytest
 
 from gcs_tools.geofence import FenceItem, GeographicOrigin
-from gcs_tools.live_check_bus import contract_finding, telemetry_finding
+from gcs_tools.live_check_daemon import (
+    Status,
+    clock_ahead_s,
+    contract_finding,
+    detections_finding,
+    telemetry_finding,
+)
 from gcs_tools.live_check_detections import Sample, check_detections
 from gcs_tools.live_check_vehicle import flight_time_s, judge
 from gcs_tools.preflight_finding import Verdict
@@ -236,8 +242,10 @@ def frame(sequence: int, **changes: Any) -> Sample:
     return Sample(arrived_s, json.dumps(document | changes).encode())
 
 
-def detected(*samples: Sample, announced: tuple[str, ...] = ("front",)) -> dict[str, Verdict]:
-    found = check_detections(samples, announced, ASSESSMENT.terms, 3.0)
+def detected(
+    *samples: Sample, announced: tuple[str, ...] = ("front",), daemon_ahead_s: float | None = 0.0
+) -> dict[str, Verdict]:
+    found = check_detections(samples, announced, ASSESSMENT.terms, 3.0, daemon_ahead_s)
     return {each.name: each.verdict for each in found}
 
 
@@ -291,13 +299,87 @@ def test_the_daemon_must_hold_the_contract_that_was_checked() -> None:
         assert contract_finding(answers, CONTRACT).verdict is UNKNOWN
 
 
+@pytest.mark.parametrize("ahead_s", [0.0, 1199.9, -1199.9, 1.8e9, -0.2])
+def test_the_operators_clock_does_not_matter(ahead_s: float) -> None:
+    """Stamps and the daemon agree; this computer's clock differs from both."""
+    samples = [frame(n, delay_s=0.03 - ahead_s) for n in range(60)]
+    found = check_detections(samples, ("front",), ASSESSMENT.terms, 3.0, ahead_s)
+    assert {each.verdict for each in found} == {HOLDS}
+    (clock,) = (each.text for each in found if each.name == "front clock")
+    side = "the same as" if ahead_s == 0.0 else "ahead of" if ahead_s > 0.0 else "behind"
+    assert f"{side} this computer's" in clock
+    (age,) = (each.text for each in found if each.name == "front age")
+    assert "newest frame up to 0.080 s old" in age
+
+
+@pytest.mark.parametrize("ahead_s", [0.0, 1199.9, -1199.9])
 @pytest.mark.parametrize(
-    ("ages_s", "verdict"),
-    [([0.01, 0.02], HOLDS), ([0.01, 0.6], BROKEN), ([0.01, None], BROKEN), ([None], UNKNOWN)],
+    ("off_s", "verdicts"),
+    [
+        # The sensor's clock against the daemon's, this computer's being any.
+        (1199.9, {"front clock": BROKEN, "front age": UNKNOWN, "front reaction": UNKNOWN}),
+        (0.2, {"front clock": BROKEN, "front age": UNKNOWN, "front reaction": UNKNOWN}),
+        (-20.0, {"front clock": BROKEN, "front age": BROKEN, "front reaction": BROKEN}),
+        (-0.1, {"front clock": HOLDS, "front age": HOLDS, "front reaction": BROKEN}),
+    ],
 )
-def test_the_daemon_needs_fresh_telemetry(ages_s: list[float | None], verdict: Verdict) -> None:
-    assert telemetry_finding([{"telemetry_age_s": age_s} for age_s in ages_s]).verdict is verdict
+def test_a_sensor_whose_clock_is_wrong_is_told(
+    ahead_s: float, off_s: float, verdicts: dict[str, Verdict]
+) -> None:
+    samples = [frame(n, delay_s=0.03 - off_s - ahead_s) for n in range(60)]
+    found = detected(*samples, daemon_ahead_s=ahead_s)
+    assert {name: found[name] for name in verdicts} == verdicts
 
 
-def test_no_daemon_no_telemetry() -> None:
-    assert telemetry_finding([]).verdict is UNKNOWN
+def test_without_a_daemon_stamps_cannot_be_judged() -> None:
+    found = detected(*map(frame, range(60)), daemon_ahead_s=None)
+    names = ("front age", "front reaction", "front clock")
+    assert {name: found[name] for name in names} == dict.fromkeys(names, UNKNOWN)
+    assert found["front order"] is found["front declares"] is HOLDS
+
+
+def statuses(key: str, ages_s: list[Any]) -> list[Status]:
+    return [Status(NOW_UNIX_S, {key: age_s}) for age_s in ages_s]
+
+
+AGES = pytest.mark.parametrize(
+    ("ages_s", "verdict"),
+    [
+        ([0.01, 0.02], HOLDS),
+        ([0.01, 0.6], BROKEN),
+        ([0.01, None], BROKEN),
+        ([None], BROKEN),
+        ([0.01, "0.01"], BROKEN),
+        ([True], BROKEN),
+        ([math.nan], BROKEN),
+        ([], UNKNOWN),
+    ],
+)
+
+
+@AGES
+def test_the_daemon_needs_fresh_telemetry(ages_s: list[Any], verdict: Verdict) -> None:
+    assert telemetry_finding(statuses("telemetry_age_s", ages_s)).verdict is verdict
+
+
+@AGES
+def test_the_daemon_itself_needs_fresh_detections(ages_s: list[Any], verdict: Verdict) -> None:
+    found = detections_finding(statuses("detection_age_s", ages_s), ASSESSMENT.terms)
+    assert found.verdict is verdict
+
+
+def test_a_daemon_that_sees_nothing_is_told() -> None:
+    blind = detections_finding(statuses("detection_age_s", [None]), ASSESSMENT.terms)
+    assert blind.text == "the daemon says that it has no detections"
+    old = detections_finding(statuses("detection_age_s", [31.0]), ASSESSMENT.terms)
+    assert "31.000 s old, limit 0.3 s" in old.text
+
+
+def test_the_daemons_clock_is_told_by_the_quickest_status() -> None:
+    def status(late_s: float, time_s: object) -> Status:
+        return Status(NOW_UNIX_S + late_s, {"time_s": time_s})
+
+    late = [status(late_s, NOW_UNIX_S + 20.0) for late_s in (0.3, 0.001, 0.1)]
+    assert clock_ahead_s(late) == pytest.approx(19.999)
+    assert clock_ahead_s([status(0.0, each) for each in (None, "now", True, math.inf)]) is None
+    assert clock_ahead_s([]) is None
