@@ -300,7 +300,7 @@ async def connected_vehicle(
             interruption.check()
             while_waiting()
 
-        system, number = await _chosen(mavsdk, url, system_id, timeout_s, waiting)
+        system, number = await chosen_system(mavsdk, url, system_id, timeout_s, waiting)
         vehicle = Vehicle(system, number, await _autopilot_of(system), interruption)
         tasks = [asyncio.ensure_future(watcher) for watcher in vehicle.watchers()]
         try:
@@ -313,14 +313,19 @@ async def connected_vehicle(
             await asyncio.gather(*tasks, return_exceptions=True)
 
 
-async def _chosen(
+async def chosen_system(
     mavsdk: Mavsdk,
     url: str,
     system_id: int | None,
     timeout_s: float,
     waiting: Callable[[], None],
 ) -> tuple[Any, int]:
-    """Wait for the one autopilot, or for the one of a system id; return it and its id."""
+    """Wait for the one autopilot, or for the one of a system id; return it and its id.
+
+    Raises:
+        VehicleError: no autopilot, or not this one, was heard in time.
+        AmbiguousVehicleError: several autopilots were heard, and none was chosen.
+    """
     loop = asyncio.get_running_loop()
     deadline_s, settled_s = loop.time() + timeout_s, math.inf
     while True:
