@@ -91,13 +91,11 @@ def _add_preflight(commands: Any) -> None:
         "--zenoh-config", type=Path, metavar="F", help="live detections and daemon: how to join"
     )
     parser.add_argument(
-        "--endurance", type=positive, metavar="S", help="hover time of a full battery"
+        "--system-id", type=natural, metavar="N", help="of the vehicle, if several are heard"
     )
+    parser.add_argument("--endurance", type=positive, metavar="S", help="hover time, battery full")
     parser.add_argument(
-        "--authorise",
-        type=positive,
-        metavar="S",
-        help="then answer the vehicle's arm requests by the verdict for so many seconds",
+        "--authorise", type=positive, metavar="S", help="then answer arm requests by the verdict"
     )
     _add_output_options(parser, "table", "json")
     parser.set_defaults(command=_preflight)
@@ -265,6 +263,7 @@ def _preflight(options: argparse.Namespace) -> int:
             picture=options.picture,
         ),
         vehicle_url=options.vehicle,
+        system_id=options.system_id,
         zenoh_config=options.zenoh_config,
         endurance_s=options.endurance,
         authorise_s=options.authorise,

@@ -8,17 +8,20 @@ process has ended.
 from __future__ import annotations
 
 import asyncio
+import json
 from collections.abc import Callable
 from contextlib import aclosing
-from typing import Final
+from typing import Any, Final
 
 from mavsdk.asyncio import ComponentType, Configuration, Mavsdk, MavsdkError
 from mavsdk.asyncio.plugins.arm_authorizer_server import ArmAuthorizerServerAsync
+from mavsdk.asyncio.plugins.mavlink_direct import MavlinkDirectAsync
 from mavsdk.plugins.arm_authorizer_server import RejectionReason
 
 from gcs_tools.interruption import Interruption, interruptible
 from gcs_tools.preflight_finding import Verdict
-from gcs_tools.vehicle import CONNECT_TIMEOUT_S, UrlError, VehicleError, quiet
+from gcs_tools.vehicle import CONNECT_TIMEOUT_S, UrlError, VehicleError, chosen_system, quiet
+from gcs_tools.vehicle_question import listening
 
 # What MAVSDK is on the link as a ground station.
 AUTHORISER_SYSTEM_ID: Final = 245
@@ -29,31 +32,45 @@ _THINKING_S: Final = 0.05
 # How long a permission holds: a second attempt to arm, but no other flight.
 _VALID_S: Final = 5
 _POLL_S: Final = 0.2
+_REQUEST: Final = 3001  # MAV_CMD_ARM_AUTHORIZATION_REQUEST
 
 
 def answer_arm_requests(
-    url: str, verdict: Verdict, duration_s: float, report: Callable[[str], None]
+    url: str,
+    verdict: Verdict,
+    duration_s: float,
+    report: Callable[[str], None],
+    *,
+    system_id: int | None = None,
 ) -> int:
     """Answer every request for a while; return how many there were.
+
+    Only the vehicle that was checked may be permitted to arm: any other is refused.
 
     Args:
         url: MAVSDK connection URL of the vehicle.
         verdict: of the pre-flight check; only one that holds permits anything.
         duration_s: how long the verdict is good for.
         report: told of every answer.
+        system_id: of the vehicle that was checked; None if there is only one.
 
     Raises:
         UrlError: the URL cannot be opened.
         VehicleError: no autopilot was heard in time, or an answer could not be sent.
+        AmbiguousVehicleError: several autopilots were heard, and none was chosen.
     """
     try:
-        return asyncio.run(_answer(url, verdict, duration_s, report))
+        return asyncio.run(_answer(url, verdict, duration_s, report, system_id))
     except MavsdkError as error:
         raise VehicleError(f"arm authorisation: {error}") from error
 
 
 async def _answer(
-    url: str, verdict: Verdict, duration_s: float, report: Callable[[str], None]
+    url: str,
+    verdict: Verdict,
+    duration_s: float,
+    report: Callable[[str], None],
+    system_id: int | None,
 ) -> int:
     identity = Configuration.create_with_component_type(ComponentType.GROUND_STATION)
     identity.system_id = AUTHORISER_SYSTEM_ID
@@ -64,22 +81,32 @@ async def _answer(
                 await mavsdk.add_any_connection(url)
             except MavsdkError as error:
                 raise UrlError(f"{url}: cannot be opened: {error}") from error
-            if await mavsdk.first_autopilot(CONNECT_TIMEOUT_S) is None:
-                raise VehicleError(f"{url}: no autopilot heard in {CONNECT_TIMEOUT_S:g} s")
-            report(f"answering arm requests for {duration_s:g} s: {verdict.value}")
-            return await _answer_until(
-                asyncio.get_running_loop().time() + duration_s,
-                server,
-                verdict,
-                interruption,
-                report,
+            checked, _ = await chosen_system(
+                mavsdk, url, system_id, CONNECT_TIMEOUT_S, interruption.check
             )
+            async with listening(MavlinkDirectAsync(checked), "COMMAND_LONG") as commands:
+                report(f"answering arm requests for {duration_s:g} s: {verdict.value}")
+                return await _answer_until(
+                    asyncio.get_running_loop().time() + duration_s,
+                    server,
+                    lambda: verdict if _has_asked(commands) else Verdict.UNKNOWN,
+                    interruption,
+                    report,
+                )
+
+
+def _has_asked(commands: asyncio.Queue[Any]) -> bool:
+    """Tell whether the vehicle has sent a request since the last call; requests name no sender."""
+    asked = False
+    while not commands.empty():
+        asked |= json.loads(commands.get_nowait().fields_json)["command"] == _REQUEST
+    return asked
 
 
 async def _answer_until(
     until_s: float,
     server: ArmAuthorizerServerAsync,
-    verdict: Verdict,
+    verdict_on: Callable[[], Verdict],
     interruption: Interruption,
     report: Callable[[str], None],
 ) -> int:
@@ -90,6 +117,8 @@ async def _answer_until(
             if not (await asyncio.wait({following}, timeout=_POLL_S))[0]:
                 continue
             following = asyncio.ensure_future(anext(requests))
+            await asyncio.sleep(_THINKING_S)
+            verdict = verdict_on()
             await _decide(server, verdict)
             count += 1
             report("arming permitted" if verdict is Verdict.HOLDS else "arming denied")
@@ -99,7 +128,6 @@ async def _answer_until(
 
 
 async def _decide(server: ArmAuthorizerServerAsync, verdict: Verdict) -> None:
-    await asyncio.sleep(_THINKING_S)
     if verdict is Verdict.HOLDS:
         await server.accept_arm_authorization(_VALID_S)
         return

@@ -20,8 +20,8 @@ from onboard.config import Mission
 from onboard.contract import Assessment
 from onboard.daemon import open_session
 
-# Of a look at everything: nine of `survey`, and connecting, the bus, clearing the daemon.
-STEPS = 12
+# Of a look at everything: ten of `survey`, and connecting, the bus, clearing the daemon.
+STEPS = 13
 Report = Callable[[str], None]
 
 
@@ -34,12 +34,14 @@ class LiveRequest:
         bus: how to reach detections and daemon; None for neither.
         endurance_s: hover time of a full battery, where the vehicle reckons none.
         connect_timeout_s: how long to wait for an autopilot.
+        system_id: of the vehicle; None if there is only one on the connection.
     """
 
     vehicle_url: str | None = None
     bus: BusConfig | None = None
     endurance_s: float | None = None
     connect_timeout_s: float = CONNECT_TIMEOUT_S
+    system_id: int | None = None
 
 
 def check_live(
@@ -62,7 +64,8 @@ def check_live(
         report: told of every step before it is taken.
 
     Raises:
-        CommandError: no Zenoh session, or not this connection, can be opened.
+        CommandError: no Zenoh session, or not this connection, can be opened; or several
+            vehicles are on it and none was chosen.
         Interrupted: the operator gave up.
     """
     with ExitStack() as stack:
@@ -97,7 +100,9 @@ async def _look_at(
     report("connecting")
     with interruptible() as interruption:
         try:
-            async with connected_vehicle(url, interruption, request.connect_timeout_s) as vehicle:
+            async with connected_vehicle(
+                url, interruption, request.connect_timeout_s, system_id=request.system_id
+            ) as vehicle:
                 return await check_vehicle(
                     vehicle, assessment, mission, request.endurance_s, report
                 )

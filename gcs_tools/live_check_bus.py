@@ -5,22 +5,27 @@ from __future__ import annotations
 import json
 import time
 from collections.abc import Callable
-from typing import Annotated, Any
+from typing import Annotated
 
 import zenoh
 from pydantic import Field
 
+from gcs_tools.live_check_daemon import (
+    ANSWER_TIMEOUT_S,
+    Status,
+    clock_ahead_s,
+    contract_finding,
+    detections_finding,
+    telemetry_finding,
+)
 from gcs_tools.live_check_detections import Sample, check_detections
 from gcs_tools.preflight_finding import Finding, Verdict
 from onboard.clearance import Clearance
 from onboard.config import Contract, ZenohEndpoints
 from onboard.contract import Assessment
 
-# How long detections are counted, and how long an answer may take.
+# How long detections are counted.
 LISTEN_S = 3.0
-ANSWER_TIMEOUT_S = 3.0
-# Telemetry this old has missed several messages on the daemon's link.
-TELEMETRY_AGE_MAX_S = 0.25
 
 _POLL_S = 0.05
 
@@ -42,15 +47,20 @@ class BusCheck:
     def __init__(self, session: zenoh.Session, vehicle: str) -> None:
         self._session = session
         self._prefix = f"clearway/{vehicle}"
-        self._statuses: list[dict[str, Any]] = []
+        self._statuses: list[Status] = []
+        self._daemon_ahead_s: float | None = None
+        # A step of this computer's clock during the check must not look like one of another's.
+        self._epoch_unix_s = time.time() - time.monotonic()
 
     def run(self, assessment: Assessment) -> list[Finding]:
-        """Listen for `LISTEN_S`, ask the daemon, and hold all against the contract."""
+        """Listen for `LISTEN_S`, ask the daemon, and check all against the contract."""
         samples: list[Sample] = []
         listeners = [
             self._session.declare_subscriber(
                 f"{self._prefix}/obstacles",
-                lambda sample: samples.append(Sample(time.time(), sample.payload.to_bytes())),
+                lambda sample: samples.append(
+                    Sample(self._now_unix_s(), sample.payload.to_bytes())
+                ),
             ),
             self._session.declare_subscriber(f"{self._prefix}/status", self._on_status),
         ]
@@ -60,15 +70,19 @@ class BusCheck:
         time.sleep(LISTEN_S)
         for listener in listeners:
             listener.undeclare()  # type: ignore[no-untyped-call]  # untyped in its own stubs
-        heard = tuple(samples)
+        heard, statuses, terms = tuple(samples), tuple(self._statuses), assessment.terms
+        self._daemon_ahead_s = clock_ahead_s(statuses)
         return [
-            *check_detections(heard, announced, assessment.terms, LISTEN_S),
+            *check_detections(heard, announced, terms, LISTEN_S, self._daemon_ahead_s),
             self._contract(assessment.contract),
-            telemetry_finding(self._statuses),
+            detections_finding(statuses, terms),
+            telemetry_finding(statuses),
         ]
 
     def clear(self, contract: Contract, findings: list[Finding], *, compliant: bool) -> Finding:
         """Tell the daemon what came of the whole check, and see that it has heard it.
+
+        The daemon judges the age of a check by its own clock, so that one is used.
 
         Args:
             contract: that was checked.
@@ -79,7 +93,7 @@ class BusCheck:
         passed = compliant and verdict is Verdict.HOLDS
         clearance = Clearance(
             contract_sha256=contract.sha256,
-            stamp_unix_s=time.time(),
+            stamp_unix_s=self._now_unix_s() + (self._daemon_ahead_s or 0.0),
             passed=passed,
             checks={f"{each.subject} {each.name}": each.verdict.value for each in findings},
         )
@@ -87,7 +101,7 @@ class BusCheck:
         listener = self._session.declare_subscriber(f"{self._prefix}/status", self._on_status)
         self._session.put(f"{self._prefix}/clearance", clearance.model_dump_json().encode())
         heard = passed and self._until(
-            lambda: any(each.get("cleared") is True for each in self._statuses)
+            lambda: any(each.document.get("cleared") is True for each in self._statuses)
         )
         listener.undeclare()  # type: ignore[no-untyped-call]  # untyped in its own stubs
         if not passed:
@@ -97,6 +111,9 @@ class BusCheck:
             text = f"given, but the daemon has not said so within {ANSWER_TIMEOUT_S:g} s"
             return Finding("daemon", "clearance", Verdict.UNKNOWN, text)
         return Finding("daemon", "clearance", Verdict.HOLDS, "given, and heard by the daemon")
+
+    def _now_unix_s(self) -> float:
+        return self._epoch_unix_s + time.monotonic()
 
     def _until(self, condition: Callable[[], bool]) -> bool:
         deadline_s = time.monotonic() + ANSWER_TIMEOUT_S
@@ -110,7 +127,7 @@ class BusCheck:
         except ValueError:  # a neighbour that speaks something else is no status
             return
         if isinstance(status, dict):
-            self._statuses.append(status)
+            self._statuses.append(Status(self._now_unix_s(), status))
 
     def _announced(self) -> list[str]:
         replies = self._session.liveliness().get(
@@ -123,31 +140,3 @@ class BusCheck:
         replies = self._session.get(f"{self._prefix}/contract", timeout=ANSWER_TIMEOUT_S)
         answers = [reply.ok.payload.to_bytes() for reply in replies if reply.ok is not None]
         return contract_finding(answers, contract)
-
-
-def contract_finding(answers: list[bytes], contract: Contract) -> Finding:
-    """Compare the contract that the daemon holds with the one that was checked."""
-    if not answers:
-        text = f"no daemon has answered within {ANSWER_TIMEOUT_S:g} s"
-        return Finding("daemon", "contract", Verdict.UNKNOWN, text)
-    try:
-        held = {str(json.loads(answer)["sha256"]) for answer in answers}
-    except (ValueError, TypeError, KeyError):
-        return Finding("daemon", "contract", Verdict.UNKNOWN, "the answer is not a contract")
-    if held == {contract.sha256}:
-        return Finding("daemon", "contract", Verdict.HOLDS, f"the same, {contract.sha256[:12]}")
-    others = ", ".join(sorted(each[:12] for each in held))
-    text = f"the daemon holds {others}, checked was {contract.sha256[:12]}"
-    return Finding("daemon", "contract", Verdict.BROKEN, text)
-
-
-def telemetry_finding(statuses: list[dict[str, Any]]) -> Finding:
-    """Tell whether the daemon's own link brings fresh telemetry."""
-    ages_s = [each.get("telemetry_age_s") for each in statuses]
-    known_s = [float(age_s) for age_s in ages_s if isinstance(age_s, int | float)]
-    if not known_s:
-        text = "the daemon has heard no position" if statuses else "no status from a daemon"
-        return Finding("daemon", "telemetry", Verdict.UNKNOWN, text)
-    text = f"up to {max(known_s):.3f} s old on its link, limit {TELEMETRY_AGE_MAX_S:g} s"
-    fresh = max(known_s) <= TELEMETRY_AGE_MAX_S and len(known_s) == len(ages_s)
-    return Finding("daemon", "telemetry", Verdict.of(holds=fresh), text)

@@ -9,17 +9,19 @@ from itertools import pairwise
 from shapely import LineString
 
 from gcs_tools.geofence import FenceError, fence_areas
-from gcs_tools.live_check_parameters import check_parameters, corridor_m
-from gcs_tools.preflight_finding import Finding, Verdict
+from gcs_tools.live_check_firmware import firmware_finding
+from gcs_tools.live_check_parameters import ReportedParameters, check_parameters, corridor_m
+from gcs_tools.live_check_takeover import takeover_finding
+from gcs_tools.preflight_finding import VEHICLE_IDENTITY, Finding, Verdict
 from gcs_tools.vehicle import HEALTH_TIMEOUT_S
-from gcs_tools.vehicle_survey import ANSWER_TIMEOUT_S, COUNTED, LISTEN_S, PINGS, VehicleFacts
+from gcs_tools.vehicle_clock import ANSWER_TIMEOUT_S, PINGS
+from gcs_tools.vehicle_question import TRIES, WAIT_S
+from gcs_tools.vehicle_survey import COUNTED, LISTEN_S, VehicleFacts
 from onboard.config import Mission
 from onboard.contract import Assessment
 from onboard.navigator import START_TOLERANCE_M
 from onboard.watches import CLOCK_TOLERANCE_S
 
-# Older firmware behaves in ways that nobody has measured for this service.
-OLDEST_VERSION: Mapping[str, tuple[int, int, int]] = {"px4": (1, 14, 0), "ardupilot": (4, 5, 0)}
 RATE_MIN_HZ = 5.0
 # What is left of the battery after the mission: take-off, landing, and a third more than planned.
 GROUND_TIME_S = 60.0
@@ -28,7 +30,7 @@ CHARGE_RESERVE = 0.2
 # Of the default gates; PX4 by default arms up to this (COM_ARM_EKF_POS, _VEL, _YAW).
 INNOVATION_RATIO_MAX = 0.5
 
-_NO_TIMESYNC = f"TIMESYNC not answered within {ANSWER_TIMEOUT_S:g} s"
+_NOT_ANSWERED = f"neither TIMESYNC nor PING was answered within {ANSWER_TIMEOUT_S:g} s"
 # ESTIMATOR_STATUS_FLAGS and EKF_STATUS_FLAGS have these in common ...
 _ESTIMATOR_NEEDS: Mapping[str, int] = {
     "attitude": 1,
@@ -37,19 +39,26 @@ _ESTIMATOR_NEEDS: Mapping[str, int] = {
     "horizontal position": 8 | 16,
     "height": 32 | 64,
 }
-# ... and tell the same faults by different bits, none of which the other uses otherwise.
-_ESTIMATOR_FAULTS: Mapping[str, int] = {
-    "position is made up": 128,
-    "GPS glitch, or not initialised": 1024,
-    "accelerometer fault": 2048,
-    "GPS glitch": 32768,
+# ... but tell faults by different bits.
+_CONSTANT_POSITION = 128
+_ESTIMATOR_FAULTS: Mapping[str, Mapping[str, int]] = {
+    "px4": {
+        "position is made up": _CONSTANT_POSITION,
+        "GPS glitch": 1024,
+        "accelerometer fault": 2048,
+    },
+    "ardupilot": {
+        "position is made up": _CONSTANT_POSITION,
+        "not initialised": 1024,
+        "GPS glitch": 32768,
+    },
 }
 
 
 def judge(
     facts: VehicleFacts, assessment: Assessment, mission: Mission | None, endurance_s: float | None
 ) -> list[Finding]:
-    """Hold what was learnt against a contract, and a mission where there is one.
+    """Check what was learnt against a contract, and a mission where there is one.
 
     Args:
         facts: of the vehicle.
@@ -59,23 +68,23 @@ def judge(
     """
     terms = assessment.terms
     findings = [
+        _identity(facts),
         _health(facts),
-        _version(facts),
+        firmware_finding(facts.flavour, facts.version, facts.stage),
         *(_rate(facts, name) for name in COUNTED),
         _link_delay(facts, terms.reaction_time_s),
         _clock(facts),
         _estimator(facts),
     ]
     if facts.flavour is None:
-        findings.append(_unknown("parameters", "neither PX4 nor ArduPilot: nobody knows its names"))
+        text = "neither PX4 nor ArduPilot: its parameters are not known"
+        findings.append(_unknown("parameters", text))
     else:
-        findings += check_parameters(
-            facts.flavour,
-            facts.parameters,
-            assessment,
-            mission,
-            complete=facts.parameters_complete,
+        reported = ReportedParameters(
+            facts.flavour, facts.parameters, facts.version, complete=facts.parameters_complete
         )
+        findings += check_parameters(reported, assessment, mission)
+        findings.append(takeover_finding(facts.flavour, facts.parameters, heard=facts.radio_heard))
     if mission is not None:
         findings += [_home(facts), _start(facts, mission)]
         findings.append(_fence_areas(facts, mission, corridor_m(assessment, mission)))
@@ -98,19 +107,17 @@ def _unknown(name: str, text: str) -> Finding:
     return Finding("vehicle", name, Verdict.UNKNOWN, text)
 
 
+def _identity(facts: VehicleFacts) -> Finding:
+    version = "" if facts.version is None else ".".join(map(str, facts.version))
+    autopilot = facts.flavour or "neither PX4 nor ArduPilot"
+    text = " ".join(filter(None, (autopilot, version, facts.stage)))
+    return _known(VEHICLE_IDENTITY, holds=True, text=f"system id {facts.system_id}, {text}")
+
+
 def _health(facts: VehicleFacts) -> Finding:
     text = facts.unhealthy or "sensors, estimator, position and home"
     failed = f"after {HEALTH_TIMEOUT_S:g} s not ready: {text}"
     return _known("health", holds=not facts.unhealthy, text=failed if facts.unhealthy else text)
-
-
-def _version(facts: VehicleFacts) -> Finding:
-    if facts.version is None or facts.flavour is None:
-        return _unknown("firmware", "no version reported")
-    oldest = OLDEST_VERSION[facts.flavour]
-    found, needed = (".".join(map(str, each)) for each in (facts.version, oldest))
-    text = f"{facts.flavour} {found}, needs {needed} or later"
-    return _known("firmware", holds=facts.version >= oldest, text=text)
 
 
 def _rate(facts: VehicleFacts, name: str) -> Finding:
@@ -121,10 +128,10 @@ def _rate(facts: VehicleFacts, name: str) -> Finding:
 
 def _link_delay(facts: VehicleFacts, limit_s: float) -> Finding:
     if facts.clock is None:
-        return _unknown("link delay", _NO_TIMESYNC)
+        return _unknown("link delay", _NOT_ANSWERED)
     trip_s = facts.clock.round_trip_s
     text = (
-        f"round trip {trip_s * 1e3:.0f} ms at most in {PINGS}, "
+        f"round trip {trip_s * 1e3:.0f} ms at most in {PINGS} ({facts.clock.source}), "
         f"reaction_time_s of the contract {limit_s * 1e3:.0f} ms"
     )
     return _known("link delay", holds=trip_s <= limit_s, text=text)
@@ -132,33 +139,51 @@ def _link_delay(facts: VehicleFacts, limit_s: float) -> Finding:
 
 def _clock(facts: VehicleFacts) -> Finding:
     if facts.clock is None:
-        return _unknown("clock", _NO_TIMESYNC)
-    offset_s, unsteady_s = facts.clock.offset_s, facts.clock.unsteady_s
-    text = (
-        f"{abs(offset_s):.3f} s {'ahead of' if offset_s > 0.0 else 'behind'} this computer's, "
-        f"jumped by {unsteady_s * 1e3:.1f} ms, limit {CLOCK_TOLERANCE_S * 1e3:g} ms"
-    )
+        return _unknown("clock", _NOT_ANSWERED)
+    unsteady_s, unix_s = facts.clock.unsteady_s, facts.clock.unix_offset_s
+    if unsteady_s is None:
+        return _unknown("clock", "TIMESYNC not answered, and no SYSTEM_TIME to compare")
     # None drifts by this much in a few exchanges: it was set, or something resets it.
-    return _known("clock", holds=unsteady_s <= CLOCK_TOLERANCE_S, text=text)
+    holds = unsteady_s <= CLOCK_TOLERANCE_S
+    steady = (
+        f"jumped by {unsteady_s * 1e3:.1f} ms, limit {CLOCK_TOLERANCE_S * 1e3:g} ms "
+        f"({facts.clock.source})"
+    )
+    unix = "it tells no Unix time"
+    if unix_s is not None:
+        unix = f"its Unix time is {in_words(unix_s)} this computer's"
+    return _known("clock", holds=holds, text=f"{steady}; {unix}")
+
+
+def in_words(ahead_s: float) -> str:
+    """Say how far a clock is ahead of another, or behind it."""
+    if abs(ahead_s) < 0.5e-3:
+        return "the same as"
+    return f"{abs(ahead_s):.3f} s {'ahead of' if ahead_s > 0.0 else 'behind'}"
 
 
 def _estimator(facts: VehicleFacts) -> Finding:
-    if facts.estimator is None:
-        return _unknown("estimator", f"no status within {ANSWER_TIMEOUT_S:g} s")
+    if facts.estimator is None or facts.flavour is None:
+        return _unknown("estimator", f"no status within {TRIES * WAIT_S:g} s, asked {TRIES} times")
     flags, ratio = facts.estimator.flags, facts.estimator.worst_ratio
+    faults, note = dict(_ESTIMATOR_FAULTS[facts.flavour]), ""
+    if facts.flavour == "px4" and facts.on_ground:
+        # PX4 keeps its position constant whenever it rests.
+        del faults["position is made up"]
+        note = ", position kept constant at rest" if flags & _CONSTANT_POSITION else ""
     wrong = [f"no {name}" for name, bits in _ESTIMATOR_NEEDS.items() if not flags & bits]
-    wrong += [name for name, bits in _ESTIMATOR_FAULTS.items() if flags & bits]
+    wrong += [name for name, bits in faults.items() if flags & bits]
     if wrong:
         return _known("estimator", holds=False, text=", ".join(wrong))
     if math.isnan(ratio):
         return _unknown("estimator", "reports no innovations")
     text = f"innovations at {ratio:.2f} of where they are rejected, limit {INNOVATION_RATIO_MAX:g}"
-    return _known("estimator", holds=ratio <= INNOVATION_RATIO_MAX, text=text)
+    return _known("estimator", holds=ratio <= INNOVATION_RATIO_MAX, text=text + note)
 
 
 def _home(facts: VehicleFacts) -> Finding:
     if facts.home_ned_m is None:
-        return _unknown("home", f"no HOME_POSITION within {ANSWER_TIMEOUT_S:g} s")
+        return _unknown("home", f"no HOME_POSITION within {TRIES * WAIT_S:g} s")
     *_, down_m = facts.home_ned_m
     text = (
         f"{abs(down_m):.1f} m from the height of the local origin, which altitudes count from; "
@@ -181,6 +206,9 @@ def _fence_areas(facts: VehicleFacts, mission: Mission, corridor_m: float) -> Fi
     if facts.fence is None or facts.origin is None:
         missing = "what is on board" if facts.fence is None else "where home is"
         return _unknown(name, f"no answer to {missing}")
+    counted = facts.parameters.get("FENCE_TOTAL", 0.0)
+    if counted > 0.0 and not facts.fence:
+        return _unknown(name, f"the vehicle counts {counted:g} points (FENCE_TOTAL), but gave none")
     path = LineString([mission.start_ned_m, *(leg.end_ned_m for leg in mission.legs)])
     try:
         areas = fence_areas(facts.fence, facts.origin)

@@ -6,7 +6,7 @@ import itertools
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from pathlib import Path
-from typing import Any
+from typing import Any, Final, NamedTuple
 
 from rich.console import Console
 
@@ -15,7 +15,7 @@ from gcs_tools.contract_document import contract_document
 from gcs_tools.errors import CommandError
 from gcs_tools.field_check import FieldRule, check_field, legs_of
 from gcs_tools.output import Format, write_document
-from gcs_tools.preflight_finding import Finding, Verdict
+from gcs_tools.preflight_finding import VEHICLE_IDENTITY, Finding, Verdict
 from gcs_tools.preflight_remedy import Remedy, remedies
 from gcs_tools.preflight_speed import fastest_speed_mps
 from gcs_tools.progress import progress_bar
@@ -24,6 +24,8 @@ from onboard.config import Contract, Mission, load_contract
 from onboard.contract import Assessment, assess
 from onboard.yaml_file import load_yaml
 from sitl.field import ObstacleField, load_field
+
+_SYSTEM_ID_MAX: Final = 255
 
 
 @dataclass(frozen=True)
@@ -55,6 +57,12 @@ class Preflight:
             [Verdict.of(holds=self.compliant), *(each.verdict for each in self.findings)]
         )
 
+    @property
+    def vehicle(self) -> str | None:
+        """Which vehicle was looked at, in words; None if none was."""
+        named = (each.text for each in self.findings if each.name == VEHICLE_IDENTITY)
+        return next(named, None)
+
     @cached_property
     def remedies(self) -> tuple[Remedy, ...]:
         """Single changes that mend the clauses that are broken."""
@@ -84,6 +92,7 @@ class Preflight:
         """Return the result as JSON values."""
         return {
             "verdict": self.verdict.value,
+            "vehicle": self.vehicle,
             "compliant": self.compliant,
             "refusals": list(self.refusals),
             "contract": contract_document(self.assessment),
@@ -127,6 +136,7 @@ def run_preflight(
     files: PreflightFiles,
     *,
     vehicle_url: str | None,
+    system_id: int | None,
     zenoh_config: Path | None,
     endurance_s: float | None,
     authorise_s: float | None,
@@ -143,6 +153,7 @@ def run_preflight(
     """
     if authorise_s is not None and vehicle_url is None:
         raise CommandError("--authorise answers a vehicle that asks: give --vehicle")
+    _check_system_id(system_id, vehicle_url)
     contract = load_contract(files.contract, files.overrides)
     obstacles = None if files.field is None else load_field(files.field)
     mission = None if files.mission is None else load_yaml(files.mission, Mission)
@@ -155,35 +166,55 @@ def run_preflight(
     elif files.picture is not None:
         raise CommandError("--picture draws the obstacle field: give --field")
     if vehicle_url is not None or zenoh_config is not None:
-        findings = _look(result, mission, vehicle_url, zenoh_config, endurance_s)
+        looked_at = _LookedAt(vehicle_url, system_id, zenoh_config, endurance_s)
+        findings = _look(result, mission, looked_at)
         result = replace(result, findings=findings)
     table = partial(print_preflight, result, str(files.contract))
     write_document(result.document(), table, form=form, path=output)
     if authorise_s is not None and vehicle_url is not None:
-        _authorise(vehicle_url, result.verdict, authorise_s)
+        _authorise(vehicle_url, system_id, result.verdict, authorise_s)
     return result.verdict
 
 
-def _authorise(vehicle_url: str, verdict: Verdict, duration_s: float) -> None:
+def _check_system_id(system_id: int | None, vehicle_url: str | None) -> None:
+    if system_id is None:
+        return
+    if not 1 <= system_id <= _SYSTEM_ID_MAX:
+        raise CommandError(f"--system-id {system_id}: expected 1 to {_SYSTEM_ID_MAX}")
+    if vehicle_url is None:
+        raise CommandError("--system-id chooses among the vehicles of a connection: give --vehicle")
+
+
+def _authorise(
+    vehicle_url: str, system_id: int | None, verdict: Verdict, duration_s: float
+) -> None:
     from gcs_tools.arm_authorisation import answer_arm_requests  # noqa: PLC0415  as in `_look`
 
     console = Console(stderr=True, highlight=False)
-    answer_arm_requests(vehicle_url, verdict, duration_s, console.print)
+    answer_arm_requests(vehicle_url, verdict, duration_s, console.print, system_id=system_id)
 
 
-def _look(
-    result: Preflight,
-    mission: Mission | None,
-    vehicle_url: str | None,
-    zenoh_config: Path | None,
-    endurance_s: float | None,
-) -> tuple[Finding, ...]:
+class _LookedAt(NamedTuple):
+    """What is looked at live: a vehicle, and what Zenoh tells."""
+
+    vehicle_url: str | None
+    system_id: int | None
+    zenoh_config: Path | None
+    endurance_s: float | None
+
+
+def _look(result: Preflight, mission: Mission | None, looked_at: _LookedAt) -> tuple[Finding, ...]:
     # MAVSDK and Zenoh are large native libraries: load them for those who have a vehicle.
     from gcs_tools.live_check import STEPS, LiveRequest, check_live  # noqa: PLC0415
     from gcs_tools.live_check_bus import BusConfig  # noqa: PLC0415
 
-    bus = None if zenoh_config is None else load_yaml(zenoh_config, BusConfig)
-    request = LiveRequest(vehicle_url, bus, endurance_s)
+    path = looked_at.zenoh_config
+    request = LiveRequest(
+        looked_at.vehicle_url,
+        None if path is None else load_yaml(path, BusConfig),
+        looked_at.endurance_s,
+        system_id=looked_at.system_id,
+    )
     done = itertools.count()
     with progress_bar("looking", STEPS) as bar:
         return check_live(
@@ -207,6 +238,8 @@ def _draw(path: Path, result: Preflight, obstacles: ObstacleField, mission: Miss
 def print_preflight(result: Preflight, title: str, console: Console) -> None:
     """Draw the operator's view: verdict, then every rule."""
     assessment = result.assessment
+    if result.vehicle is not None:
+        title = f"{title}, {result.vehicle}"
     preflight_report.print_title(result.verdict, title, result.refusals, console)
     preflight_report.print_contract(assessment, result.remedies, console)
     if result.field_rules:

@@ -5,7 +5,10 @@ from __future__ import annotations
 import enum
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Final
+
+# Name of the check that says which vehicle was looked at.
+VEHICLE_IDENTITY: Final = "identity"
 
 
 class Verdict(enum.Enum):

@@ -32,6 +32,8 @@ log = logging.getLogger("mavsdk")
 T = TypeVar("T")
 
 CONNECT_TIMEOUT_S = 20.0
+# Heartbeats come every second: how long another autopilot may take to be heard too.
+COMPANY_S = 1.5
 IDENTIFY_TIMEOUT_S = 3.0
 HEALTH_TIMEOUT_S = 30.0
 ARM_TIMEOUT_S = 5.0
@@ -43,7 +45,6 @@ TAKE_OFF_TIMEOUT_S_PER_M = 2.0
 
 _POLL_S = 0.05
 _RETRY_S = 0.3
-_LISTEN_S = 0.5
 _HEIGHT_TOLERANCE_M = 0.2
 _STEADY_MPS = 0.1
 
@@ -68,6 +69,10 @@ class VehicleError(CommandError):
 
 class UrlError(VehicleError):
     """A connection URL that cannot be opened."""
+
+
+class AmbiguousVehicleError(CommandError):
+    """Several vehicles on one connection, and none was chosen."""
 
 
 @dataclass
@@ -99,18 +104,22 @@ class Vehicle:
 
     Args:
         system: MAVSDK's system.
+        system_id: of its MAVLink messages.
         autopilot: which flavour of commands it takes.
         interruption: set by an operator who gives up.
 
     Attributes:
         state: what telemetry has said last.
-        autopilot, system: as given.
+        autopilot, system, system_id: as given.
     """
 
-    def __init__(self, system: Any, autopilot: Autopilot, interruption: Interruption) -> None:
+    def __init__(
+        self, system: Any, system_id: int, autopilot: Autopilot, interruption: Interruption
+    ) -> None:
         self.state = VehicleState()
         self.autopilot = autopilot
         self.system = system
+        self.system_id = system_id
         self._interruption = interruption
         self._action = ActionAsync(system)
         self._telemetry = TelemetryAsync(system)
@@ -219,9 +228,8 @@ class Vehicle:
 
     async def _command(self, command: int, parameters: tuple[float, ...]) -> int | None:
         """Send a COMMAND_LONG; return its MAV_RESULT."""
-        target_system = await self.system.get_system_id()
         fields = {
-            "target_system": target_system,
+            "target_system": self.system_id,
             "target_component": 1,
             "command": command,
             "confirmation": 0,
@@ -230,7 +238,7 @@ class Vehicle:
         }
         message = MavlinkMessage(
             "COMMAND_LONG",
-            target_system_id=target_system,
+            target_system_id=self.system_id,
             target_component_id=1,
             fields_json=json.dumps(fields),
         )
@@ -264,18 +272,21 @@ async def connected_vehicle(
     interruption: Interruption,
     timeout_s: float = CONNECT_TIMEOUT_S,
     while_waiting: Callable[[], None] = lambda: None,
+    system_id: int | None = None,
 ) -> AsyncIterator[Vehicle]:
-    """Connect to the first autopilot on a MAVSDK URL, and keep its state up to date.
+    """Connect to the autopilot on a MAVSDK URL, and keep its state up to date.
 
     Args:
         url: where it is.
         interruption: set by an operator who gives up.
         timeout_s: how long to wait for an autopilot.
         while_waiting: called now and then until one is heard; may raise.
+        system_id: of the autopilot; None if there is only one.
 
     Raises:
         UrlError: the URL cannot be opened.
-        VehicleError: no autopilot was heard in time.
+        VehicleError: no autopilot, or not this one, was heard in time.
+        AmbiguousVehicleError: several autopilots were heard, and none was chosen.
         Interrupted: the operator gave up.
     """
     identity = Configuration.create_with_component_type(ComponentType.GROUND_STATION)
@@ -284,13 +295,13 @@ async def connected_vehicle(
             await mavsdk.add_any_connection(url)
         except MavsdkError as error:
             raise UrlError(f"{url}: cannot be opened: {error}") from error
-        deadline_s = asyncio.get_running_loop().time() + timeout_s
-        while (system := await mavsdk.first_autopilot(min(timeout_s, _LISTEN_S))) is None:
+
+        def waiting() -> None:
             interruption.check()
             while_waiting()
-            if asyncio.get_running_loop().time() >= deadline_s:
-                raise VehicleError(f"{url}: no autopilot heard in {timeout_s:g} s")
-        vehicle = Vehicle(system, await _autopilot_of(system), interruption)
+
+        system, number = await chosen_system(mavsdk, url, system_id, timeout_s, waiting)
+        vehicle = Vehicle(system, number, await _autopilot_of(system), interruption)
         tasks = [asyncio.ensure_future(watcher) for watcher in vehicle.watchers()]
         try:
             await vehicle.request_rates()
@@ -300,6 +311,47 @@ async def connected_vehicle(
             for task in tasks:
                 task.cancel()
             await asyncio.gather(*tasks, return_exceptions=True)
+
+
+async def chosen_system(
+    mavsdk: Mavsdk,
+    url: str,
+    system_id: int | None,
+    timeout_s: float,
+    waiting: Callable[[], None],
+) -> tuple[Any, int]:
+    """Wait for the one autopilot, or for the one of a system id; return it and its id.
+
+    Raises:
+        VehicleError: no autopilot, or not this one, was heard in time.
+        AmbiguousVehicleError: several autopilots were heard, and none was chosen.
+    """
+    loop = asyncio.get_running_loop()
+    deadline_s, settled_s = loop.time() + timeout_s, math.inf
+    while True:
+        systems = {await each.get_system_id(): each for each in await mavsdk.get_systems()}
+        autopilots = {n: each for n, each in systems.items() if await each.has_autopilot()}
+        if system_id is not None and system_id in autopilots:
+            return autopilots[system_id], system_id
+        if system_id is None and autopilots:
+            settled_s = min(settled_s, loop.time() + COMPANY_S)
+        if loop.time() >= settled_s:
+            if len(autopilots) > 1:
+                found = ", ".join(map(str, sorted(autopilots)))
+                text = f"{url}: autopilots of system ids {found}: choose one by --system-id"
+                raise AmbiguousVehicleError(text)
+            ((number, system),) = autopilots.items()
+            return system, number
+        waiting()
+        if loop.time() >= deadline_s and not math.isfinite(settled_s):
+            raise VehicleError(_not_heard(url, system_id, timeout_s, sorted(systems)))
+        await asyncio.sleep(_POLL_S)
+
+
+def _not_heard(url: str, system_id: int | None, timeout_s: float, others: list[int]) -> str:
+    wanted = "autopilot" if system_id is None else f"autopilot of system id {system_id}"
+    heard = f", only system ids {', '.join(map(str, others))}" if others else ""
+    return f"{url}: no {wanted} heard in {timeout_s:g} s{heard}"
 
 
 async def _autopilot_of(system: Any) -> Autopilot:

@@ -7,29 +7,27 @@ closed while one of its calls is in flight.  A question without an answer leaves
 from __future__ import annotations
 
 import asyncio
-import json
 import math
-import time
 from collections.abc import AsyncGenerator, Callable, Mapping
-from contextlib import aclosing, suppress
+from contextlib import AsyncExitStack, aclosing
 from dataclasses import dataclass, field
 from typing import Any
 
 from mavsdk.asyncio import Autopilot, MavsdkError
-from mavsdk.asyncio.plugins.info import InfoAsync
-from mavsdk.asyncio.plugins.mavlink_direct import MavlinkDirectAsync, MavlinkMessage
+from mavsdk.asyncio.plugins.info import InfoAsync, Version
+from mavsdk.asyncio.plugins.mavlink_direct import MavlinkDirectAsync
 from mavsdk.asyncio.plugins.mission_raw import MissionRawAsync
 from mavsdk.asyncio.plugins.param import ParamAsync
-from mavsdk.asyncio.plugins.telemetry import TelemetryAsync
+from mavsdk.asyncio.plugins.telemetry import LandedState, TelemetryAsync
 
 from gcs_tools.geofence import FenceItem, GeographicOrigin
 from gcs_tools.vehicle import Vehicle, VehicleError
+from gcs_tools.vehicle_clock import ANSWER_TIMEOUT_S, ClockComparison, compare_vehicle_clock
+from gcs_tools.vehicle_question import answer, listening
 
 FLAVOURS: Mapping[Autopilot, str] = {Autopilot.PX4: "px4", Autopilot.ARDUPILOT: "ardupilot"}
-# How long telemetry is counted, how often clocks are compared, how long an answer may take.
+# How long telemetry is counted.
 LISTEN_S = 2.0
-PINGS = 8
-ANSWER_TIMEOUT_S = 2.0
 COUNTED = ("ATTITUDE", "LOCAL_POSITION_NED")
 
 # ESTIMATOR_STATUS and EKF_STATUS_REPORT: number, and the fields of its test ratios.
@@ -41,7 +39,14 @@ _ESTIMATOR = {
         ("velocity_variance", "pos_horiz_variance", "compass_variance"),
     ),
 }
-_REQUEST_MESSAGE = 512  # MAV_CMD
+_SYS_STATUS, _HOME_POSITION = 1, 242
+_RADIO_RECEIVER = 65536  # MAV_SYS_STATUS_SENSOR
+_STAGES: Mapping[Version.FlightSoftwareVersionType, str] = {
+    Version.FlightSoftwareVersionType.DEV: "dev",
+    Version.FlightSoftwareVersionType.ALPHA: "alpha",
+    Version.FlightSoftwareVersionType.BETA: "beta",
+    Version.FlightSoftwareVersionType.RC: "rc",
+}
 
 
 @dataclass(frozen=True)
@@ -58,34 +63,23 @@ class EstimatorStatus:
     worst_ratio: float
 
 
-@dataclass(frozen=True)
-class ClockComparison:
-    """Several exchanges of TIMESYNC.
-
-    Attributes:
-        round_trip_s: the slowest.
-        offset_s: the vehicle's clock less ours, from the quickest exchange; counted from any zero.
-        unsteady_s: by how much the offset changed for certain, round trips allowed for.
-    """
-
-    round_trip_s: float
-    offset_s: float
-    unsteady_s: float
-
-
 @dataclass
 class VehicleFacts:
     """What was learnt; None where the vehicle did not say.
 
     Attributes:
         flavour: ``px4``, ``ardupilot``, or None for another autopilot.
+        system_id: of its MAVLink messages.
         version: of the firmware.
+        stage: of its development: ``dev``, ``alpha``, ``beta``, ``rc``; empty for a release.
         unhealthy: what is not healthy; empty if everything is.
         parameters: by name.
         parameters_complete: whether they are all that the vehicle has.
         rates_hz: of the messages that the service lives on, on this link.
         estimator: what its estimator says of itself.
-        clock: how TIMESYNC compares the vehicle's clock with ours.
+        on_ground: whether it says that it stands on the ground.
+        radio_heard: whether it hears the pilot's radio.
+        clock: how the vehicle's clock compares with ours, and how long the link takes.
         home_ned_m: home in the local frame.
         origin: of the local frame on the Earth.
         position_ned_m: where the vehicle stands.
@@ -96,12 +90,16 @@ class VehicleFacts:
     """
 
     flavour: str | None
+    system_id: int = 1
     version: tuple[int, int, int] | None = None
+    stage: str = ""
     unhealthy: str = ""
     parameters: dict[str, float] = field(default_factory=dict)
     parameters_complete: bool = False
     rates_hz: dict[str, float] = field(default_factory=dict)
     estimator: EstimatorStatus | None = None
+    on_ground: bool = False
+    radio_heard: bool | None = None
     clock: ClockComparison | None = None
     home_ned_m: tuple[float, float, float] | None = None
     origin: GeographicOrigin | None = None
@@ -121,7 +119,7 @@ async def survey(vehicle: Vehicle, report: Callable[[str], None] = lambda _: Non
     Raises:
         Interrupted: the operator gave up.
     """
-    facts = VehicleFacts(FLAVOURS.get(vehicle.autopilot))
+    facts = VehicleFacts(FLAVOURS.get(vehicle.autopilot), vehicle.system_id)
     report("health")
     try:
         await vehicle.wait_healthy()
@@ -133,7 +131,8 @@ async def survey(vehicle: Vehicle, report: Callable[[str], None] = lambda _: Non
     report("telemetry rates")
     facts.rates_hz = await _count_messages(vehicle)
     report("link delay")
-    facts.clock = await _compare_clocks(vehicle)
+    facts.clock = await compare_vehicle_clock(vehicle.system)
+    facts.on_ground = vehicle.state.landed is LandedState.ON_GROUND
     # Last: by now it has been streamed for a while.
     if all(map(math.isfinite, vehicle.state.position_ned_m)):
         facts.position_ned_m = vehicle.state.position_ned_m
@@ -147,6 +146,7 @@ async def _ask_version(vehicle: Vehicle, facts: VehicleFacts) -> None:
         return
     numbers = version.flight_sw_major, version.flight_sw_minor, version.flight_sw_patch
     facts.version = numbers if any(numbers) else None
+    facts.stage = _STAGES.get(version.flight_sw_version_type, "")
 
 
 async def _ask_parameters(vehicle: Vehicle, facts: VehicleFacts) -> None:
@@ -173,11 +173,8 @@ async def _ask_battery(vehicle: Vehicle, facts: VehicleFacts) -> None:
 
 
 async def _ask_home(vehicle: Vehicle, facts: VehicleFacts) -> None:
-    await _rate_asked(TelemetryAsync(vehicle.system).set_rate_home(1.0))
-    messages = MavlinkDirectAsync(vehicle.system).subscribe_message("HOME_POSITION")
-    message = await _first(messages)
-    if message is not None:
-        fields = json.loads(message.fields_json)
+    fields = await _answer(vehicle, _HOME_POSITION, "HOME_POSITION")
+    if fields is not None:
         facts.home_ned_m = (fields["x"], fields["y"], fields["z"])
         latitude_deg, longitude_deg = fields["latitude"] * 1e-7, fields["longitude"] * 1e-7
         facts.origin = GeographicOrigin.of_home(latitude_deg, longitude_deg, facts.home_ned_m)
@@ -187,19 +184,24 @@ async def _ask_estimator(vehicle: Vehicle, facts: VehicleFacts) -> None:
     if facts.flavour is None:
         return
     message_id, name, ratios = _ESTIMATOR[facts.flavour]
-    direct = MavlinkDirectAsync(vehicle.system)
-    answer = asyncio.create_task(_first(direct.subscribe_message(name)))
-    await asyncio.sleep(0.0)  # listen first, then ask
-    parameters = dict.fromkeys((f"param{number}" for number in range(2, 8)), 0.0)
-    asked = {"command": _REQUEST_MESSAGE, "confirmation": 0, "param1": message_id, **parameters}
-    with suppress(MavsdkError):  # it may be streamed all the same
-        await _send(direct, await vehicle.system.get_system_id(), "COMMAND_LONG", asked)
-    message = await answer
-    if message is not None:
-        fields = json.loads(message.fields_json)
+    fields = await _answer(vehicle, message_id, name)
+    if fields is not None:
         # What is not finite is not in the JSON as a number.
         values = [float(fields[each]) for each in ratios if isinstance(fields[each], int | float)]
         facts.estimator = EstimatorStatus(int(fields["flags"]), max(values, default=math.nan))
+
+
+async def _ask_radio(vehicle: Vehicle, facts: VehicleFacts) -> None:
+    fields = await _answer(vehicle, _SYS_STATUS, "SYS_STATUS")
+    if fields is not None:
+        states = ("present", "enabled", "health")
+        masks = (int(fields[f"onboard_control_sensors_{state}"]) for state in states)
+        facts.radio_heard = all(mask & _RADIO_RECEIVER for mask in masks)
+
+
+async def _answer(vehicle: Vehicle, message_id: int, name: str) -> dict[str, Any] | None:
+    direct = MavlinkDirectAsync(vehicle.system)
+    return await answer(direct, vehicle.system_id, message_id, name)
 
 
 async def _ask_fence(vehicle: Vehicle, facts: VehicleFacts) -> None:
@@ -209,20 +211,6 @@ async def _ask_fence(vehicle: Vehicle, facts: VehicleFacts) -> None:
         return
     facts.fence = tuple(
         FenceItem(each.command, each.param1, each.x * 1e-7, each.y * 1e-7) for each in items
-    )
-
-
-async def _send(
-    direct: MavlinkDirectAsync, system_id: int, name: str, fields: dict[str, Any]
-) -> None:
-    addressed = {"target_system": system_id, "target_component": 1, **fields}
-    await direct.send_message(
-        MavlinkMessage(
-            name,
-            target_system_id=system_id,
-            target_component_id=1,
-            fields_json=json.dumps(addressed),
-        )
     )
 
 
@@ -241,6 +229,7 @@ _QUESTIONS = {
     "home": _ask_home,
     "geofence": _ask_fence,
     "estimator": _ask_estimator,
+    "radio": _ask_radio,
 }
 
 
@@ -255,77 +244,10 @@ async def _first(values: AsyncGenerator[Any, None]) -> Any | None:
 
 async def _count_messages(vehicle: Vehicle) -> dict[str, float]:
     direct = MavlinkDirectAsync(vehicle.system)
-    counts = dict.fromkeys(COUNTED, 0)
-
-    async def count(name: str) -> None:
-        async with aclosing(direct.subscribe_message(name)) as messages:
-            async for _ in messages:
-                counts[name] += 1
-
     await _rate_asked(TelemetryAsync(vehicle.system).set_rate_attitude_euler(10.0))
-    tasks = [asyncio.create_task(count(name)) for name in COUNTED]
-    await asyncio.sleep(LISTEN_S)
-    await _cancelled(tasks)
-    return {name: count / LISTEN_S for name, count in counts.items()}
-
-
-async def _cancelled(tasks: list[asyncio.Task[None]]) -> None:
-    """Stop tasks that wait for a queue, never for a call into MAVSDK."""
-    for task in tasks:
-        task.cancel()
-    await asyncio.gather(*tasks, return_exceptions=True)
-
-
-async def _compare_clocks(vehicle: Vehicle) -> ClockComparison | None:
-    """Exchange TIMESYNC several times; return None if one was not answered."""
-    direct = MavlinkDirectAsync(vehicle.system)
-    waiting: dict[int, asyncio.Future[tuple[int, int]]] = {}
-
-    async def listen() -> None:
-        async with aclosing(direct.subscribe_message("TIMESYNC")) as messages:
-            async for message in messages:
-                fields = json.loads(message.fields_json)
-                answered = waiting.pop(fields["ts1"], None) if fields["tc1"] != 0 else None
-                if answered is not None:
-                    answered.set_result((time.monotonic_ns(), int(fields["tc1"])))
-
-    listener = asyncio.create_task(listen())
-    await asyncio.sleep(0.0)
-    try:
-        return compare_clocks([await _exchange(direct, waiting) for _ in range(PINGS)])
-    except (MavsdkError, TimeoutError):
-        return None
-    finally:
-        await _cancelled([listener])
-
-
-async def _exchange(
-    direct: MavlinkDirectAsync, waiting: dict[int, asyncio.Future[tuple[int, int]]]
-) -> tuple[int, int, int]:
-    sent_ns = time.monotonic_ns()
-    waiting[sent_ns] = asyncio.get_running_loop().create_future()
-    answered = waiting[sent_ns]
-    fields = json.dumps({"tc1": 0, "ts1": sent_ns, "target_system": 0, "target_component": 0})
-    await direct.send_message(
-        MavlinkMessage("TIMESYNC", target_system_id=0, target_component_id=0, fields_json=fields)
-    )
-    received_ns, theirs_ns = await asyncio.wait_for(answered, ANSWER_TIMEOUT_S)
-    return sent_ns, theirs_ns, received_ns
-
-
-def compare_clocks(exchanges: list[tuple[int, int, int]]) -> ClockComparison:
-    """Reckon with several exchanges.
-
-    Args:
-        exchanges: sent by our clock, answered by the vehicle's, received by ours; each [ns].
-    """
-    # The vehicle answered at some instant between the two of ours.
-    lowest_s = [(theirs - received) * 1e-9 for _, theirs, received in exchanges]
-    highest_s = [(theirs - sent) * 1e-9 for sent, theirs, _ in exchanges]
-    trips_s = [high_s - low_s for high_s, low_s in zip(highest_s, lowest_s, strict=True)]
-    quickest = trips_s.index(min(trips_s))
-    return ClockComparison(
-        round_trip_s=max(trips_s),
-        offset_s=(lowest_s[quickest] + highest_s[quickest]) / 2.0,
-        unsteady_s=max(max(lowest_s) - min(highest_s), 0.0),
-    )
+    async with AsyncExitStack() as stack:
+        inboxes = {
+            name: await stack.enter_async_context(listening(direct, name)) for name in COUNTED
+        }
+        await asyncio.sleep(LISTEN_S)
+        return {name: heard.qsize() / LISTEN_S for name, heard in inboxes.items()}

@@ -55,11 +55,12 @@ def test_contracts_to_start_from_comply(vehicle: str) -> None:
     assert plan_jerk_mps3 <= 10.0  # as the vehicles' numbers were measured
 
 
-def test_mavsdk_flies_as_the_readme_says(tmp_path: Path) -> None:
+@pytest.mark.parametrize("flavour", ["px4", "ardupilot"])
+def test_mavsdk_flies_as_the_readme_says(tmp_path: Path, flavour: str) -> None:
     (program,), (said,) = blocks(ROOT / "README.md", "python"), blocks(ROOT / "README.md", "text")
     port = free_port(socket.SOCK_DGRAM)
     links = [f"udpout://127.0.0.1:{port}"]
-    path, _ = configured(tmp_path, mavlink=links, speed_factor=3.0)
+    path, _ = configured(tmp_path, flavour=flavour, mavlink=links, speed_factor=3.0)
     with running(path):
         done = subprocess.run(
             [sys.executable, "-c", program.replace("14550", str(port))],

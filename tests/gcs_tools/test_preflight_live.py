@@ -10,16 +10,24 @@ from typing import Any
 import pytest
 
 from gcs_tools.geofence import FenceItem, GeographicOrigin
-from gcs_tools.live_check_bus import contract_finding, telemetry_finding
+from gcs_tools.live_check_daemon import (
+    Status,
+    clock_ahead_s,
+    contract_finding,
+    detections_finding,
+    telemetry_finding,
+)
 from gcs_tools.live_check_detections import Sample, check_detections
 from gcs_tools.live_check_vehicle import flight_time_s, judge
 from gcs_tools.preflight_finding import Verdict
-from gcs_tools.vehicle_survey import (
+from gcs_tools.vehicle_clock import (
     ClockComparison,
-    EstimatorStatus,
-    VehicleFacts,
+    SystemTime,
     compare_clocks,
+    compare_one_way,
+    unix_offset_s,
 )
+from gcs_tools.vehicle_survey import EstimatorStatus, VehicleFacts
 from onboard.config import Mission, load_contract
 from onboard.contract import assess
 from tests.gcs_tools.running import CONFIG
@@ -35,7 +43,8 @@ FACTS = VehicleFacts(
     version=(1, 15, 0),
     rates_hz={"ATTITUDE": 10.0, "LOCAL_POSITION_NED": 10.0},
     estimator=EstimatorStatus(flags=0x33F, worst_ratio=0.1),
-    clock=ClockComparison(round_trip_s=0.004, offset_s=-12.0, unsteady_s=0.0),
+    radio_heard=True,
+    clock=ClockComparison(round_trip_s=0.004, unsteady_s=0.0),
     home_ned_m=(0.0, 0.0, 0.0),
     position_ned_m=(0.2, 0.0, 0.0),
     battery_share=0.9,
@@ -75,15 +84,41 @@ def test_a_vehicle_in_order() -> None:
         ({"version": None}, "firmware", UNKNOWN),
         ({"flavour": None}, "parameters", UNKNOWN),
         ({"rates_hz": {"ATTITUDE": 10.0}}, "LOCAL_POSITION_NED", BROKEN),
-        ({"clock": ClockComparison(0.2, 0.0, 0.0)}, "link delay", BROKEN),
+        ({"clock": ClockComparison(0.2, 0.0)}, "link delay", BROKEN),
+        ({"clock": ClockComparison(0.2, None, "PING")}, "link delay", BROKEN),
+        ({"clock": ClockComparison(0.004, None, "PING")}, "link delay", HOLDS),
+        ({"clock": ClockComparison(0.004, None, "PING")}, "clock", UNKNOWN),
         ({"clock": None}, "link delay", UNKNOWN),
-        ({"clock": ClockComparison(0.004, 0.0, 0.15)}, "clock", BROKEN),
+        ({"clock": ClockComparison(0.004, 0.15)}, "clock", BROKEN),
         ({"clock": None}, "clock", UNKNOWN),
         ({"estimator": None}, "estimator", UNKNOWN),
         ({"estimator": EstimatorStatus(0x33F, math.nan)}, "estimator", UNKNOWN),
         ({"estimator": EstimatorStatus(0x33F, 0.6)}, "estimator", BROKEN),
         ({"estimator": EstimatorStatus(0x33F & ~2, 0.1)}, "estimator", BROKEN),
         ({"estimator": EstimatorStatus(0x33F | 1024, 0.1)}, "estimator", BROKEN),
+        # As recorded of a real PX4 that rests: its position is kept constant.
+        ({"estimator": EstimatorStatus(0x3FF, 0.1), "on_ground": True}, "estimator", HOLDS),
+        ({"estimator": EstimatorStatus(0x3FF, 0.1)}, "estimator", BROKEN),
+        ({"estimator": EstimatorStatus(0x3FF & ~24, 0.1), "on_ground": True}, "estimator", BROKEN),
+        ({"estimator": EstimatorStatus(0x3FF, 0.6), "on_ground": True}, "estimator", BROKEN),
+        (
+            {
+                "flavour": "ardupilot",
+                "estimator": EstimatorStatus(0x3FF, 0.1),
+                "on_ground": True,
+            },
+            "estimator",
+            BROKEN,
+        ),
+        (
+            {"flavour": "ardupilot", "estimator": EstimatorStatus(0x33F | 32768, 0.1)},
+            "estimator",
+            BROKEN,
+        ),
+        ({"radio_heard": None}, "take-over", UNKNOWN),
+        ({"radio_heard": None, "parameters": {"COM_RC_IN_MODE": 4.0}}, "take-over", HOLDS),
+        ({"radio_heard": False}, "take-over", HOLDS),
+        ({"parameters": {"FENCE_TOTAL": 5.0}}, "geofence areas", UNKNOWN),
         ({"home_ned_m": None}, "home", UNKNOWN),
         ({"home_ned_m": (0.0, 0.0, -3.0)}, "home", BROKEN),
         ({"position_ned_m": None}, "start", UNKNOWN),
@@ -122,11 +157,75 @@ def test_clocks_are_compared_within_what_the_link_allows() -> None:
     ]
     found = compare_clocks(exchanges)
     assert found.round_trip_s == pytest.approx(0.003)
-    assert found.offset_s == pytest.approx(-5.0)
     assert found.unsteady_s == 0.0
     # Set by 50 ms: 1 ms of that the link may have been.
     jumped = compare_clocks([*exchanges, (12_000_000_000, 7_051_000_000, 12_002_000_000)])
     assert jumped.unsteady_s == pytest.approx(0.048)
+
+
+def told(arrived_s: float, boot_s: float, unix_s: float = 0.0) -> SystemTime:
+    return SystemTime(arrived_s, arrived_s + NOW_UNIX_S, boot_s, unix_s)
+
+
+@pytest.mark.parametrize("late_s", [0.0, 0.003])
+def test_times_that_are_told_one_way_bound_the_same(late_s: float) -> None:
+    # 5 s behind; up to 3 ms on their way; set by 50 ms at the third.
+    steady = [told(10.0, 5.0), told(11.0 + late_s, 6.0)]
+    found = compare_one_way(0.004, steady)
+    assert (found.unsteady_s, found.source) == (0.0, "PING and SYSTEM_TIME")
+    jumped = compare_one_way(0.004, [*steady, told(12.0, 7.05)])
+    assert jumped.unsteady_s == pytest.approx(0.050 - 0.005 + late_s)
+
+
+@pytest.mark.parametrize("times", [[], [told(10.0, 5.0)]])
+def test_one_time_cannot_show_a_jump(times: list[SystemTime]) -> None:
+    found = compare_one_way(0.004, times)
+    assert (found.round_trip_s, found.unsteady_s, found.source) == (0.004, None, "PING")
+
+
+def test_the_unix_time_is_of_the_quickest_message_and_of_a_clock_that_was_set() -> None:
+    late = [told(10.0 + late_s, 5.0, NOW_UNIX_S + 30.0) for late_s in (0.4, 0.0, 0.2)]
+    assert unix_offset_s(late) == pytest.approx(20.0)
+    assert unix_offset_s([told(10.0, 5.0), told(11.0, 6.0, 6.0)]) is None
+
+
+def test_a_clock_is_described_in_words() -> None:
+    clock = ClockComparison(0.004, 0.0, "PING and SYSTEM_TIME", unix_offset_s=-1199.9)
+    found = judge(replace(FACTS, clock=clock), ASSESSMENT, MISSION, None)
+    (text,) = (each.text for each in found if each.name == "clock")
+    assert "its Unix time is 1199.900 s behind this computer's" in text
+    assert "PING and SYSTEM_TIME" in text
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"version": (1, 16, 0), "stage": "alpha"}, "system id 1, px4 1.16.0 alpha"),
+        ({"system_id": 7, "flavour": "ardupilot"}, "system id 7, ardupilot 1.15.0"),
+        ({"version": None}, "system id 1, px4"),
+        ({"flavour": None, "version": None}, "system id 1, neither PX4 nor ArduPilot"),
+    ],
+)
+def test_the_vehicle_is_named(changes: dict[str, Any], words: str) -> None:
+    found = judge(replace(FACTS, **changes), ASSESSMENT, MISSION, None)
+    assert [each.text for each in found if each.name == "identity"] == [words]
+
+
+@pytest.mark.parametrize(
+    ("flavour", "heard", "words"),
+    [
+        ("px4", True, "POSCTL"),
+        ("px4", False, "PX4 refuses POSCTL then: take over from the ground station with HOLD"),
+        ("ardupilot", True, "LOITER"),
+        ("ardupilot", False, "take over from the ground station with BRAKE"),
+    ],
+)
+def test_how_the_pilot_takes_over_is_said(flavour: str, heard: bool, words: str) -> None:
+    found = judge(
+        replace(FACTS, flavour=flavour, radio_heard=heard), ASSESSMENT, MISSION, endurance_s=None
+    )
+    (text,) = (each.text for each in found if each.name == "take-over")
+    assert words in text
 
 
 def test_the_flight_time_has_a_reserve() -> None:
@@ -143,8 +242,10 @@ def frame(sequence: int, **changes: Any) -> Sample:
     return Sample(arrived_s, json.dumps(document | changes).encode())
 
 
-def detected(*samples: Sample, announced: tuple[str, ...] = ("front",)) -> dict[str, Verdict]:
-    found = check_detections(samples, announced, ASSESSMENT.terms, 3.0)
+def detected(
+    *samples: Sample, announced: tuple[str, ...] = ("front",), daemon_ahead_s: float | None = 0.0
+) -> dict[str, Verdict]:
+    found = check_detections(samples, announced, ASSESSMENT.terms, 3.0, daemon_ahead_s)
     return {each.name: each.verdict for each in found}
 
 
@@ -198,13 +299,87 @@ def test_the_daemon_must_hold_the_contract_that_was_checked() -> None:
         assert contract_finding(answers, CONTRACT).verdict is UNKNOWN
 
 
+@pytest.mark.parametrize("ahead_s", [0.0, 1199.9, -1199.9, 1.8e9, -0.2])
+def test_the_operators_clock_does_not_matter(ahead_s: float) -> None:
+    """Stamps and the daemon agree; this computer's clock differs from both."""
+    samples = [frame(n, delay_s=0.03 - ahead_s) for n in range(60)]
+    found = check_detections(samples, ("front",), ASSESSMENT.terms, 3.0, ahead_s)
+    assert {each.verdict for each in found} == {HOLDS}
+    (clock,) = (each.text for each in found if each.name == "front clock")
+    side = "the same as" if ahead_s == 0.0 else "ahead of" if ahead_s > 0.0 else "behind"
+    assert f"{side} this computer's" in clock
+    (age,) = (each.text for each in found if each.name == "front age")
+    assert "newest frame up to 0.080 s old" in age
+
+
+@pytest.mark.parametrize("ahead_s", [0.0, 1199.9, -1199.9])
 @pytest.mark.parametrize(
-    ("ages_s", "verdict"),
-    [([0.01, 0.02], HOLDS), ([0.01, 0.6], BROKEN), ([0.01, None], BROKEN), ([None], UNKNOWN)],
+    ("off_s", "verdicts"),
+    [
+        # The sensor's clock against the daemon's, this computer's being any.
+        (1199.9, {"front clock": BROKEN, "front age": UNKNOWN, "front reaction": UNKNOWN}),
+        (0.2, {"front clock": BROKEN, "front age": UNKNOWN, "front reaction": UNKNOWN}),
+        (-20.0, {"front clock": BROKEN, "front age": BROKEN, "front reaction": BROKEN}),
+        (-0.1, {"front clock": HOLDS, "front age": HOLDS, "front reaction": BROKEN}),
+    ],
 )
-def test_the_daemon_needs_fresh_telemetry(ages_s: list[float | None], verdict: Verdict) -> None:
-    assert telemetry_finding([{"telemetry_age_s": age_s} for age_s in ages_s]).verdict is verdict
+def test_a_sensor_whose_clock_is_wrong_is_told(
+    ahead_s: float, off_s: float, verdicts: dict[str, Verdict]
+) -> None:
+    samples = [frame(n, delay_s=0.03 - off_s - ahead_s) for n in range(60)]
+    found = detected(*samples, daemon_ahead_s=ahead_s)
+    assert {name: found[name] for name in verdicts} == verdicts
 
 
-def test_no_daemon_no_telemetry() -> None:
-    assert telemetry_finding([]).verdict is UNKNOWN
+def test_without_a_daemon_stamps_cannot_be_judged() -> None:
+    found = detected(*map(frame, range(60)), daemon_ahead_s=None)
+    names = ("front age", "front reaction", "front clock")
+    assert {name: found[name] for name in names} == dict.fromkeys(names, UNKNOWN)
+    assert found["front order"] is found["front declares"] is HOLDS
+
+
+def statuses(key: str, ages_s: list[Any]) -> list[Status]:
+    return [Status(NOW_UNIX_S, {key: age_s}) for age_s in ages_s]
+
+
+AGES = pytest.mark.parametrize(
+    ("ages_s", "verdict"),
+    [
+        ([0.01, 0.02], HOLDS),
+        ([0.01, 0.6], BROKEN),
+        ([0.01, None], BROKEN),
+        ([None], BROKEN),
+        ([0.01, "0.01"], BROKEN),
+        ([True], BROKEN),
+        ([math.nan], BROKEN),
+        ([], UNKNOWN),
+    ],
+)
+
+
+@AGES
+def test_the_daemon_needs_fresh_telemetry(ages_s: list[Any], verdict: Verdict) -> None:
+    assert telemetry_finding(statuses("telemetry_age_s", ages_s)).verdict is verdict
+
+
+@AGES
+def test_the_daemon_itself_needs_fresh_detections(ages_s: list[Any], verdict: Verdict) -> None:
+    found = detections_finding(statuses("detection_age_s", ages_s), ASSESSMENT.terms)
+    assert found.verdict is verdict
+
+
+def test_a_daemon_that_sees_nothing_is_told() -> None:
+    blind = detections_finding(statuses("detection_age_s", [None]), ASSESSMENT.terms)
+    assert blind.text == "the daemon says that it has no detections"
+    old = detections_finding(statuses("detection_age_s", [31.0]), ASSESSMENT.terms)
+    assert "31.000 s old, limit 0.3 s" in old.text
+
+
+def test_the_daemons_clock_is_told_by_the_quickest_status() -> None:
+    def status(late_s: float, time_s: object) -> Status:
+        return Status(NOW_UNIX_S + late_s, {"time_s": time_s})
+
+    late = [status(late_s, NOW_UNIX_S + 20.0) for late_s in (0.3, 0.001, 0.1)]
+    assert clock_ahead_s(late) == pytest.approx(19.999)
+    assert clock_ahead_s([status(0.0, each) for each in (None, "now", True, math.inf)]) is None
+    assert clock_ahead_s([]) is None

@@ -185,7 +185,7 @@ def test_px4_is_cleared_and_may_arm_as_long_as_all_is_well(tmp_path: Path) -> No
             assert not place.cleared()
             assert place.arm() == temporarily_rejected
         assert screen.shares == sorted(screen.shares)
-        assert max(screen.shares) == round(100 * 11 / 12)  # the last of twelve steps was begun
+        assert max(screen.shares) == round(100 * 12 / 13)  # the last of thirteen steps was begun
         assert screen.estimates
         assert any("looking: telemetry rates" in line for line in screen.lines)
 

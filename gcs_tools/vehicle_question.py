@@ -1,0 +1,92 @@
+"""Questions to a vehicle by single messages: subscribe, then ask, then ask again.
+
+An autopilot on the same computer answers within a millisecond, so that a subscription made after
+the question misses the answer; and one that is busy may drop a question.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import json
+from collections.abc import AsyncIterator, Coroutine
+from contextlib import aclosing, asynccontextmanager, suppress
+from typing import Any, Final
+
+from mavsdk.asyncio import MavsdkError
+from mavsdk.asyncio.plugins.mavlink_direct import MavlinkDirectAsync, MavlinkMessage
+
+# How often a message is asked for, and how long each answer may take: the slowest stream that is
+# relied upon (ESTIMATOR_STATUS of PX4 on a radio link) comes every 2 s.
+TRIES: Final = 4
+WAIT_S: Final = 0.75
+
+_REQUEST_MESSAGE: Final = 512  # MAV_CMD
+
+
+@asynccontextmanager
+async def listening(direct: MavlinkDirectAsync, name: str) -> AsyncIterator[asyncio.Queue[Any]]:
+    """Collect the messages of one name for as long as the context lasts, from before it begins."""
+    heard: asyncio.Queue[Any] = asyncio.Queue()
+
+    async def take() -> None:
+        async with aclosing(direct.subscribe_message(name)) as messages:
+            async for message in messages:
+                heard.put_nowait(message)
+
+    async with running(take()):
+        yield heard
+
+
+@asynccontextmanager
+async def running(work: Coroutine[Any, Any, None]) -> AsyncIterator[None]:
+    """Run a task that waits for queues, never for a call into MAVSDK, beside the context."""
+    task = asyncio.create_task(work)
+    await asyncio.sleep(0.0)  # it gets as far as its first wait
+    try:
+        yield
+    finally:
+        task.cancel()
+        await asyncio.gather(task, return_exceptions=True)
+
+
+async def answer(
+    direct: MavlinkDirectAsync, system_id: int, message_id: int, name: str
+) -> dict[str, Any] | None:
+    """Ask for one message, up to `TRIES` times; return its fields, None without an answer.
+
+    Args:
+        direct: of the vehicle.
+        system_id: of the vehicle.
+        message_id: number of the message.
+        name: of the same message.
+    """
+    parameters = dict.fromkeys((f"param{number}" for number in range(2, 8)), 0.0)
+    asked = {"command": _REQUEST_MESSAGE, "confirmation": 0, "param1": message_id, **parameters}
+    async with listening(direct, name) as heard:
+        for _ in range(TRIES):
+            with suppress(MavsdkError):  # it may be streamed all the same
+                await send(direct, system_id, "COMMAND_LONG", asked)
+            with suppress(TimeoutError):
+                message = await asyncio.wait_for(heard.get(), WAIT_S)
+                fields: dict[str, Any] = json.loads(message.fields_json)
+                return fields
+    return None
+
+
+async def send(
+    direct: MavlinkDirectAsync, system_id: int, name: str, fields: dict[str, Any]
+) -> None:
+    """Send a message that is addressed to the autopilot.
+
+    Raises:
+        MavsdkError: it cannot be sent.
+    """
+    addressed = {"target_system": system_id, "target_component": 1, **fields}
+    await direct.send_message(
+        MavlinkMessage(
+            name,
+            target_system_id=system_id,
+            target_component_id=1,
+            fields_json=json.dumps(addressed),
+        )
+    )

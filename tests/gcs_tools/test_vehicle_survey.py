@@ -1,0 +1,150 @@
+"""Real MAVSDK against a scripted autopilot: what real firmware does and the simulation does not."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Awaitable, Callable
+from typing import Any
+
+import pytest
+from mavsdk.asyncio.plugins.mavlink_direct import MavlinkDirectAsync
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from gcs_tools.interruption import Interruption
+from gcs_tools.live_check import LiveRequest, check_live
+from gcs_tools.preflight_finding import Verdict
+from gcs_tools.processes import free_ports
+from gcs_tools.vehicle import AmbiguousVehicleError, Vehicle, VehicleError, connected_vehicle
+from gcs_tools.vehicle_clock import ClockComparison, compare_vehicle_clock
+from gcs_tools.vehicle_question import TRIES, answer
+from onboard.config import load_contract
+from onboard.contract import assess
+from tests.gcs_tools.fake_autopilot import (
+    Behaviour,
+    FakeAutopilot,
+    answers_ping,
+    answers_request,
+    answers_timesync,
+    autopilots,
+    misaddresses_timesync,
+    tells_time,
+)
+from tests.gcs_tools.running import CONFIG
+
+pytestmark = pytest.mark.real_time
+
+ESTIMATOR_STATUS = 230
+
+
+def connected(
+    port: int, ask: Callable[[Vehicle], Awaitable[Any]], system_id: int | None = None
+) -> Any:
+    """Return what a question to the vehicle on a port gives."""
+
+    async def run() -> Any:
+        url = f"udpin://127.0.0.1:{port}"
+        async with connected_vehicle(url, Interruption(), 3.0, system_id=system_id) as vehicle:
+            return await ask(vehicle)
+
+    return asyncio.run(run())
+
+
+def estimator_status(autopilot: FakeAutopilot) -> None:
+    autopilot.link.mav.estimator_status_send(0, 0x3FF, *(0.1,) * 8)
+
+
+async def ask_estimator(vehicle: Vehicle) -> dict[str, Any] | None:
+    direct = MavlinkDirectAsync(vehicle.system)
+    return await answer(direct, vehicle.system_id, ESTIMATOR_STATUS, "ESTIMATOR_STATUS")
+
+
+async def ask_clock(vehicle: Vehicle) -> ClockComparison | None:
+    return await compare_vehicle_clock(vehicle.system)
+
+
+@pytest.mark.parametrize("dropped", [0, TRIES - 1])
+def test_an_answer_that_comes_at_once_is_not_missed(dropped: int) -> None:
+    (port,) = free_ports(1)
+    behaviour = answers_request(ESTIMATOR_STATUS, estimator_status, dropped)
+    with FakeAutopilot(port, behaviour={"COMMAND_LONG": behaviour}):
+        for _ in range(3 if dropped == 0 else 1):
+            found = connected(port, ask_estimator)
+            assert found is not None
+            assert found["flags"] == 0x3FF
+
+
+def test_no_answer_is_none() -> None:
+    (port,) = free_ports(1)
+    with FakeAutopilot(port):
+        assert connected(port, ask_estimator) is None
+
+
+@pytest.mark.parametrize(
+    ("timesync", "ping", "ahead_s", "source"),
+    [
+        (answers_timesync, answers_ping, 30.0, "TIMESYNC"),
+        (misaddresses_timesync, answers_ping, -1199.9, "PING and SYSTEM_TIME"),
+        (misaddresses_timesync, answers_ping, None, "PING"),
+        (misaddresses_timesync, None, 30.0, None),
+    ],
+)
+def test_the_clock_is_known_by_what_the_vehicle_answers(
+    timesync: Behaviour, ping: Behaviour | None, ahead_s: float | None, source: str | None
+) -> None:
+    (port,) = free_ports(1)
+    behaviour = {"TIMESYNC": timesync} | ({} if ping is None else {"PING": ping})
+    streams = {} if ahead_s is None else {"stream": tells_time(ahead_s)}
+    with FakeAutopilot(port, behaviour=behaviour, **streams):
+        found = connected(port, ask_clock)
+    if source is None:
+        assert found is None
+        return
+    assert found.source == source
+    assert 0.0 < found.round_trip_s < 0.5
+    if ahead_s is None:
+        assert (found.unsteady_s, found.unix_offset_s) == (None, None)
+    else:
+        assert found.unsteady_s < 0.1
+        assert found.unix_offset_s == pytest.approx(ahead_s, abs=0.5)
+
+
+async def identity(vehicle: Vehicle) -> int:
+    return vehicle.system_id
+
+
+def test_of_two_vehicles_one_has_to_be_chosen() -> None:
+    (port,) = free_ports(1)
+    ardupilot = FakeAutopilot(port, 2, mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA)
+    with autopilots(FakeAutopilot(port, 1), ardupilot):
+        with pytest.raises(AmbiguousVehicleError, match=r"system ids 1, 2: .*--system-id"):
+            connected(port, identity)
+        assert connected(port, identity, 2) == 2
+        with pytest.raises(VehicleError, match=r"no autopilot of system id 7 .*only .* 1, 2"):
+            connected(port, identity, 7)
+
+
+def test_a_companion_of_the_same_system_makes_no_second_vehicle() -> None:
+    (port,) = free_ports(1)
+    companion = FakeAutopilot(port, 1, mavlink.MAV_AUTOPILOT_INVALID, component_id=196)
+    with autopilots(companion, FakeAutopilot(port, 1)):
+        assert connected(port, identity) == 1
+
+
+@pytest.mark.parametrize(
+    ("foreign", "named"),
+    [
+        ([(255, 190)], ""),  # a ground station
+        ([(1, 196)], ", only system ids 1"),  # a daemon whose autopilot is silent
+        ([(40, 154), (3, 191), (255, 190)], ", only system ids 3, 40"),
+    ],
+)
+def test_traffic_without_an_autopilot_is_named(foreign: list[tuple[int, int]], named: str) -> None:
+    (port,) = free_ports(1)
+    silent = mavlink.MAV_AUTOPILOT_INVALID
+    others = [FakeAutopilot(port, number, silent, part) for number, part in foreign]
+    contract = assess(load_contract(CONFIG / "paper_contract.yaml"))
+    request = LiveRequest(f"udpin://127.0.0.1:{port}", connect_timeout_s=1.5)
+    with autopilots(*others):
+        (finding,) = check_live(request, contract, None, paper_compliant=True)
+    assert finding.verdict is Verdict.UNKNOWN
+    assert finding.text.endswith(f"no autopilot heard in 1.5 s{named}")
