@@ -7,8 +7,9 @@ from dataclasses import dataclass
 from typing import Any, Generic
 
 from onboard.derivation import Derived, tilt_limits
+from onboard.frames import Q
 from onboard.recentring import Drift, drift_of, required_view
-from onboard.region import Arithmetic, Q
+from onboard.region import Arithmetic
 from onboard.terms import Terms
 
 # The daemon decides at this period; a silent sensor is noticed up to one tick late.

@@ -10,8 +10,8 @@ from dataclasses import dataclass
 from typing import Generic
 
 from onboard.agility import GRAVITY_MPS2
-from onboard.frames import heading_displacement_m
-from onboard.region import Arithmetic, Dimensions, Encounter, Q, dimensions
+from onboard.frames import Q, heading_displacement_m
+from onboard.region import Arithmetic, Dimensions, Encounter, dimensions
 from onboard.terms import Terms
 
 

@@ -733,13 +733,14 @@ def test_the_scaled_run_covers_every_state_below(
     autopilot: LostStream, speed_mps: float, share: float
 ) -> None:
     """Theory H: measured over a flight at one speed, it covers every flight at less."""
-    given_terms = {
+    lag_s = max(autopilot.lag_s, 0.05)
+    given_terms: dict[str, Any] = {
         "setpoint_loss_timeout_s": autopilot.held_s,
-        "attitude_lag_s": max(autopilot.lag_s, 0.05),
+        "attitude_lag_s": lag_s,
         "velocity_error_mps": [0.0, 0.0],
     }
     limit_mps2 = assess(contract()).limits.forward_mps2
-    jerk_mps3 = limit_mps2 / given_terms["attitude_lag_s"]
+    jerk_mps3 = limit_mps2 / lag_s
     measured_m = float(autopilot.run_m(*states(speed_mps, limit_mps2, jerk_mps3)).max())
     slower = assess(
         contract(
