@@ -220,11 +220,13 @@ def _bisected(inside: Trial, outside: Trial, tried: Callable[[float], Trial]) ->
 
 
 def _notes(contract: Contract, key: ContractKey) -> Iterator[str]:
-    measured = contract.vehicle.setpoint_loss_run_on_m is not None
+    counted_on = contract.requirements.passive_safety
+    measured = counted_on and contract.vehicle.setpoint_loss_run_on_m is not None
     if measured and key.term in {"cruise_speed_mps", "velocity_error_x_mps"}:
         yield (
-            "vehicle.setpoint_loss_run_on_m was measured at one speed and is kept for all: "
-            "measure it again at the speed found"
+            "vehicle.setpoint_loss_run_on_m was measured at "
+            f"{contract.vehicle.setpoint_loss_run_on_speed_mps:g} m/s: it is scaled below that "
+            "speed and unknown above it, where no value is admissible"
         )
 
 

@@ -223,7 +223,7 @@ def region_extents(assessment: Assessment, boxes_m: FloatArray) -> FloatArray:
     As `Assessment.region_around` does for one box.
     """
     terms = assessment.terms
-    margin_m = terms.radius_m + terms.tracking_error_m + terms.position_error_m
+    margin_m = terms.radius_m + terms.tracking_error_m + assessment.face_error_m
     x_min_m, x_max_m, y_min_m, y_max_m = (boxes_m + margin_m * np.array([-1.0, 1.0, -1.0, 1.0])).T
     numbers: dict[str, Any] = {
         each.name: np.full(len(boxes_m), value)

@@ -110,7 +110,8 @@ def check(
     input_set: InputSet = "inner",
 ) -> Preflight:
     """Check what can be checked on paper."""
-    assessment = assess(contract, input_set)
+    altitude_m = None if mission is None else mission.altitude_m
+    assessment = assess(contract, input_set, mission_altitude_m=altitude_m)
     rules = () if obstacles is None else check_field(assessment, obstacles, mission)
     return Preflight(assessment, rules)
 

@@ -35,6 +35,10 @@ _ADVICE = {
     "vehicle.attitude_lag_s": "tilt in",
     "vehicle.setpoint_loss_timeout_s": "notice a lost stream in",
     "vehicle.setpoint_loss_run_on_m": "run on by",
+    "vehicle.tracking_error_z_m": "hold the height to",
+    "vehicle.heading_error_deg": "know the heading to",
+    "vehicle.drag_per_s": "meet a drag of",
+    "environment.wind_max_mps": "fly in wind of",
 }
 
 _FIRST_STEP = 1e-3
@@ -90,19 +94,20 @@ def remedies(assessment: Assessment) -> tuple[Remedy, ...]:
 
 def _remedy(assessment: Assessment, clause: str, key: ContractKey) -> Remedy | None:
     contract, input_set = assessment.contract, assessment.terms.input_set
+    altitude_m = assessment.terms.mission_altitude_m
     declared = key.value_in(contract)
     if not declared:  # nothing stated, or nothing left to take away
         return None
 
     def mends(value: float) -> bool:
-        changed = _assessed(contract, key, value, input_set)
+        changed = _assessed(contract, key, value, input_set, altitude_m)
         return changed is not None and all(c.holds for c in changed.clauses if c.name == clause)
 
     values = filter(None, (_nearest(declared, growing, mends) for growing in (True, False)))
     nearest = min(values, key=lambda value: abs(value - declared), default=None)
     if nearest is None:
         return None
-    changed = _assessed(contract, key, nearest, input_set)
+    changed = _assessed(contract, key, nearest, input_set, altitude_m)
     settled = changed is not None and changed.compliant
     return Remedy(clause, key.path, declared, nearest, key.unit, settled)
 
@@ -143,10 +148,16 @@ def _rounded(inside: float, outside: float, mends: Callable[[float], bool]) -> f
 
 
 def _assessed(
-    contract: Contract, key: ContractKey, value: float, input_set: InputSet
+    contract: Contract,
+    key: ContractKey,
+    value: float,
+    input_set: InputSet,
+    mission_altitude_m: float | None,
 ) -> Assessment | None:
     """Return the verdict on a changed contract; None where the value is not admissible."""
     try:
-        return assess(key.changed(contract, value), input_set)
+        return assess(
+            key.changed(contract, value), input_set, mission_altitude_m=mission_altitude_m
+        )
     except FileError:
         return None

@@ -122,8 +122,8 @@ _LENGTHS = (
 )
 
 
-def quantity_called(name: str, names_of_clauses: tuple[str, ...]) -> Quantity:
-    """Return a derived length, ``margin``, or what a clause requires.
+def quantity_called(name: str, units_of_clauses: dict[str, str]) -> Quantity:
+    """Return a derived length, ``margin``, or what a clause requires in its unit.
 
     Raises:
         CommandError: there is no such quantity.
@@ -131,11 +131,11 @@ def quantity_called(name: str, names_of_clauses: tuple[str, ...]) -> Quantity:
     known = {quantity.name: quantity for quantity in (MARGIN, *_LENGTHS)}
     if name in known:
         return known[name]
-    if name in names_of_clauses:
-        unit = {"thrust": "T/W", "field_of_view": "°"}.get(name, "m")
+    if (unit := units_of_clauses.get(name)) is not None:
         label = f"{name.replace('_', ' ')} required"
         return Quantity(name, label, unit, name, lambda _, found: _clause_of(found, name).required)
-    raise CommandError(f"{name} is no quantity; there are {', '.join((*known, *names_of_clauses))}")
+    names = ", ".join((*known, *units_of_clauses))
+    raise CommandError(f"unknown quantity {name!r}; expected one of {names}")
 
 
 @dataclass(frozen=True)
@@ -185,12 +185,12 @@ def evaluate(
         FileError: an end of an axis is not admissible.
         CommandError: the grid is too large, the axes share a key, or there is no such quantity.
     """
-    _check(contract, x, y)
+    _check(_read_as(contract, reading), x, y)
     terms = _as_arrays(Terms.of(contract, input_set))
     if reading == "nominal":
         terms = terms.idealised()
-    names = tuple(clause.name for clause in clauses(terms, derive(terms, ARRAY), ARRAY))
-    quantity = quantity_called(quantity_name, names)
+    units = {clause.name: clause.unit for clause in clauses(terms, derive(terms, ARRAY), ARRAY)}
+    quantity = quantity_called(quantity_name, units)
     shape = len(y.values), len(x.values)
     values, margin, compliant = np.empty(shape), np.empty(shape), np.empty(shape, dtype=bool)
     declared: set[float] = set()
@@ -221,6 +221,17 @@ def evaluate(
         declared=declared.pop() if len(declared) == 1 else None,
         compliant=compliant,
     )
+
+
+def _read_as(contract: Contract, reading: Reading) -> Contract:
+    """Return the contract without the clause that the nominal reading does not have.
+
+    The run-on, and with it the speed above which it is unknown, belongs to passive safety.
+    """
+    if reading == "inflated":
+        return contract
+    requirements = contract.requirements.model_copy(update={"passive_safety": False})
+    return contract.model_copy(update={"requirements": requirements})
 
 
 def _check(contract: Contract, x: Axis, y: Axis) -> None:

@@ -34,7 +34,7 @@ def main(arguments: list[str] | None = None) -> int:
         contract = load_yaml(base / config.contract, Contract)
         mission = load_yaml(base / config.mission, Mission)
         configure_logging(config.log_level, options.log_format or config.log_format)
-        _warn_if_not_compliant(contract, config)
+        _warn_if_not_compliant(contract, mission, config)
         asyncio.run(daemon.run(config, contract, mission, _log_path(base, config)))
     except (FileError, LinkError, LogFileError) as error:
         return _refuse(str(error))
@@ -43,8 +43,9 @@ def main(arguments: list[str] | None = None) -> int:
     return 0
 
 
-def _warn_if_not_compliant(contract: Contract, config: DaemonConfig) -> None:
-    broken = [c.name for c in assess(contract, config.input_set).clauses if not c.holds]
+def _warn_if_not_compliant(contract: Contract, mission: Mission, config: DaemonConfig) -> None:
+    assessment = assess(contract, config.input_set, mission_altitude_m=mission.altitude_m)
+    broken = [c.name for c in assessment.clauses if not c.holds]
     if broken:
         logging.getLogger(__name__).warning("the contract does not comply: %s", ", ".join(broken))
 

@@ -38,9 +38,25 @@ class Adaptation:
     slower: bool
 
 
+def _with_speed_error(terms: Terms[float], seen_mps: float) -> Terms[float]:
+    """Return the terms with a larger speed error.
+
+    A measured run-on covers the speed flown when it was measured, errors included: a larger error
+    leaves less of it for the cruise.
+    """
+    error_mps = max(terms.velocity_error_x_mps, seen_mps)
+    measured_at_mps = terms.setpoint_loss_run_on_speed_mps
+    if measured_at_mps is not None:
+        measured_at_mps += terms.velocity_error_x_mps - error_mps
+    return replace(
+        terms, velocity_error_x_mps=error_mps, setpoint_loss_run_on_speed_mps=measured_at_mps
+    )
+
+
 Worsening = Callable[[Terms[float], float], Terms[float]]
 
 # What each assumption says about the terms, when it is seen broken by a measured value.
+# The measured value has the unit of the contract's key: degrees, not radians.
 WORSENINGS: Final[dict[tuple[Assumption, str], Worsening]] = {
     (Assumption.DETECTION_RANGE, ""): lambda terms, seen: replace(
         terms, detection_range_m=min(terms.detection_range_m, seen)
@@ -63,9 +79,16 @@ WORSENINGS: Final[dict[tuple[Assumption, str], Worsening]] = {
     (Assumption.TRACKING_ERROR, ""): lambda terms, seen: replace(
         terms, tracking_error_m=max(terms.tracking_error_m, seen * HEADROOM)
     ),
-    (Assumption.VELOCITY_ERROR, "x"): lambda terms, seen: replace(
-        terms, velocity_error_x_mps=max(terms.velocity_error_x_mps, seen * HEADROOM)
+    (Assumption.TRACKING_ERROR_Z, ""): lambda terms, seen: replace(
+        terms, tracking_error_z_m=max(terms.tracking_error_z_m, seen * HEADROOM)
     ),
+    (Assumption.HEADING_ERROR, ""): lambda terms, seen: replace(
+        terms, heading_error_rad=max(terms.heading_error_rad, math.radians(seen * HEADROOM))
+    ),
+    (Assumption.WIND, ""): lambda terms, seen: replace(
+        terms, wind_max_mps=max(terms.wind_max_mps or 0.0, seen * HEADROOM)
+    ),
+    (Assumption.VELOCITY_ERROR, "x"): lambda terms, seen: _with_speed_error(terms, seen * HEADROOM),
     (Assumption.VELOCITY_ERROR, "y"): lambda terms, seen: replace(
         terms, velocity_error_y_mps=max(terms.velocity_error_y_mps, seen * HEADROOM)
     ),
@@ -92,6 +115,9 @@ def adapt(assessment: Assessment, violation: Violation) -> Adaptation | None:
 
 def _beyond_belief(terms: Terms[float], declared: Terms[float]) -> bool:
     errors = (
+        (terms.tracking_error_z_m, declared.tracking_error_z_m),
+        (terms.heading_error_rad, declared.heading_error_rad),
+        (terms.wind_max_mps or 0.0, declared.wind_max_mps or 0.0),
         (terms.tracking_error_m, declared.tracking_error_m),
         (terms.velocity_error_x_mps, declared.velocity_error_x_mps),
         (terms.velocity_error_y_mps, declared.velocity_error_y_mps),
@@ -136,7 +162,9 @@ def slowing_distance(before: Assessment, speed_mps: float, adapted: Assessment) 
         adapted: the contract from now on.
     """
     final_mps = adapted.terms.cruise_speed_mps
-    change_m = max(0.0, speed_mps**2 - final_mps**2) / (2.0 * before.limits.brake_mps2)
+    # What is seen, a wind for instance, may have left less to brake with.
+    brake_mps2 = min(before.limits.brake_mps2, adapted.limits.brake_mps2)
+    change_m = max(0.0, speed_mps**2 - final_mps**2) / (2.0 * brake_mps2)
     return change_m + 1.5 * speed_mps * before.terms.attitude_lag_s
 
 

@@ -37,6 +37,14 @@ class AccelerationLimits:
             if not (math.isfinite(value) and value > 0.0):
                 raise AgilityError(f"{name} = {value!r} m/s²: must be finite and above zero")
 
+    def reduced(self, by_mps2: float) -> AccelerationLimits:
+        """Return what is left of each limit when the trim against a wind takes a part (theory J).
+
+        Raises:
+            AgilityError: nothing is left of one of them.
+        """
+        return AccelerationLimits(*(limit_mps2 - by_mps2 for limit_mps2 in vars(self).values()))
+
     def mirrored(self) -> AccelerationLimits:
         """Return the same limits seen from the other side: left and right exchanged."""
         return AccelerationLimits(

@@ -107,7 +107,7 @@ class Autonomy:
         planner: Planner | None = None,
     ) -> None:
         self.epoch_unix_s = epoch_unix_s
-        assessment = assess(contract, input_set)
+        assessment = assess(contract, input_set, mission_altitude_m=mission.altitude_m)
         self.link = MavlinkEndpoint(system_id)
         self.navigator = Navigator(
             assessment,
@@ -118,7 +118,6 @@ class Autonomy:
         )
         self.detections = DetectionCounters()
         self.clearance = ClearanceGate(contract.sha256, preflight_age_max_s)
-        self._complies = assessment.compliant or fly_outside_contract
         self._fly_outside_contract = fly_outside_contract
         self._detection_watch = DetectionWatch()
         self._position_watch = PositionWatch(stale_after_s)
@@ -349,7 +348,7 @@ class Autonomy:
         failures = []
         if self._held:
             failures.append("holding: the pilot has to take over first")
-        if not self._complies:
+        if not (self.assessment.compliant or self._fly_outside_contract):
             broken = [clause.name for clause in self.assessment.clauses if not clause.holds]
             failures.append(f"the contract does not comply ({', '.join(broken)})")
         uncleared = self.clearance.refusal(self.epoch_unix_s + now_s)

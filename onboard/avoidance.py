@@ -37,6 +37,7 @@ class Envelope:
         thrust_max_mps2: T_max / m.
         jerk_max_mps3: greatest jerk on each axis, either way; ``math.inf`` lets acceleration jump.
         speed_max_mps: greatest speed along the leg; the least is 0, a plan never reverses.
+        trim_mps2: acceleration that the tilt gives beyond W, against the wind.
 
     Raises:
         ValueError: the thrust cannot hold height at a corner of W, or a limit is not above zero.
@@ -46,6 +47,7 @@ class Envelope:
     thrust_max_mps2: float
     jerk_max_mps3: Vector
     speed_max_mps: float
+    trim_mps2: float = 0.0
 
     def __post_init__(self) -> None:
         if not min(*self.jerk_max_mps3, self.speed_max_mps) > 0.0:
@@ -62,8 +64,8 @@ class Envelope:
         Thrust at a corner of W is proportional to g - z acceleration, because W is.
         """
         w = self.limits
-        along = max(w.brake_mps2, w.forward_mps2) / GRAVITY_MPS2
-        across = max(w.left_mps2, w.right_mps2) / GRAVITY_MPS2
+        along = (max(w.brake_mps2, w.forward_mps2) + self.trim_mps2) / GRAVITY_MPS2
+        across = (max(w.left_mps2, w.right_mps2) + self.trim_mps2) / GRAVITY_MPS2
         return self.thrust_max_mps2 / math.hypot(1.0, along, across) - GRAVITY_MPS2
 
     @property

@@ -176,18 +176,21 @@ def _check_joins(findings: _Findings, envelope: Envelope) -> None:
 def _check_accelerations(findings: _Findings, envelope: Envelope) -> None:
     """Tilt and thrust at both ends of every piece; in between they are less (convexity).
 
-    |x| <= tan(theta) (g - z), inner |y| <= tan(phi) (g - z), |acceleration - g| <= T_max / m.
+    |x| <= tan(theta) (g - z), inner |y| <= tan(phi) (g - z), |acceleration - g| <= T_max / m,
+    each for the acceleration with the trim against the wind added (theory J).
     """
     trajectory = findings.trajectory
     x, y, z = np.concatenate((trajectory.acceleration_leg_mps2, trajectory.ends[2])).T
     w = envelope.limits
     lift = 1.0 - z / GRAVITY_MPS2
-    thrust_mps2 = np.sqrt(x * x + y * y + (z - GRAVITY_MPS2) ** 2)
+    thrust_mps2 = np.hypot(np.hypot(x, y) + envelope.trim_mps2, z - GRAVITY_MPS2)
+    # W holds for level flight: what tilt gives shrinks with the lift, what wind takes does not.
+    wind_mps2 = envelope.trim_mps2 * (1.0 - lift)
     clauses = {
-        "braking limit exceeded": -x - w.brake_mps2 * lift,
-        "forward acceleration limit exceeded": x - w.forward_mps2 * lift,
-        "leftward acceleration limit exceeded": -y - w.left_mps2 * lift,
-        "rightward acceleration limit exceeded": y - w.right_mps2 * lift,
+        "braking limit exceeded": -x - w.brake_mps2 * lift + wind_mps2,
+        "forward acceleration limit exceeded": x - w.forward_mps2 * lift + wind_mps2,
+        "leftward acceleration limit exceeded": -y - w.left_mps2 * lift + wind_mps2,
+        "rightward acceleration limit exceeded": y - w.right_mps2 * lift + wind_mps2,
         "thrust limit exceeded": thrust_mps2 - envelope.thrust_max_mps2,
     }
     findings.table_exceeds(

@@ -50,6 +50,15 @@ LATER_KEYS: Final[dict[str, tuple[str, ...]]] = {
 }
 
 
+def pinned_run_on_speed(vehicle: dict[str, Any], speed_mps: Any) -> dict[str, Any]:
+    """Return the keys of a vehicle with the speed at which the run-on was measured stated."""
+    key = "setpoint_loss_run_on_speed_mps"
+    # What is no speed is reported once, under the key where it is written.
+    usable = isinstance(speed_mps, int | float) and math.isfinite(speed_mps) and speed_mps > 0.0
+    stated = vehicle.get(key) is not None
+    return vehicle if stated or not usable else vehicle | {key: float(speed_mps)}
+
+
 class VehicleTerms(FileModel):
     """What the vehicle guarantees."""
 
@@ -85,8 +94,16 @@ class VehicleTerms(FileModel):
         0.0, description="estimator jumps up to this shift what is remembered; 0: each one holds"
     )
     drag_per_s: NonNegative = Field(
-        0.3, description="deceleration per airspeed: how much tilt a steady wind takes (trim)"
+        0.45, description="deceleration per airspeed: how much tilt a steady wind takes (trim)"
     )
+
+    @model_validator(mode="before")
+    @classmethod
+    def _run_on_has_a_speed(cls, data: Any) -> Any:
+        """State the speed of a measured run, so that a change of the cruise speed leaves it."""
+        if isinstance(data, dict) and data.get("setpoint_loss_run_on_m") is not None:
+            return pinned_run_on_speed(data, data.get("cruise_speed_mps"))
+        return data
 
 
 class Requirements(FileModel):
@@ -135,6 +152,20 @@ class Contract(FileModel):
     sensor: SensorTerms
     environment: EnvironmentTerms
 
+    @model_validator(mode="after")
+    def _run_on_covers_the_speed(self) -> Self:
+        vehicle = self.vehicle
+        measured_mps = vehicle.setpoint_loss_run_on_speed_mps
+        counted_on = self.requirements.passive_safety and vehicle.setpoint_loss_run_on_m is not None
+        if counted_on and measured_mps is not None and vehicle.cruise_speed_mps > measured_mps:
+            raise ValueError(
+                f"vehicle.cruise_speed_mps = {vehicle.cruise_speed_mps:g} m/s exceeds "
+                f"vehicle.setpoint_loss_run_on_speed_mps = {measured_mps:g} m/s, at which "
+                f"setpoint_loss_run_on_m = {vehicle.setpoint_loss_run_on_m:g} m was measured; "
+                "cruise no faster, or measure the run at the higher speed and state both"
+            )
+        return self
+
     @property
     def sha256(self) -> str:
         """Hash of the terms themselves: comments, key order and notation do not change it.
@@ -148,6 +179,10 @@ class Contract(FileModel):
             for key in keys:
                 if terms[section][key] == fields[key].default:
                     del terms[section][key]
+        # By default a run was measured at the cruise speed.
+        vehicle = terms["vehicle"]
+        if vehicle.get("setpoint_loss_run_on_speed_mps") == vehicle["cruise_speed_mps"]:
+            del vehicle["setpoint_loss_run_on_speed_mps"]
         canonical = json.dumps(terms, sort_keys=True, separators=(",", ":"))
         return hashlib.sha256(canonical.encode()).hexdigest()
 
@@ -234,8 +269,14 @@ def load_contract(path: Path, overrides: tuple[str, ...] = ()) -> Contract:
     if not overrides:
         return load_yaml(path, Contract)
     data = read_mapping(path)
+    stated = data.get("vehicle")
+    cruise_speed_mps = stated.get("cruise_speed_mps") if isinstance(stated, dict) else None
     for override in overrides:
         _override(data, override)
+    vehicle = data.get("vehicle")
+    # The run was measured at the speed of the file, not at the one that is tried.
+    if isinstance(vehicle, dict) and vehicle.get("setpoint_loss_run_on_m") is not None:
+        data["vehicle"] = pinned_run_on_speed(vehicle, cruise_speed_mps)
     return validate(data, Contract, source=f"{path} with --set {' '.join(overrides)}")
 
 

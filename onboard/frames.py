@@ -11,14 +11,17 @@ frame names cancel.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.intp]
+Q = TypeVar("Q", float, FloatArray)
 Vector = tuple[float, float, float]
 
 
@@ -104,6 +107,24 @@ def rotation_about_down(angle_rad: float) -> FloatArray:
     """Rotation matrix (3, 3) by ``angle_rad`` about the down axis, from north towards east."""
     cosine, sine = math.cos(angle_rad), math.sin(angle_rad)
     return np.array([[cosine, -sine, 0.0], [sine, cosine, 0.0], [0.0, 0.0, 1.0]])
+
+
+def heading_displacement_m(
+    distance_m: Q,
+    heading_error_rad: Q,
+    sine: Callable[[Q], Q] = math.sin,  # type: ignore[assignment]  a default binds no type variable
+) -> Q:
+    """Return how far a heading error moves a point that is placed from the body, in metres.
+
+    The point turns about the vehicle: it moves by the chord 2 d sin(psi / 2), which is more than
+    d sin(psi) (theory I; tests/onboard/test_frames.py::test_heading_displacement_is_the_chord).
+
+    Args:
+        distance_m: d, horizontally from the vehicle to the point.
+        heading_error_rad: psi, estimated heading less true heading, magnitude.
+        sine: for floats or arrays.
+    """
+    return 2.0 * distance_m * sine(heading_error_rad / 2.0)
 
 
 def wrap_angle(angle_rad: float) -> float:

@@ -12,9 +12,11 @@ import math
 from dataclasses import dataclass
 from enum import StrEnum, unique
 
-from onboard.contract import Terms
+from onboard.derivation import face_error_m
 from onboard.events import Event, Severity
 from onboard.obstacles import DetectionFrame, Obstacle
+from onboard.region import SCALAR
+from onboard.terms import Terms
 
 
 @unique
@@ -133,7 +135,7 @@ def check_obstacle(
 
 def measured_size_max(terms: Terms[float]) -> float:
     """Return the largest measured extent that the contract covers: each face may be off."""
-    return terms.obstacle_size_max_m + 2.0 * terms.position_error_m
+    return terms.obstacle_size_max_m + 2.0 * face_error_m(terms, SCALAR)
 
 
 def _centre_distance(one: Obstacle, other: Obstacle) -> float:

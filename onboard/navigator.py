@@ -211,6 +211,7 @@ class Navigator:
             self._note(Event(now_s, "mission_refused", Severity.WARNING, text))
             return
         self._itinerary.successor = mission
+        self.assessment = self.assessment.at_altitude(mission.altitude_m)
         when = "now" if self.flying else "once control is granted"
         text = f"another mission is flown {when}"
         data = {"mission": mission.model_dump(mode="json")}
@@ -615,8 +616,8 @@ class Navigator:
         """Return the obstacle as the flown plan knows it, while what is seen confirms that."""
         if self.avoidance is None:
             return obstacle
-        planned, terms = self.avoidance.obstacle, self.assessment.terms
-        if not obstacle.confirms(planned, terms.position_error_m):
+        planned = self.avoidance.obstacle
+        if not obstacle.confirms(planned, self.assessment.face_error_m):
             return obstacle
         # The box of then under the terms of now: an adapted contract may inflate it more.
         region = self.assessment.region_around(planned.measured, planned.position_error_m)
@@ -678,4 +679,5 @@ def _envelope(assessment: Assessment) -> Envelope:
         thrust_max_mps2=terms.thrust_to_weight * GRAVITY_MPS2,
         jerk_max_mps3=(jerk_x_mps3, jerk_y_mps3, jerk_y_mps3),
         speed_max_mps=terms.cruise_speed_mps,
+        trim_mps2=assessment.reserved_trim_mps2,
     )

@@ -19,7 +19,8 @@ import math
 from dataclasses import dataclass
 from typing import Final, Generic
 
-from onboard.region import Arithmetic, Box, Encounter, Q
+from onboard.frames import Q
+from onboard.region import Arithmetic, Box, Encounter
 
 # A wider view is not relied upon: the corridor would be all beside and nothing ahead.
 _HALF_VIEW_MAX_RAD: Final = math.radians(80.0)

@@ -25,14 +25,12 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, Generic, TypeVar
+from typing import Any, Generic
 
 import numpy as np
 
 from onboard.agility import AccelerationLimits
-from onboard.frames import FloatArray
-
-Q = TypeVar("Q", float, FloatArray)
+from onboard.frames import FloatArray, Q
 
 
 @dataclass(frozen=True)
@@ -86,6 +84,7 @@ class Arithmetic(Generic[Q]):
     """The functions that differ between floats and arrays."""
 
     sqrt: Callable[[Q], Q]
+    sin: Callable[[Q], Q]
     tan: Callable[[Q], Q]
     atan2: Callable[[Q, Q], Q]
     minimum: Callable[[Q, Q], Q]
@@ -96,6 +95,7 @@ class Arithmetic(Generic[Q]):
 
 SCALAR: Arithmetic[float] = Arithmetic(
     sqrt=math.sqrt,
+    sin=math.sin,
     tan=math.tan,
     atan2=math.atan2,
     minimum=min,
@@ -105,6 +105,7 @@ SCALAR: Arithmetic[float] = Arithmetic(
 )
 ARRAY: Arithmetic[FloatArray] = Arithmetic(
     sqrt=np.sqrt,
+    sin=np.sin,
     tan=np.tan,
     atan2=np.arctan2,
     minimum=np.minimum,

@@ -22,6 +22,7 @@ ModelT = TypeVar("ModelT", bound=BaseModel)
 
 # Longest suffix first: `_mps2` ends like `_mps` would not, but `_m` ends like nothing else.
 _UNITS = {
+    "_per_s": "1/s",
     "_mps3": "m/s³",
     "_mps2": "m/s²",
     "_mps": "m/s",

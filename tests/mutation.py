@@ -40,7 +40,10 @@ _BY_HAND = (
 # Which tests have to notice a change to which file, the quickest first.
 TESTS = {
     "onboard/agility.py": (_AGILITY, _CONTRACT),
+    "onboard/clauses.py": (_CONTRACT, _RECENTRING),
     "onboard/contract.py": (_CONTRACT, _RECENTRING),
+    "onboard/derivation.py": (_CONTRACT, _RECENTRING),
+    "onboard/terms.py": (_CONTRACT, _RECENTRING),
     "onboard/recentring.py": (_RECENTRING,),
     "onboard/region.py": (
         *(f"{_REGION}::{name}" for name in _BY_HAND),

@@ -239,11 +239,14 @@ def test_picture(
         (("--x", "vehicle.roll_max_deg=5:90:5", "--y", RANGES), "less than 90"),
         (("--x", SPEEDS, "--y", SPEEDS), "cannot be on both axes"),
         (("--x", "vehicle.roll_max_deg+vehicle.radius_m=1:2:3", "--y", RANGES), "same unit"),
-        (("--x", SPEEDS, "--y", RANGES, "--z", "speed"), "speed is no quantity; there are margin"),
+        (
+            ("--x", SPEEDS, "--y", RANGES, "--z", "speed"),
+            "unknown quantity 'speed'; expected one of margin",
+        ),
         (("--x", "vehicle.radius_m=0:1:9000", "--y", "sensor.detection_range_m=1:2:9000"), "25,0"),
         (
             ("--x", SPEEDS, "--y", RANGES, "--z", "stop", "--set", "requirements.stop=false"),
-            "stop is no quantity",
+            "unknown quantity 'stop'",
         ),
         (("--figure", "11", "--plot", "/nowhere/at/all.png"), "cannot be written"),
         (("--figure", "11", "--plot", "surface.tale"), "tale"),

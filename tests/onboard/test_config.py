@@ -127,6 +127,14 @@ def test_a_missing_section_is_named(section: str) -> None:
         ("vehicle", "velocity_error_mps", 0.1, ("velocity_error_mps [m/s] = 0.1", "tuple")),
         ("vehicle", "reaction_time_s", -1.0, ("reaction_time_s [s] = -1.0", "equal to 0")),
         ("vehicle", "setpoint_loss_run_on_m", -1.0, ("run_on_m [m] = -1.0", "equal to 0")),
+        ("vehicle", "setpoint_loss_run_on_speed_mps", 0.0, ("[m/s] = 0.0", "greater than 0")),
+        ("vehicle", "tracking_error_z_m", -0.1, ("error_z_m [m] = -0.1", "equal to 0")),
+        ("vehicle", "heading_error_deg", 45.0, ("heading_error_deg [°] = 45.0", "less than 45")),
+        ("vehicle", "heading_error_deg", -1.0, ("heading_error_deg [°] = -1.0", "equal to 0")),
+        ("vehicle", "estimator_reset_max_m", -1.0, ("reset_max_m [m] = -1.0", "equal to 0")),
+        ("vehicle", "drag_per_s", -0.1, ("drag_per_s [1/s] = -0.1", "equal to 0")),
+        ("environment", "wind_max_mps", -1.0, ("wind_max_mps [m/s] = -1.0", "equal to 0")),
+        ("environment", "wind_max_mps", "calm", ("wind_max_mps", "'calm'", "valid number")),
         ("sensor", "field_of_view_deg", 361.0, ("[°] = 361.0", "less than or equal to 360")),
         ("sensor", "detection_range_m", 0.0, ("detection_range_m [m] = 0.0", "greater than 0")),
         ("sensor", "frame_age_max_s", 0, ("frame_age_max_s [s] = 0", "greater than 0")),
@@ -176,6 +184,11 @@ def test_the_hash_is_that_of_the_terms(contract_path: Path, tmp_path: Path) -> N
 @pytest.mark.parametrize(
     "override",
     [
+        "vehicle.tracking_error_z_m=1.1",
+        "vehicle.heading_error_deg=1.0",
+        "vehicle.estimator_reset_max_m=0.1",
+        "vehicle.drag_per_s=0.4",
+        "environment.wind_max_mps=0.0",
         "vehicle.radius_m=0.3000001",
         "requirements.stop=false",
         "vehicle.velocity_error_mps=[0.2, 0.11]",
@@ -185,6 +198,94 @@ def test_the_hash_is_that_of_the_terms(contract_path: Path, tmp_path: Path) -> N
 def test_another_term_is_another_hash(contract_path: Path, override: str) -> None:
     changed_contract = load_contract(contract_path, (override,))
     assert changed_contract.sha256 != load_contract(contract_path).sha256
+
+
+def test_the_speed_of_a_run_counts_only_where_it_is_another(contract_path: Path) -> None:
+    run, speed = "vehicle.setpoint_loss_run_on_m=4.0", "vehicle.setpoint_loss_run_on_speed_mps={}"
+    implied = load_contract(contract_path, (run,))
+    assert implied.vehicle.setpoint_loss_run_on_speed_mps == 2.8
+    assert load_contract(contract_path, (run, speed.format(2.8))).sha256 == implied.sha256
+    assert load_contract(contract_path, (run, speed.format(3.0))).sha256 != implied.sha256
+
+
+def test_later_keys_at_their_defaults_are_not_in_the_hash(contract_path: Path) -> None:
+    stated = (
+        "vehicle.tracking_error_z_m=1.0",
+        "vehicle.heading_error_deg=0",
+        "vehicle.estimator_reset_max_m=0",
+        "vehicle.drag_per_s=0.45",
+        "environment.wind_max_mps=null",
+        "vehicle.setpoint_loss_run_on_speed_mps=null",
+    )
+    assert load_contract(contract_path, stated).sha256 == load_contract(contract_path).sha256
+
+
+# --- the speed of a measured run
+
+RUN = "vehicle.setpoint_loss_run_on_m=4.0"
+SPEED = "vehicle.cruise_speed_mps={}"
+AT = "vehicle.setpoint_loss_run_on_speed_mps={}"
+
+
+@pytest.mark.parametrize(
+    ("overrides", "refused"),
+    [
+        ((RUN,), False),
+        ((RUN, SPEED.format(2.8)), False),
+        ((RUN, SPEED.format(1.0)), False),
+        ((RUN, SPEED.format(2.801)), True),
+        ((SPEED.format(2.801), RUN), True),
+        ((RUN, SPEED.format(3.0), AT.format(3.0)), False),
+        ((RUN, AT.format(2.7)), True),
+        ((RUN, SPEED.format(3.0), AT.format("null")), True),
+        ((SPEED.format(3.0), AT.format(2.8)), False),  # there is no run
+        ((RUN, SPEED.format(3.0), "requirements.passive_safety=false"), False),  # none is needed
+        ((SPEED.format(2.0), RUN, AT.format(1.9)), True),
+    ],
+)
+def test_a_cruise_above_the_speed_of_the_run_is_refused(
+    contract_path: Path, overrides: tuple[str, ...], refused: bool
+) -> None:
+    if not refused:
+        load_contract(contract_path, overrides)
+        return
+    with pytest.raises(FileError) as caught:
+        load_contract(contract_path, overrides)
+    message = str(caught.value)
+    assert "\n" not in message
+    for part in (
+        "vehicle.cruise_speed_mps = ",
+        "vehicle.setpoint_loss_run_on_speed_mps = ",
+        "setpoint_loss_run_on_m = 4 m",
+        " m/s exceeds ",
+    ):
+        assert part in message
+
+
+def test_the_speed_of_a_run_stays_that_of_the_file(tmp_path: Path) -> None:
+    """Whoever changes the cruise speed afterwards has not measured the run again."""
+    document = {**CONTRACT, "vehicle": {**CONTRACT["vehicle"], "setpoint_loss_run_on_m": 4.0}}
+    path = tmp_path / "c.yaml"
+    path.write_text(yaml.safe_dump(document))
+    assert load_contract(path).vehicle.setpoint_loss_run_on_speed_mps == 2.8
+    slower = load_contract(path, (SPEED.format(1.0),))
+    assert slower.vehicle.setpoint_loss_run_on_speed_mps == 2.8
+    again = Contract.model_validate(slower.model_dump() | {})
+    assert again.vehicle.setpoint_loss_run_on_speed_mps == 2.8
+    with pytest.raises(FileError, match="exceeds"):
+        load_contract(path, (SPEED.format(4.0),))
+
+
+@pytest.mark.parametrize("speed", ["fast", None, -2.8, 0.0, True, [2.8]])
+def test_a_bad_speed_is_named_once(contract_path: Path, speed: Any) -> None:
+    with pytest.raises(FileError) as caught:
+        load_contract(contract_path, (RUN, SPEED.format("null" if speed is None else speed)))
+    assert str(caught.value).count("cruise_speed_mps [m/s] = ") == 1
+    document = {**CONTRACT, "vehicle": {**CONTRACT["vehicle"], "setpoint_loss_run_on_m": 4.0}}
+    document["vehicle"]["cruise_speed_mps"] = speed
+    message = refusal(document)
+    assert message.count("[m/s]") == 1
+    assert "run_on_speed" not in message
 
 
 # --- overrides

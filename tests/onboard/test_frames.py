@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from onboard.frames import LegFrame, rotation_about_down, wrap_angle
+from onboard.frames import LegFrame, heading_displacement_m, rotation_about_down, wrap_angle
 
 METRES = st.floats(-1e3, 1e3)
 POINTS_M = st.tuples(METRES, METRES, METRES)
@@ -78,6 +78,24 @@ def test_a_rotation_about_down_turns_north_towards_east(angle_rad: float) -> Non
     nose_ned = rotation @ np.array([1.0, 0.0, 0.0])
     np.testing.assert_allclose(nose_ned, [math.cos(angle_rad), math.sin(angle_rad), 0.0])
     np.testing.assert_allclose(rotation @ np.array([0.0, 0.0, 1.0]), [0.0, 0.0, 1.0])
+
+
+@given(
+    st.floats(0.0, 100.0), ANGLES_RAD, st.floats(0.0, math.pi / 4.0), st.sampled_from([-1.0, 1.0])
+)
+def test_heading_displacement_is_the_chord(
+    distance_m: float, bearing_rad: float, error_rad: float, side: float
+) -> None:
+    places = [
+        distance_m * np.array((math.cos(angle_rad), math.sin(angle_rad)))
+        for angle_rad in (bearing_rad, bearing_rad + side * error_rad)
+    ]
+    moved_m = float(np.linalg.norm(places[1] - places[0]))
+    displaced_m = heading_displacement_m(distance_m, error_rad)
+    assert displaced_m == pytest.approx(moved_m, abs=1e-9)
+    assert displaced_m >= distance_m * math.sin(error_rad) - 1e-9
+    array = heading_displacement_m(np.array([distance_m]), np.array([error_rad]), np.sin)
+    assert array[0] == pytest.approx(displaced_m)
 
 
 @given(st.floats(-100.0, 100.0))

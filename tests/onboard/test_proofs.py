@@ -373,6 +373,42 @@ def test_theory_h_forward_run_is_the_longest() -> None:
     assert_theorem(slower * coast + slower * slower / (2 * b) <= run_on, *LIMITS, *speeds)
 
 
+def run_of_any_autopilot(speed: Any) -> Any:
+    """From rest, in proportion to the speed, and its square: convex, as coast and brake is."""
+    from_rest, linear, square = z3.Reals("from_rest linear square")
+    return from_rest + linear * speed + square * speed * speed
+
+
+def test_theory_h_a_measured_run_is_scaled_down_to_that_from_rest() -> None:
+    """Below the speed X of a measurement, of at least the run from there, and at least ``rest``."""
+    from_rest, linear, square, rest, slower = z3.Reals("from_rest linear square rest slower")
+    convex = [from_rest >= 0, linear >= 0, square >= 0]
+    measured = [v > 0, run >= run_of_any_autopilot(v), rest >= from_rest, run >= rest]
+    below = [slower >= 0, slower <= v]
+    scaled = rest + (run - rest) * slower / v
+    assert_theorem(run_of_any_autopilot(slower) <= scaled, *convex, *measured, *below)
+    # Two-tier corrections: in proportion to the speed it is too short where something is held.
+    in_proportion = run * slower / v
+    assert_refuted(run_of_any_autopilot(slower) <= in_proportion, *convex, *measured, *below)
+
+
+def test_theory_h_no_speed_above_that_of_the_measurement_is_covered() -> None:
+    from_rest, linear, square, faster = z3.Reals("from_rest linear square faster")
+    convex = [from_rest >= 0, linear >= 0, square >= 0, v > 0, faster > v]
+    measured = [run == run_of_any_autopilot(v)]
+    assert_refuted(run_of_any_autopilot(faster) <= run * faster / v, *convex, *measured)
+
+
+def test_theory_h_a_slower_flight_has_no_acceleration_that_a_faster_one_has_not() -> None:
+    """Who may reach V with acceleration x at jerk j from v: also V + gap, from v + gap."""
+    jerk, gap = z3.Reals("jerk gap")
+    slow = [jerk > 0, x >= 0, w >= 0, w + x * x / (2 * jerk) <= v, gap >= 0]
+    assert_theorem(w + gap + x * x / (2 * jerk) <= v + gap, *slow)
+    # Its share of the fastest speed with that acceleration is at most that of the cruise speeds.
+    share = (v - x * x / (2 * jerk)) * (v + gap) <= v * (v + gap - x * x / (2 * jerk))
+    assert_theorem(share, *slow, v > 0)
+
+
 def test_theory_h_coasting_sideways_adds_only_peak_speed_times_time() -> None:
     """A plan that can stop inside its lane at any instant stops inside lane plus coast."""
     planned = [y_1 + w * w / (2 * d) <= lane, w >= 0, w <= peak, coast >= 0]
@@ -409,6 +445,49 @@ def test_theory_b_a_misplaced_face_moves_the_border() -> None:
         error >= 0,
         body >= 0,
     )
+
+
+# --- heading (theory I) and wind (theory J)
+
+
+def test_theory_i_a_turned_point_moves_by_the_chord() -> None:
+    """(cx - sy, sx + cy) is as far from (x, y) as 2 sin(psi/2) says; half = sin(psi/2)."""
+    half, cosine, sine = z3.Reals("half cosine sine")
+    turned = [cosine == 1 - 2 * half * half, sine * sine == 1 - cosine * cosine]
+    moved_x, moved_y = cosine * x - sine * y - x, sine * x + cosine * y - y
+    chord = 4 * half * half * (x * x + y * y)
+    assert_theorem(moved_x * moved_x + moved_y * moved_y == chord, *turned)
+    # The distance times the sine of the error is too little.
+    moved = moved_x * moved_x + moved_y * moved_y
+    assert_refuted(moved <= sine * sine * (x * x + y * y), *turned, half > 0, cosine > 0)
+
+
+def test_theory_i_a_corner_of_what_is_in_range_is_within_range_and_diagonal() -> None:
+    near_x, near_y, far_x, far_y, range_m, side, diagonal, sum_m = z3.Reals(
+        "near_x near_y far_x far_y range_m side diagonal sum_m"
+    )
+    box = [far_x >= 0, far_x <= side, far_y >= 0, far_y <= side, side > 0]
+    near = [near_x * near_x + near_y * near_y <= range_m * range_m, range_m > 0]
+    length = [diagonal > 0, diagonal * diagonal == 2 * side * side, sum_m == range_m + diagonal]
+    corner = (near_x + far_x) * (near_x + far_x) + (near_y + far_y) * (near_y + far_y)
+    assert_theorem(corner <= sum_m * sum_m, *box, *near, *length)
+
+
+def test_theory_j_wind_from_anywhere_stays_within_the_tilt() -> None:
+    """What is planned in the smaller box, and the trim of any direction, is in the larger one."""
+    trim, wind_x, wind_y = z3.Reals("trim wind_x wind_y")
+    wind = [trim >= 0, wind_x * wind_x + wind_y * wind_y <= trim * trim]
+    planned = [x <= a - trim, x >= -(b - trim), y <= u - trim, y >= -(d - trim)]
+    within = z3.And(x + wind_x <= a, x + wind_x >= -b, y + wind_y <= u, y + wind_y >= -d)
+    assert_theorem(within, *LIMITS, *wind, *planned)
+
+
+def test_theory_j_a_sinking_plan_has_less_of_the_tilt_than_its_share() -> None:
+    """W in proportion to the lift is too much for it: what the wind takes does not shrink."""
+    trim, lift = z3.Reals("trim lift")
+    level = [trim > 0, trim < a, lift > 0, lift < 1]
+    assert_refuted(x + trim <= a * lift, *level, x <= (a - trim) * lift)
+    assert_theorem(x + trim <= a * lift, *level, x <= (a - trim) * lift - trim * (1 - lift))
 
 
 # --- recentring: what a drift of slope k meets the room beside it was on the edge of the view
