@@ -30,12 +30,12 @@ from onboard.obstacles import (
     Detection,
     DetectionFrame,
     Obstacle,
-    PoseHistory,
     corners_ned,
     parse_frame,
 )
 from onboard.payload import MalformedPayloadError, parse
 from onboard.planner import Planner
+from onboard.pose_history import PoseHistory
 from onboard.watches import (
     CLOCK_TOLERANCE_S,
     DetectionWatch,
