@@ -10,10 +10,10 @@ from itertools import pairwise
 
 from gcs_tools.preflight_finding import Finding, Verdict
 from onboard.contract import Terms
+from onboard.detection_monitor import CLOCK_TOLERANCE_S
 from onboard.monitor import check_frame
 from onboard.obstacles import DetectionFrame, parse_frame
 from onboard.payload import MalformedPayloadError
-from onboard.watches import CLOCK_TOLERANCE_S
 
 
 @dataclass(frozen=True)

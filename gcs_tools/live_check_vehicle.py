@@ -15,8 +15,8 @@ from gcs_tools.vehicle import HEALTH_TIMEOUT_S
 from gcs_tools.vehicle_survey import ANSWER_TIMEOUT_S, COUNTED, LISTEN_S, PINGS, VehicleFacts
 from onboard.config import Mission
 from onboard.contract import Assessment
+from onboard.detection_monitor import CLOCK_TOLERANCE_S
 from onboard.navigator import START_TOLERANCE_M
-from onboard.watches import CLOCK_TOLERANCE_S
 
 # Older firmware behaves in ways that nobody has measured for this service.
 OLDEST_VERSION: Mapping[str, tuple[int, int, int]] = {"px4": (1, 14, 0), "ardupilot": (4, 5, 0)}

@@ -106,6 +106,19 @@ def rotation_about_down(angle_rad: float) -> FloatArray:
     return np.array([[cosine, -sine, 0.0], [sine, cosine, 0.0], [0.0, 0.0, 1.0]])
 
 
+def heading_displacement_m(distance_m: float, heading_error_rad: float) -> float:
+    """Return how far a heading error moves a point that is placed from the body, in metres.
+
+    The point turns about the vehicle: it moves by the chord 2 d sin(psi / 2), which is more than
+    d sin(psi).
+
+    Args:
+        distance_m: d, horizontally from the vehicle to the point.
+        heading_error_rad: psi, estimated heading less true heading, magnitude.
+    """
+    return 2.0 * distance_m * math.sin(heading_error_rad / 2.0)
+
+
 def wrap_angle(angle_rad: float) -> float:
     """Return the same direction in [-pi, pi)."""
     return (angle_rad + math.pi) % (2.0 * math.pi) - math.pi

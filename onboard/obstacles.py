@@ -88,6 +88,11 @@ def corners_ned(detection: Detection, pose: Pose | None) -> Corners:
     return [box.position_ned(corner)[:2] for corner in corners]
 
 
+def shifted_corners(corners_ned_m: Corners, shift_ned_m: tuple[float, float]) -> Corners:
+    """Corners moved north and east."""
+    return [(north + shift_ned_m[0], east + shift_ned_m[1]) for north, east in corners_ned_m]
+
+
 @dataclass(frozen=True)
 class Obstacle:
     """An obstacle to avoid as one, in the current leg frame.
@@ -123,11 +128,15 @@ class Obstacle:
 
 @dataclass(frozen=True)
 class _Track:
-    """One detected obstacle: what encloses its measurements, in NED for other legs too."""
+    """One detected obstacle: what encloses its measurements, in NED for other legs too.
+
+    Tracks of one ``apart_from`` are places of an obstacle that contradict each other.
+    """
 
     corners_ned_m: Corners
     measured: Box
     position_error_m: float
+    apart_from: str | None = None
 
 
 RegionFactory = Callable[[Box, float], RegionOfInfluence]
@@ -151,6 +160,8 @@ class ObstacleMap:
     ) -> None:
         # Changes whenever anything known changes.
         self.revision = 0
+        # By how much the estimator has moved everything since the first measurement, NED.
+        self._shifted_ned_m = (0.0, 0.0)
         self._leg = leg
         self._region_around = region_around
         self._merged_size_max_m = merged_size_max_m
@@ -185,27 +196,54 @@ class ObstacleMap:
         self._order, self._longest_region_m = [], 0.0
         self._strips.clear()
         for track_id, track in tracks.items():
-            self.add(track_id, track.corners_ned_m, track.position_error_m)
+            self.add(
+                track_id,
+                track.corners_ned_m,
+                track.position_error_m,
+                apart_from=track.apart_from,
+            )
 
-    def shift(self, offset_ned_m: tuple[float, float]) -> None:
-        """Move everything remembered, after the estimator has moved the vehicle by as much.
-
-        Args:
-            offset_ned_m: new less old position of the same place, north and east.
-        """
-        north_m, east_m = offset_ned_m
+    def shift(self, north_m: float, east_m: float) -> None:
+        """State everything remembered in the local frame of now, which a reset has moved."""
         for track_id, track in self._tracks.items():
-            moved = [(corner[0] + north_m, corner[1] + east_m) for corner in track.corners_ned_m]
-            self._tracks[track_id] = replace(track, corners_ned_m=moved)
+            corners_ned_m = shifted_corners(track.corners_ned_m, (north_m, east_m))
+            self._tracks[track_id] = replace(track, corners_ned_m=corners_ned_m)
+        self._shifted_ned_m = (self._shifted_ned_m[0] + north_m, self._shifted_ned_m[1] + east_m)
         self.rebuild(self._leg, self._region_around, self._merged_size_max_m)
 
-    def add(self, track_id: str, corners_ned_m: Corners, position_error_m: float) -> bool:
+    def unshifted(self, corners_ned_m: Corners) -> Corners:
+        """Return where corners would be, had the estimator not moved since the first measurement.
+
+        Measurements before and after a jump can be compared there.
+        """
+        north_m, east_m = self._shifted_ned_m
+        return shifted_corners(corners_ned_m, (-north_m, -east_m))
+
+    def rejoin(self) -> None:
+        """Let places that contradict each other be one obstacle again: they may be merged."""
+        if any(track.apart_from is not None for track in self._tracks.values()):
+            self._tracks = {
+                track_id: replace(track, apart_from=None)
+                for track_id, track in self._tracks.items()
+            }
+            self.rebuild(self._leg, self._region_around, self._merged_size_max_m)
+
+    def add(
+        self,
+        track_id: str,
+        corners_ned_m: Corners,
+        position_error_m: float,
+        *,
+        apart_from: str | None = None,
+    ) -> bool:
         """Remember a measurement; tell whether it changed what is known.
 
         Args:
             track_id: which obstacle.
             corners_ned_m: corners of the measured box.
             position_error_m: uncertainty of its faces.
+            apart_from: track that the measurement contradicts; the two are never merged, nor with
+                other places that contradict the same one.
 
         Raises:
             OverflowError: more obstacles than any sensor could have seen.
@@ -219,9 +257,10 @@ class ObstacleMap:
                 return False
             # Sound for any later leg: what encloses every measurement in this one encloses them.
             corners_ned_m = self._corners_of(measured)
+            apart_from = known.apart_from or apart_from
         elif len(self._tracks) >= MAX_TRACKS:
             raise OverflowError(f"more than {MAX_TRACKS} obstacles remembered")
-        self._tracks[track_id] = _Track(corners_ned_m, measured, position_error_m)
+        self._tracks[track_id] = _Track(corners_ned_m, measured, position_error_m, apart_from)
         self.revision += 1
         obstacle_id = self._obstacle_of_track.get(track_id)
         alone = (track_id,)
@@ -287,8 +326,21 @@ class ObstacleMap:
         self._longest_region_m = max(self._longest_region_m, extent.x_max_m - extent.x_min_m)
 
     def _may_merge(self, one: Obstacle, other: Obstacle) -> bool:
+        if self._contradict(one, other):
+            return False
         merged = one.measured.enclosing(other.measured)
         return max(merged.size_m) <= self._merged_size_max_m
+
+    def _contradict(self, one: Obstacle, other: Obstacle) -> bool:
+        """Tell whether two obstacles hold places of one track that contradict each other."""
+        for a, b in ((one, other), (other, one)):
+            origins = {self._tracks[member].apart_from for member in a.members} - {None}
+            if origins and any(
+                member in origins or self._tracks[member].apart_from in origins
+                for member in b.members
+            ):
+                return True
+        return False
 
     def _obstacle(self, members: tuple[str, ...]) -> Obstacle:
         tracks = [self._tracks[member] for member in members]

@@ -22,6 +22,13 @@ class PoseHistory:
         while self._poses[0].time_s < pose.time_s - self._span_s:
             self._poses.popleft()
 
+    def shift(self, shift_ned_m: tuple[float, float, float]) -> None:
+        """State every pose in the local frame of now, after the estimator moved it by a vector."""
+        for index, pose in enumerate(self._poses):
+            moved = zip(pose.position_ned_m, shift_ned_m, strict=True)
+            north_m, east_m, down_m = (before_m + shift_m for before_m, shift_m in moved)
+            self._poses[index] = pose._replace(position_ned_m=(north_m, east_m, down_m))
+
     def at(self, time_s: float, tolerance_s: float = 0.1) -> Pose | None:
         """Return the pose nearest to ``time_s``, moved on to that time; None if none is near.
 

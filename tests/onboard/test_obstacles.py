@@ -314,7 +314,7 @@ def test_shifted_map_is_the_map_of_shifted_obstacles(
         moved_ned_m = (north_m + offset_ned_m[0], east_m + offset_ned_m[1])
         expected.add(str(index), square(moved_ned_m), 0.05)
     revision = shifted.revision
-    shifted.shift(offset_ned_m)
+    shifted.shift(*offset_ned_m)
     assert shifted.revision > revision
     for index in range(len(centres_ned_m)):
         one, other = shifted.of_track(str(index)), expected.of_track(str(index))
