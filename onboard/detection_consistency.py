@@ -1,11 +1,12 @@
 """Whether successive sightings of one obstacle can be of one box that stands still.
 
 Each face of a box lies within its stated error of where it was measured.  A sensor may see more of
-an obstacle from one place than from another, so a box that grows or shrinks says nothing; a box of
-which both faces of an axis went the same way by more than the errors of both measurements cannot be
-the same one.  Behind such a contradiction is an obstacle that moves, a heading or a position that
-is wrong, or a tracker that mixes up its tracks.  Which sighting is true is unknown then, so every
-place where the obstacle was seen stays a place to keep out of.
+an obstacle from one place than from another: a box that grows or shrinks says nothing, and one side
+may go out of sight after another came into sight.  But a box of which both faces of an axis went
+the same way by more than the errors of both measurements, and which was never seen as large as
+both together, cannot be the same one.  Behind such a contradiction is an obstacle that moves, a
+heading or a position that is wrong, or a tracker that mixes up its tracks.  Which sighting is true
+is unknown then, so every place where the obstacle was seen stays a place to keep out of.
 """
 
 from __future__ import annotations
@@ -82,45 +83,59 @@ class _Rearmost(NamedTuple):
 class Place:
     """One place where an obstacle was seen: sightings that do not contradict each other.
 
-    Of all sightings only those are remembered against which a shift shows first: the ones whose
-    rear and front are not both ahead of another's.
+    Of all sightings only those are remembered against which a shift shows first, the ones whose
+    rear and front are not both ahead of another's, and the largest along each axis.
     """
 
-    __slots__ = ("_rearmost",)
+    __slots__ = ("_largest", "_rearmost")
 
     def __init__(self) -> None:
         self._rearmost: tuple[list[_Rearmost], ...] = ([], [], [], [])
+        self._largest: tuple[list[tuple[float, float]], ...] = ([], [], [], [])
 
     def contradiction(self, sighting: Sighting) -> Contradiction | None:
         """Return how a sighting contradicts an earlier one; None if it agrees with all of them."""
         worst: Contradiction | None = None
         error_m = sighting.error_m
-        for (rear_m, front_m), earlier in zip(
-            sighting.bounds_by_direction_m(), self._rearmost, strict=True
+        for (rear_m, front_m), earlier, largest in zip(
+            sighting.bounds_by_direction_m(), self._rearmost, self._largest, strict=True
         ):
             for before in earlier:
                 beyond_m = min(rear_m - before.rear_m, front_m - before.front_m) - error_m
+                if beyond_m <= _ROUNDING_M or _seen_whole(
+                    largest, before.rear_m, front_m - error_m
+                ):
+                    continue
                 limit_m = before.error_m + error_m
-                if beyond_m > _ROUNDING_M and (worst is None or beyond_m + limit_m > worst.shift_m):
+                if worst is None or beyond_m + limit_m > worst.shift_m:
                     worst = Contradiction(beyond_m + limit_m, limit_m)
         return worst
 
     def add(self, sighting: Sighting) -> None:
         """Remember a sighting."""
         error_m = sighting.error_m
-        for (rear_m, front_m), earlier in zip(
-            sighting.bounds_by_direction_m(), self._rearmost, strict=True
+        for (rear_m, front_m), earlier, largest in zip(
+            sighting.bounds_by_direction_m(), self._rearmost, self._largest, strict=True
         ):
             new = _Rearmost(rear_m + error_m, front_m + error_m, error_m)
-            if any(
+            if not any(
                 old.rear_m <= new.rear_m + _ALIKE_M and old.front_m <= new.front_m + _ALIKE_M
                 for old in earlier
             ):
-                continue
-            earlier[:] = [
-                old for old in earlier if old.rear_m < new.rear_m or old.front_m < new.front_m
-            ][-_REMEMBERED_MAX + 1 :]
-            earlier.append(new)
+                earlier[:] = [
+                    old for old in earlier if old.rear_m < new.rear_m or old.front_m < new.front_m
+                ][-_REMEMBERED_MAX + 1 :]
+                earlier.append(new)
+            if not _seen_whole(largest, rear_m, front_m):
+                largest[:] = [
+                    (rear, front) for rear, front in largest if rear < rear_m or front > front_m
+                ][-_REMEMBERED_MAX + 1 :]
+                largest.append((rear_m, front_m))
+
+
+def _seen_whole(largest: list[tuple[float, float]], rear_m: float, front_m: float) -> bool:
+    """Tell whether one sighting reached from a rear to a front, or very nearly."""
+    return any(rear <= rear_m + _ALIKE_M and front >= front_m - _ALIKE_M for rear, front in largest)
 
 
 @dataclass
@@ -154,12 +169,13 @@ class DetectionConsistencyMonitor:
     def __init__(self) -> None:
         self._tracks: dict[str, _Track] = {}
 
-    def take(self, track_id: str, sighting: Sighting, now_s: float) -> Placement:
+    def take(self, track_id: str, sighting: Sighting | None, now_s: float) -> Placement:
         """Find the place that a sighting belongs to, and tell whether it contradicts another.
 
         Args:
             track_id: which obstacle, as the sensor sees it.
-            sighting: where it is.
+            sighting: where it is; None if it was seen in part only, which says no more than that
+                there is something.
             now_s: when the sighting came.
         """
         track = self._tracks.get(track_id)
@@ -167,21 +183,22 @@ class DetectionConsistencyMonitor:
             track = _Track()
             if len(self._tracks) < MAX_TRACKS:
                 self._tracks[track_id] = track
+        if sighting is None:
+            return Placement(_place_id(track_id, track.latest), apart=False, violation=None)
         found = track.places[track.believed].contradiction(sighting)
         index = track.believed if found is None else _place_of(track, sighting)
         track.places[index].add(sighting)
         if index != track.latest:
             track.latest, track.latest_since_s = index, now_s
-        place_id = track_id if index == 0 else f"{track_id}~{index + 1}"
         if found is None:
-            return Placement(place_id, apart=False, violation=None)
+            return Placement(_place_id(track_id, index), apart=False, violation=None)
         track.contradicted_s = now_s
         if now_s - track.latest_since_s >= SETTLED_AFTER_S:
             track.believed = index
         violation = Violation(
             Assumption.DETECTION_CONSISTENCY, found.shift_m, found.limit_m, "m", track_id
         )
-        return Placement(place_id, apart=True, violation=violation)
+        return Placement(_place_id(track_id, index), apart=True, violation=violation)
 
     def contradicted(self, now_s: float) -> list[str]:
         """Return the tracks of which sightings contradicted each other a moment ago."""
@@ -190,6 +207,10 @@ class DetectionConsistencyMonitor:
             for track_id, track in self._tracks.items()
             if now_s - track.contradicted_s < SETTLED_AFTER_S
         ]
+
+
+def _place_id(track_id: str, index: int) -> str:
+    return track_id if index == 0 else f"{track_id}~{index + 1}"
 
 
 def _place_of(track: _Track, sighting: Sighting) -> int:

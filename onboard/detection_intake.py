@@ -16,6 +16,7 @@ from typing import Final, NamedTuple
 from onboard.detection_consistency import DetectionConsistencyMonitor, Placement, Sighting
 from onboard.detection_monitor import CLOCK_TOLERANCE_S, DetectionMonitor
 from onboard.frames import heading_displacement_m
+from onboard.full_view import in_full_view
 from onboard.guidance import Phase
 from onboard.mavlink import TELEMETRY_RATE_HZ, Pose
 from onboard.monitor import Violation, check_frame
@@ -51,11 +52,31 @@ class DetectionCounters:
 
 
 class _Seen(NamedTuple):
-    """One detected box, placed."""
+    """One detected box, placed.
+
+    Attributes:
+        track_id: which obstacle, as its sensor sees it.
+        corners_ned_m: where it is.
+        uncertainty_m: what the sensor states for each face.
+        pose: of the body that placed it; None for a box in local NED.
+        blur_m: how far off a turning body may have placed it.
+        in_full: whether it was seen in full view.
+    """
 
     track_id: str
     corners_ned_m: Corners
     uncertainty_m: float
+    pose: Pose | None
+    blur_m: float
+    in_full: bool = False
+
+    def displacement_m(self, heading_error_rad: float) -> float:
+        """How far a wrong heading displaces the farthest corner of a box seen from the body."""
+        if self.pose is None:
+            return 0.0
+        here_ned_m = self.pose.position_ned_m[:2]
+        farthest_m = max(math.dist(corner, here_ned_m) for corner in self.corners_ned_m)
+        return heading_displacement_m(farthest_m, heading_error_rad)
 
 
 def _in_place(stamp_s: float) -> Sequence[tuple[float, float]]:  # noqa: ARG001  no resets
@@ -117,29 +138,43 @@ class DetectionIntake:
             yield fault
         if stamp_s > now_s + CLOCK_TOLERANCE_S:
             return
-        pose, blurs_m = None, dict[str, float]()
-        if frame.frame == "body_frd":
-            pose = self._poses.at(stamp_s)
-            blurs_m = self._blurs_m(frame, stamp_s)
-            limit_m = self._navigator.assessment.terms.position_error_m
-            if pose is None or any(blur_m > limit_m for blur_m in blurs_m.values()):
-                # Seen, but from an unknown place: as good as not seen.
-                self.counters.unplaced_frames += 1
-                return
+        pose = self._poses.at(stamp_s)
+        placed_by = pose if frame.frame == "body_frd" else None
+        blurs_m = None if frame.frame == "local_ned" else self._blurs_m(frame, stamp_s)
+        if blurs_m is not None and (pose is None or self._is_blurred(blurs_m)):
+            # Seen, but from an unknown place: as good as not seen.
+            self.counters.unplaced_frames += 1
+            return
         terms = self._navigator.assessment.terms
         late = self.monitor.on_frame(frame.source, stamp_s, now_s, terms)
         yield from [] if late is None else [late]
         yield from check_frame(frame, terms)
-        shifts_m = self._placements_m(stamp_s) if pose is None else _in_place(stamp_s)
-        for detection in frame.obstacles:
+        boxes_ned_m = [corners_ned(detection, placed_by) for detection in frame.obstacles]
+        in_full = [False] * len(boxes_ned_m)
+        if pose is not None:
+            view_rad = math.radians(frame.field_of_view_deg)
+            in_full = in_full_view(boxes_ned_m, pose, view_rad, frame.range_m)
+        for detection, corners_ned_m, full in zip(
+            frame.obstacles, boxes_ned_m, in_full, strict=True
+        ):
             track_id = _track_id(frame, detection)
-            if len(shifts_m) > 1 and self._navigator.obstacles.of_track(track_id) is not None:
-                continue  # it has been seen better
-            if pose is None or track_id in blurs_m:
-                for shift_m in shifts_m:
-                    corners_ned_m = shifted_corners(corners_ned(detection, pose), shift_m)
-                    seen = _Seen(track_id, corners_ned_m, detection.uncertainty_m)
-                    yield from self._take_box(seen, pose, blurs_m.get(track_id, 0.0), now_s)
+            if blurs_m is None or track_id in blurs_m:
+                blur_m = 0.0 if blurs_m is None else blurs_m[track_id]
+                seen = _Seen(track_id, corners_ned_m, detection.uncertainty_m, placed_by, blur_m)
+                yield from self._take_everywhere(seen._replace(in_full=full), stamp_s, now_s)
+
+    def _take_everywhere(self, seen: _Seen, stamp_s: float, now_s: float) -> Iterator[Violation]:
+        """Remember a box; where an estimator reset leaves its place open, at every one."""
+        shifts_m = self._placements_m(stamp_s) if seen.pose is None else _in_place(stamp_s)
+        if len(shifts_m) > 1 and self._navigator.obstacles.of_track(seen.track_id) is not None:
+            return  # it has been seen better
+        for shift_m in shifts_m:
+            corners_ned_m = shifted_corners(seen.corners_ned_m, shift_m)
+            yield from self._take_box(seen._replace(corners_ned_m=corners_ned_m), now_s)
+
+    def _is_blurred(self, blurs_m: dict[str, float]) -> bool:
+        limit_m = self._navigator.assessment.terms.position_error_m
+        return any(blur_m > limit_m for blur_m in blurs_m.values())
 
     def _blurs_m(self, frame: DetectionFrame, stamp_s: float) -> dict[str, float]:
         """How far off a turning body sees what is to be taken from a frame, by track.
@@ -173,16 +208,15 @@ class DetectionIntake:
     def _moving(self) -> bool:
         return self._navigator.cruising_freely or self._navigator.phase is Phase.AVOID
 
-    def _take_box(
-        self, seen: _Seen, pose: Pose | None, blur_m: float, now_s: float
-    ) -> Iterator[Violation]:
+    def _take_box(self, seen: _Seen, now_s: float) -> Iterator[Violation]:
         """Remember one box; a place that contradicts an earlier one is kept apart from it."""
         navigator, terms = self._navigator, self._navigator.assessment.terms
-        error_m, displacement_m = max(seen.uncertainty_m, terms.position_error_m), 0.0
-        if pose is not None:
-            displacement_m = _displacement_m(seen.corners_ned_m, pose, terms.heading_error_rad)
-        unshifted_m = navigator.obstacles.unshifted(seen.corners_ned_m)
-        sighting = Sighting.of(unshifted_m, error_m, displacement_m + blur_m)
+        error_m = max(seen.uncertainty_m, terms.position_error_m)
+        displacement_m = seen.displacement_m(terms.heading_error_rad)
+        sighting = None
+        if seen.in_full:
+            unshifted_m = navigator.obstacles.unshifted(seen.corners_ned_m)
+            sighting = Sighting.of(unshifted_m, error_m, displacement_m + seen.blur_m)
         placement = self.consistency.take(seen.track_id, sighting, now_s)
         changed = navigator.obstacles.add(
             placement.track_id,
@@ -201,12 +235,6 @@ class DetectionIntake:
 
 def _apart_from(placement: Placement, seen: _Seen, phase: Phase) -> str | None:
     return seen.track_id if placement.apart and phase is not Phase.STANDBY else None
-
-
-def _displacement_m(corners_ned_m: Corners, pose: Pose, heading_error_rad: float) -> float:
-    """How far a wrong heading displaces the farthest corner of a box seen from the body."""
-    farthest_m = max(math.dist(corner, pose.position_ned_m[:2]) for corner in corners_ned_m)
-    return heading_displacement_m(farthest_m, heading_error_rad)
 
 
 def _track_id(frame: DetectionFrame, detection: Detection) -> str:
