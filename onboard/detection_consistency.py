@@ -179,12 +179,13 @@ class DetectionConsistencyMonitor:
             now_s: when the sighting came.
         """
         track = self._tracks.get(track_id)
+        if sighting is None:
+            latest = 0 if track is None else track.latest
+            return Placement(_place_id(track_id, latest), apart=False, violation=None)
         if track is None:
             track = _Track()
             if len(self._tracks) < MAX_TRACKS:
                 self._tracks[track_id] = track
-        if sighting is None:
-            return Placement(_place_id(track_id, track.latest), apart=False, violation=None)
         found = track.places[track.believed].contradiction(sighting)
         index = track.believed if found is None else _place_of(track, sighting)
         track.places[index].add(sighting)

@@ -93,13 +93,14 @@ class DetectionMonitor:
         """Count a frame that arrived and can be used as sight.
 
         An obstacle may have come into range just after the frame before: what lies between that and
-        now is how long a reaction can take.
+        now is how long a reaction can take.  What is too old to be a reaction is left to `check`.
         """
         sensor = self._sensors[source]
         previous_s = sensor.newest_stamp_s
         sensor.newest_stamp_s = max(previous_s, min(stamp_s, now_s))
         reaction_s, limit_s = now_s - previous_s, terms.reaction_time_s
-        if stamp_s <= previous_s or math.isinf(previous_s) or reaction_s <= limit_s:
+        out_of_turn = stamp_s <= previous_s or math.isinf(previous_s)
+        if out_of_turn or now_s - stamp_s > CLOCK_BEHIND_S or reaction_s <= limit_s:
             return None
         return Violation(Assumption.REACTION_TIME, reaction_s, limit_s, "s")
 
@@ -130,15 +131,16 @@ class DetectionMonitor:
 
     def _why_blind(self, source: str, now_s: float, limit_s: float) -> str:
         sensor = self._sensors[source]
-        if now_s - sensor.heard_s > limit_s:
+        if -sensor.ahead_s > limit_s >= now_s - sensor.heard_s:
+            return f"frames of '{source}' arrive {-sensor.ahead_s:.2f} s late"
+        used = sensor.newest_stamp_s >= sensor.stamp_s
+        if used or now_s - sensor.heard_s > limit_s:
             successors = [
                 f"'{other}' is new"
                 for other, state in self._sensors.items()
                 if state.first_heard_s > sensor.heard_s
             ]
             return "; ".join([f"source '{source}' silent", *successors])
-        if -sensor.ahead_s > limit_s:
-            return f"frames of '{source}' arrive {-sensor.ahead_s:.2f} s late"
         return f"frames of '{source}' arrive, but no pose of their time is known"
 
 

@@ -1,4 +1,4 @@
-"""Which boxes of a frame the sensor saw in full view, so that what it saw of them says where they are.
+"""Which boxes of a frame the sensor saw in full view, so that they say where an obstacle is.
 
 A box at the edge of the view, at the end of the range or behind another is seen in part, and the
 part that is seen moves with the vehicle; successive sightings of it need not agree.
