@@ -11,10 +11,10 @@ from typing import Final
 
 from gcs_tools.preflight_finding import Finding, Verdict
 from onboard.contract import Terms
+from onboard.detection_monitor import CLOCK_TOLERANCE_S
 from onboard.monitor import check_frame
 from onboard.obstacles import DetectionFrame, parse_frame
 from onboard.payload import MalformedPayloadError
-from onboard.watches import CLOCK_TOLERANCE_S
 
 # What a status takes to arrive hides smaller differences between two clocks.
 _AGREEMENT_S: Final = 0.05

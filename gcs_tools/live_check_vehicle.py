@@ -19,8 +19,8 @@ from gcs_tools.vehicle_question import TRIES, WAIT_S
 from gcs_tools.vehicle_survey import COUNTED, LISTEN_S, VehicleFacts
 from onboard.config import Mission
 from onboard.contract import Assessment
+from onboard.detection_monitor import CLOCK_TOLERANCE_S
 from onboard.navigator import START_TOLERANCE_M
-from onboard.watches import CLOCK_TOLERANCE_S
 
 RATE_MIN_HZ = 5.0
 # What is left of the battery after the mission: take-off, landing, and a third more than planned.

@@ -17,9 +17,9 @@ import numpy as np
 
 from gcs_tools.preflight import check
 from gcs_tools.scenario import Expectation, Outcome, Plant, Scenario
-from onboard.autonomy import POSE_TIMING_S
 from onboard.config import Contract, Mission, SensorTerms, VehicleTerms
 from onboard.contract import Assessment, assess
+from onboard.detection_intake import POSE_TIMING_S
 from onboard.frames import LegFrame
 from sitl.faults import Fault, FaultKind
 from sitl.field import Obstacle, ObstacleField

@@ -14,31 +14,24 @@ import logging
 import math
 from collections import deque
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Any, Final
 
 from onboard.agility import InputSet
 from onboard.clearance import ClearanceGate
 from onboard.config import Contract, Mission
 from onboard.contract import Assessment, assess
+from onboard.departure import Refusal, RefusalKind, RefusalReport
+from onboard.detection_intake import DetectionCounters, DetectionIntake
 from onboard.events import Event, Severity
 from onboard.guidance import Phase
-from onboard.mavlink import TELEMETRY_RATE_HZ, MavlinkEndpoint, Pose, Setpoint
-from onboard.monitor import Assumption, Violation, check_frame, check_obstacle
+from onboard.mavlink import MavlinkEndpoint, Pose, Setpoint
+from onboard.monitor import Assumption, Violation, check_obstacle
 from onboard.navigator import Navigator
-from onboard.obstacles import (
-    Detection,
-    DetectionFrame,
-    Obstacle,
-    PoseHistory,
-    corners_ned,
-    parse_frame,
-)
+from onboard.obstacles import Obstacle
 from onboard.payload import MalformedPayloadError, parse
 from onboard.planner import Planner
+from onboard.pose_history import PoseHistory
 from onboard.watches import (
-    CLOCK_TOLERANCE_S,
-    DetectionWatch,
     PositionWatch,
     RivalWatch,
     TickWatch,
@@ -48,8 +41,6 @@ from onboard.watches import (
 
 log = logging.getLogger(__name__)
 
-# At 20 Hz a tick sees one frame; a burst beyond this is a fault, and the oldest are dropped.
-MAX_PENDING_FRAMES: Final = 32
 AUTOPILOT_SILENCE_S: Final = 3.0
 # Events that nobody fetches are kept this long, the latest of them.
 MAX_EVENTS: Final = 10_000
@@ -57,21 +48,8 @@ MAX_EVENTS: Final = 10_000
 RIVAL_MEMORY_S: Final = 0.5
 # Setpoints are remembered this long: the autopilot's echo of them lags by up to half a second.
 SENT_MEMORY_S: Final = 0.6
-# How far apart the times of a pose between two others and of a frame from the body may be.
-POSE_TIMING_S: Final = 0.5 / TELEMETRY_RATE_HZ
-# What this displaces by less than this share of a sensor's error is seen sharply.
-SHARP_SHARE: Final = 0.1
 # Holding without knowing where for longer than this is left to the autopilot.
 HANDOVER_AFTER_S: Final = 2.0
-
-
-@dataclass
-class DetectionCounters:
-    """What arrived from the sensors and was not used; nothing of it ever raises."""
-
-    malformed_frames: int = 0
-    unplaced_frames: int = 0
-    dropped_frames: int = 0
 
 
 class Autonomy:
@@ -116,15 +94,13 @@ class Autonomy:
             stopwatch,
             adaptive=not fly_outside_contract,
         )
-        self.detections = DetectionCounters()
         self.clearance = ClearanceGate(contract.sha256, preflight_age_max_s)
         self._fly_outside_contract = fly_outside_contract
-        self._detection_watch = DetectionWatch()
         self._position_watch = PositionWatch(stale_after_s)
         self._tracking_watch, self._tilt_watch = TrackingWatch(), TiltWatch()
         self._tick_watch, self._rival_watch = TickWatch(), RivalWatch()
         self._poses = PoseHistory()
-        self._pending: deque[bytes] = deque()
+        self._intake = DetectionIntake(self.navigator, self._poses)
         self._pending_mission: bytes | None = None
         self._malformed_missions = 0
         self._log_ended = False
@@ -133,7 +109,7 @@ class Autonomy:
         self._events: deque[Event] = deque(maxlen=MAX_EVENTS)
         self._reported: set[tuple[Assumption, str]] = set()
         self._hold: Setpoint | None = None
-        self._refusal: tuple[str, ...] = ()
+        self._refusals = RefusalReport()
         self._watched_pose: Pose | None = None
         self._sent: deque[tuple[float, Setpoint]] = deque()
         self._left = False
@@ -143,6 +119,35 @@ class Autonomy:
     def assessment(self) -> Assessment:
         """The contract as it is flown now: as declared, or solved again for what was seen."""
         return self.navigator.assessment
+
+    @property
+    def detections(self) -> DetectionCounters:
+        """What arrived from the sensors and was not used."""
+        return self._intake.counters
+
+    @property
+    def may_fly(self) -> bool:
+        """Whether the vehicle is armed or airborne, or the service in control of it."""
+        status = self.link.status
+        return status.armed or status.airborne is True or self.navigator.phase is not Phase.STANDBY
+
+    def set_epoch(self, epoch_unix_s: float) -> bool:
+        """Read stamps by a clock that has been set; refused while the vehicle may fly.
+
+        In flight a step of the clock must not move what is seen in time: stamps then disagree, and
+        the monitor of detections names the clock.
+
+        Args:
+            epoch_unix_s: Unix time at ``now_s`` zero by the clock as it is now.
+
+        Returns:
+            Whether it was taken.
+        """
+        if self.may_fly:
+            return False
+        self.epoch_unix_s = epoch_unix_s
+        self._intake.monitor.forget_stamps()
+        return True
 
     # ------------------------------------------------------------------ inputs, latched
 
@@ -155,10 +160,7 @@ class Autonomy:
 
     def receive_detection(self, payload: bytes, now_s: float) -> None:  # noqa: ARG002  latched
         """Take one detection frame; it is read in the next tick."""
-        if len(self._pending) == MAX_PENDING_FRAMES:
-            self._pending.popleft()
-            self.detections.dropped_frames += 1
-        self._pending.append(payload)
+        self._intake.receive(payload)
 
     def receive_clearance(self, payload: bytes, now_s: float) -> None:  # noqa: ARG002  latched
         """Take the outcome of a pre-flight check; it is asked for when control is granted."""
@@ -167,15 +169,6 @@ class Autonomy:
     def receive_mission(self, payload: bytes, now_s: float) -> None:  # noqa: ARG002  latched
         """Take a mission to be flown instead of the present one; it is read in the next tick."""
         self._pending_mission = payload
-
-    def set_epoch(self, epoch_unix_s: float) -> None:
-        """Read stamps by another Unix time at ``now_s`` zero; only while the vehicle is disarmed.
-
-        Every sensor has to be seen anew: ages by the old time mean nothing by the new one.
-        """
-        if epoch_unix_s != self.epoch_unix_s:
-            self.epoch_unix_s = epoch_unix_s
-            self._detection_watch.forget_stamps()
 
     def emit(self, event: Event) -> None:
         """Take an event of the daemon's own, to be logged and sent like those of the service."""
@@ -218,90 +211,14 @@ class Autonomy:
         self._collect_events()
 
     def _decide(self, now_s: float) -> None:
-        self._take_frames(now_s)
+        for violation in self._intake.take(now_s, self.epoch_unix_s):
+            self._broken(violation, now_s)
         self._take_mission(now_s)
         pose = self.link.pose
         if pose is not None:
             self._follow_mode(pose, now_s)
             self._watch(pose, now_s)
             self.navigator.advance(pose, now_s)
-
-    def _take_frames(self, now_s: float) -> None:
-        while self._pending:
-            payload = self._pending.popleft()
-            try:
-                frame = parse_frame(payload)
-            except MalformedPayloadError as error:
-                self.detections.malformed_frames += 1
-                log.debug("dropped a malformed detection frame: %s", error)
-            else:
-                self._take_frame(frame, now_s)
-
-    def _take_frame(self, frame: DetectionFrame, now_s: float) -> None:
-        stamp_s = frame.stamp_unix_s - self.epoch_unix_s
-        pose = self._poses.at(stamp_s) if frame.frame == "body_frd" else None
-        ahead = stamp_s > now_s + CLOCK_TOLERANCE_S
-        if frame.frame == "body_frd" and pose is None and not ahead:
-            # Seen, but nobody knows from where: as good as not seen.
-            self.detections.unplaced_frames += 1
-            return
-        terms = self.assessment.terms
-        blurs_m = {} if pose is None else self._blurs_m(frame, stamp_s)
-        if any(blur_m > terms.position_error_m for blur_m in blurs_m.values()):
-            self.detections.unplaced_frames += 1
-            return
-        lateness = self._detection_watch.on_frame(frame.source, stamp_s, now_s, terms)
-        for violation in lateness + check_frame(frame, terms):
-            self._broken(violation, now_s)
-        if ahead:
-            return
-        for detection in frame.obstacles:
-            track_id = _track_id(frame, detection)
-            if pose is None or track_id in blurs_m:
-                self._take_detection(track_id, detection, pose, now_s)
-
-    def _blurs_m(self, frame: DetectionFrame, stamp_s: float) -> dict[str, float]:
-        """How far off a turning body sees what is to be taken from a frame, by track.
-
-        Pose and frame belong together only as exactly as their times do.  What is hardly blurred
-        counts as sharp; of the rest what is known already has been seen better, and what is far, or
-        seen at rest before the departure, will be: only what is new and near has to be taken as it
-        is, or makes the frame as good as none.
-        """
-        turn_rad = abs(self._poses.yaw_rate_radps(stamp_s)) * POSE_TIMING_S
-        sharp_m = SHARP_SHARE * self.assessment.terms.position_error_m
-        blurs_m = {}
-        for detection in frame.obstacles:
-            track_id, blur_m = (
-                _track_id(frame, detection),
-                math.hypot(*detection.center_m) * turn_rad,
-            )
-            if blur_m <= sharp_m:
-                blurs_m[track_id] = 0.0
-            elif self._moving and self._must_be_known(track_id, detection):
-                blurs_m[track_id] = blur_m
-        return blurs_m
-
-    def _must_be_known(self, track_id: str, detection: Detection) -> bool:
-        """Tell whether what is seen is new, and so near that the contract counts on it."""
-        counted_on_m = self.assessment.inflated.required_detection_range_m
-        near_m = math.hypot(*detection.center_m) - math.hypot(*detection.size_m) / 2.0
-        return self.navigator.obstacles.of_track(track_id) is None and near_m <= counted_on_m
-
-    @property
-    def _moving(self) -> bool:
-        return self.navigator.cruising_freely or self.navigator.phase is Phase.AVOID
-
-    def _take_detection(
-        self, obstacle_id: str, detection: Detection, pose: Pose | None, now_s: float
-    ) -> None:
-        obstacles = self.navigator.obstacles
-        corners = corners_ned(detection, pose)
-        if not obstacles.add(obstacle_id, corners, detection.uncertainty_m):
-            return
-        obstacle = obstacles.of_track(obstacle_id)
-        if obstacle is not None:
-            self.navigator.recheck_plan(obstacle, now_s)
 
     def _take_mission(self, now_s: float) -> None:
         payload, self._pending_mission = self._pending_mission, None
@@ -326,42 +243,57 @@ class Autonomy:
             if navigator.phase is not Phase.STANDBY:
                 navigator.release_control(now_s)
             self._hold = _hold_at(pose)
-            self._refusal = ()
+            self._refusals.end()
         elif navigator.phase is Phase.STANDBY:
             # A daemon that restarts in flight finds itself in control: it holds where it is.
             self._hold = self._hold or _hold_at(pose)
             self._depart(pose, now_s)
 
     def _depart(self, pose: Pose, now_s: float) -> None:
-        failures = tuple(self._departure_failures(pose, now_s))
-        if not failures:
+        refusals = self._departure_refusals(pose, now_s)
+        if not refusals:
             self._reported.clear()
             self._tracking_watch, self._tilt_watch = TrackingWatch(), TiltWatch()
             self._rival_watch = RivalWatch()
+            self._refusals.end()
             self.navigator.take_control(pose, now_s)
-        elif failures != self._refusal:
-            text = "not leaving standby: " + "; ".join(failures)
-            self._news.append(Event(now_s, "refused", Severity.WARNING, text))
-        self._refusal = failures
+        elif (said := self._refusals.news(refusals, now_s)) is not None:
+            self._news.append(said)
 
-    def _departure_failures(self, pose: Pose, now_s: float) -> list[str]:
-        failures = []
+    def _departure_refusals(self, pose: Pose, now_s: float) -> list[Refusal]:
+        found = []
         if self._held:
-            failures.append("holding: the pilot has to take over first")
+            text = "holding: the pilot has to take over first"
+            found.append(Refusal(RefusalKind.HOLDING, text))
         if not (self.assessment.compliant or self._fly_outside_contract):
             broken = [clause.name for clause in self.assessment.clauses if not clause.holds]
-            failures.append(f"the contract does not comply ({', '.join(broken)})")
+            text = f"the contract does not comply ({', '.join(broken)})"
+            found.append(Refusal(RefusalKind.CONTRACT, text))
         uncleared = self.clearance.refusal(self.epoch_unix_s + now_s)
         if uncleared is not None:
-            failures.append(uncleared)
-        if self._detection_watch.check(now_s, self.assessment.terms) is not None:
-            failures.append("no fresh detection frames")
+            found.append(Refusal(RefusalKind.PREFLIGHT, uncleared))
+        found += self._detection_refusals(now_s)
         if self._position_watch.check_age(pose, now_s) is not None:
-            failures.append("no fresh telemetry")
-        failures += self.navigator.departure_failures(pose)
+            found.append(Refusal(RefusalKind.TELEMETRY, "no fresh telemetry"))
+        found += self.navigator.departure_refusals(pose)
         if not self._fly_outside_contract:
-            failures += map(str, self._environment_violations(now_s))
-        return failures
+            found += [
+                Refusal(RefusalKind.ENVIRONMENT, str(violation), violation.key)
+                for violation in self._environment_violations(now_s)
+            ]
+        return found
+
+    def _detection_refusals(self, now_s: float) -> list[Refusal]:
+        found = []
+        blind = self._intake.monitor.check(now_s, self.assessment.terms)
+        if blind is not None:
+            text = f"no fresh detection frames: {blind.note}"
+            found.append(Refusal(RefusalKind.DETECTIONS, text, blind.key))
+        found += [
+            Refusal(RefusalKind.CONTRADICTION, f"sightings of {track} contradict each other", track)
+            for track in self._intake.consistency.contradicted(now_s)
+        ]
+        return found
 
     def _watch(self, pose: Pose, now_s: float) -> None:
         """Hold every assumption against what is seen."""
@@ -378,7 +310,7 @@ class Autonomy:
             return
         if jump is not None:
             self._broken(jump, now_s, measured=pose)
-        silent = self._detection_watch.check(now_s, self.assessment.terms)
+        silent = self._intake.monitor.check(now_s, self.assessment.terms)
         stale = self._position_watch.check_age(pose, now_s)
         for violation in (silent, stale, self._rival(now_s), *self._environment_violations(now_s)):
             if violation is not None:
@@ -513,11 +445,22 @@ class Autonomy:
 
     # ------------------------------------------------------------------ what others may know
 
+    def _sensors(self, now_s: float) -> dict[str, Any]:
+        """Age of what each sensor saw and said, and how far its stamps are ahead, in seconds."""
+        return {
+            source: {
+                "age_s": _finite(now_s - sensor.newest_stamp_s),
+                "heard_age_s": now_s - sensor.heard_s,
+                "stamp_ahead_s": sensor.ahead_s,
+            }
+            for source, sensor in self._intake.monitor.sensors.items()
+        }
+
     def snapshot(self, now_s: float) -> dict[str, Any]:
         """Return the state of this tick as it is logged and published; JSON values only."""
         pose, status, watch = self.link.pose, self.link.status, self._tracking_watch
         setpoint = self.navigator.setpoint(now_s)
-        age_s = self._detection_watch.age_s(now_s)
+        age_s = self._intake.monitor.age_s(now_s)
         return {
             "phase": self.navigator.phase.value,
             "mode": status.mode,
@@ -537,8 +480,9 @@ class Autonomy:
             "velocity_error_mps": watch.velocity_error_mps,
             "cruising": self.navigator.cruising_freely,
             "leg_heading_rad": self.navigator.leg.heading_rad,
-            "detection_age_s": age_s if math.isfinite(age_s) else None,
+            "detection_age_s": _finite(age_s),
             "telemetry_age_s": None if pose is None else now_s - pose.time_s,
+            "sensors": self._sensors(now_s),
             "cleared": self.clearance.refusal(self.epoch_unix_s + now_s) is None,
             "log_ended": self._log_ended,
             "obstacles_known": len(self.navigator.obstacles),
@@ -555,15 +499,16 @@ class Autonomy:
         }
 
 
-def _track_id(frame: DetectionFrame, detection: Detection) -> str:
-    return f"{frame.source}/{detection.id}"
-
-
 def _in_heading(vector_ned: tuple[float, float, float], yaw_rad: float) -> tuple[float, float]:
     """Return the forward and right components of a horizontal vector."""
     cosine, sine = math.cos(yaw_rad), math.sin(yaw_rad)
     north, east, _ = vector_ned
     return cosine * north + sine * east, cosine * east - sine * north
+
+
+def _finite(value: float) -> float | None:
+    """JSON has no infinity."""
+    return value if math.isfinite(value) else None
 
 
 def _hold_at(pose: Pose) -> Setpoint:

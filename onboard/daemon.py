@@ -160,7 +160,7 @@ async def _serve(
 
 
 def _follow_clock(autonomy: Autonomy, clock: Clock, now_s: float) -> None:
-    step = clock.follow(armed=autonomy.link.status.armed)
+    step = clock.follow(armed=autonomy.may_fly)
     if step is None:
         return
     autonomy.set_epoch(clock.epoch_unix_s)

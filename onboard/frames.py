@@ -112,7 +112,7 @@ def rotation_about_down(angle_rad: float) -> FloatArray:
 def heading_displacement_m(
     distance_m: Q,
     heading_error_rad: Q,
-    sine: Callable[[Q], Q] = math.sin,  # type: ignore[assignment]  a default binds no type variable
+    sine: Callable[[Q], Q] = math.sin,  # type: ignore[assignment]  # a default binds no type variable
 ) -> Q:
     """Return how far a heading error moves a point that is placed from the body, in metres.
 

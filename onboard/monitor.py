@@ -58,6 +58,7 @@ class Violation:
         assumption: which.
         measured, limit, unit: what was seen and what was allowed.
         subject: what it was seen on, such as an obstacle's id.
+        note: what else helps to find the cause, for people.
     """
 
     assumption: Assumption
@@ -65,10 +66,18 @@ class Violation:
     limit: float
     unit: str
     subject: str = ""
+    note: str = ""
+
+    @property
+    def key(self) -> str:
+        """What is violated and on what, without numbers: the same while it lasts."""
+        return f"{self.assumption} {self.subject}".rstrip()
 
     def __str__(self) -> str:
         where = f" ({self.subject})" if self.subject else ""
-        return f"{self.assumption}{where}: {self.measured:.2f}, limit {self.limit:.2f} {self.unit}"
+        note = f"; {self.note}" if self.note else ""
+        numbers = f"{self.measured:.2f}, limit {self.limit:.2f} {self.unit}"
+        return f"{self.assumption}{where}: {numbers}{note}"
 
     def event(self, now_s: float) -> Event:
         """Return the event that reports it."""

@@ -19,6 +19,7 @@ from onboard.avoidance import AvoidanceProblem, Envelope
 from onboard.certify import certify_clear
 from onboard.config import Mission
 from onboard.contract import TICK_S, Assessment
+from onboard.departure import Refusal, RefusalKind
 from onboard.events import Event, Severity
 from onboard.frames import LegFrame, wrap_angle
 from onboard.guidance import (
@@ -166,26 +167,46 @@ class Navigator:
 
     # ------------------------------------------------------------------ triggers from outside
 
-    def departure_failures(self, pose: Pose) -> list[str]:
+    def departure_refusals(self, pose: Pose) -> list[Refusal]:
         """Return why the leg may not be started or resumed from here; empty if it may."""
         x_m, y_m, z_m = self.leg.position_leg(pose.position_ned_m)
         speed_mps = math.hypot(*pose.velocity_ned_mps)
         beside_max_m = self._itinerary.leg.target_half_width_m
+        kind = RefusalKind
         checks = [
-            (x_m >= -START_TOLERANCE_M, f"{-x_m:.1f} m before the start of the leg"),
-            (x_m < self._itinerary.length_m - START_TOLERANCE_M, "the leg is already flown"),
-            (abs(y_m) <= beside_max_m, f"{abs(y_m):.1f} m beside the leg"),
-            (abs(z_m) <= START_TOLERANCE_M, f"{abs(z_m):.1f} m off the cruise height"),
+            (
+                x_m >= -START_TOLERANCE_M,
+                Refusal(kind.BEFORE_LEG, f"{-x_m:.1f} m before the start of the leg"),
+            ),
+            (
+                x_m < self._itinerary.length_m - START_TOLERANCE_M,
+                Refusal(kind.LEG_FLOWN, "the leg is already flown"),
+            ),
+            (
+                abs(y_m) <= beside_max_m,
+                Refusal(kind.BESIDE_LEG, f"{abs(y_m):.1f} m beside the leg"),
+            ),
+            (
+                abs(z_m) <= START_TOLERANCE_M,
+                Refusal(kind.OFF_HEIGHT, f"{abs(z_m):.1f} m off the cruise height"),
+            ),
             # From rest only: whatever way braking would take has not been certified.
-            (speed_mps < AT_REST_MPS, f"not at rest ({speed_mps:.1f} m/s)"),
+            (
+                speed_mps < AT_REST_MPS,
+                Refusal(kind.MOVING, f"not at rest ({speed_mps:.1f} m/s)"),
+            ),
         ]
-        failures = [text for passed, text in checks if not passed]
-        failures += [
-            f"inside the region of influence of obstacle {obstacle.id}"
+        refusals = [refusal for passed, refusal in checks if not passed]
+        refusals += [
+            Refusal(
+                kind.INSIDE_REGION,
+                f"inside the region of influence of obstacle {obstacle.id}",
+                obstacle.id,
+            )
             for obstacle in self.obstacles.between(x_m, x_m)
             if obstacle.region.lane_left_m <= y_m <= obstacle.region.lane_right_m
         ]
-        return failures
+        return refusals
 
     def take_control(self, pose: Pose, now_s: float) -> None:
         """Come to a hover and start, or resume, the current leg (CONTROL_GRANTED)."""
@@ -198,6 +219,7 @@ class Navigator:
             self._trigger(Trigger.CONTROL_TAKEN, now_s)
         self._reference = self._upcoming = self.avoidance = None
         self._aligning = False
+        self.obstacles.rejoin()
         self._restart_itinerary()
 
     def change_mission(self, mission: Mission, now_s: float) -> None:

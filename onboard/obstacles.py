@@ -9,14 +9,14 @@ from __future__ import annotations
 import bisect
 import functools
 import math
-from collections import defaultdict, deque
+from collections import defaultdict
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Annotated, Final, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from onboard.frames import LegFrame, wrap_angle
+from onboard.frames import LegFrame
 from onboard.mavlink import Pose
 from onboard.payload import parse
 from onboard.region import Box, RegionOfInfluence
@@ -71,54 +71,6 @@ def parse_frame(payload: bytes) -> DetectionFrame:
     return parse(payload, DetectionFrame)
 
 
-class PoseHistory:
-    """The last second of poses, to place what was seen from the body."""
-
-    def __init__(self, span_s: float = 2.0) -> None:
-        self._span_s = span_s
-        self._poses: deque[Pose] = deque(maxlen=500)
-
-    def add(self, pose: Pose) -> None:
-        """Remember a pose; poses come in the order of time."""
-        self._poses.append(pose)
-        while self._poses[0].time_s < pose.time_s - self._span_s:
-            self._poses.popleft()
-
-    def at(self, time_s: float, tolerance_s: float = 0.1) -> Pose | None:
-        """Return the pose nearest to ``time_s``, moved on to that time; None if none is near.
-
-        The heading moves on too: a hundredth of a second in a turn displaces what is seen at the
-        end of the range by more than a sensor's error.
-        """
-        poses = self._poses
-        after = bisect.bisect_left(poses, time_s, key=_time_of)
-        around = [poses[i] for i in (after - 1, after) if 0 <= i < len(poses)]
-        nearest = min(around, key=lambda pose: abs(pose.time_s - time_s), default=None)
-        if nearest is None or abs(nearest.time_s - time_s) > tolerance_s:
-            return None
-        later_s = time_s - nearest.time_s
-        (north_m, east_m, down_m), (vn, ve, vd) = nearest.position_ned_m, nearest.velocity_ned_mps
-        return nearest._replace(
-            time_s=time_s,
-            position_ned_m=(north_m + vn * later_s, east_m + ve * later_s, down_m + vd * later_s),
-            yaw_rad=nearest.yaw_rad + self.yaw_rate_radps(time_s) * later_s,
-        )
-
-    def yaw_rate_radps(self, time_s: float) -> float:
-        """Return how fast the body turned at a time, from the two poses around it; 0 if unknown."""
-        after = bisect.bisect_left(self._poses, time_s, key=_time_of)
-        second = min(max(after, 1), len(self._poses) - 1)
-        if second < 1:
-            return 0.0
-        begin, end = self._poses[second - 1], self._poses[second]
-        lasting_s = end.time_s - begin.time_s
-        return wrap_angle(end.yaw_rad - begin.yaw_rad) / lasting_s if lasting_s > 0.0 else 0.0
-
-
-def _time_of(pose: Pose) -> float:
-    return pose.time_s
-
-
 def corners_ned(detection: Detection, pose: Pose | None) -> Corners:
     """Corners of a detected box.
 
@@ -134,6 +86,11 @@ def corners_ned(detection: Detection, pose: Pose | None) -> Corners:
     box, (x_m, y_m) = LegFrame(center_m, yaw_rad), (side_m / 2.0 for side_m in detection.size_m)
     corners = ((-x_m, -y_m, 0.0), (x_m, -y_m, 0.0), (x_m, y_m, 0.0), (-x_m, y_m, 0.0))
     return [box.position_ned(corner)[:2] for corner in corners]
+
+
+def shifted_corners(corners_ned_m: Corners, shift_ned_m: tuple[float, float]) -> Corners:
+    """Corners moved north and east."""
+    return [(north + shift_ned_m[0], east + shift_ned_m[1]) for north, east in corners_ned_m]
 
 
 @dataclass(frozen=True)
@@ -171,11 +128,15 @@ class Obstacle:
 
 @dataclass(frozen=True)
 class _Track:
-    """One detected obstacle: what encloses its measurements, in NED for other legs too."""
+    """One detected obstacle: what encloses its measurements, in NED for other legs too.
+
+    Tracks of one ``apart_from`` are places of an obstacle that contradict each other.
+    """
 
     corners_ned_m: Corners
     measured: Box
     position_error_m: float
+    apart_from: str | None = None
 
 
 RegionFactory = Callable[[Box, float], RegionOfInfluence]
@@ -199,6 +160,8 @@ class ObstacleMap:
     ) -> None:
         # Changes whenever anything known changes.
         self.revision = 0
+        # By how much the estimator has moved everything since the first measurement, NED.
+        self._shifted_ned_m = (0.0, 0.0)
         self._leg = leg
         self._region_around = region_around
         self._merged_size_max_m = merged_size_max_m
@@ -233,15 +196,54 @@ class ObstacleMap:
         self._order, self._longest_region_m = [], 0.0
         self._strips.clear()
         for track_id, track in tracks.items():
-            self.add(track_id, track.corners_ned_m, track.position_error_m)
+            self.add(
+                track_id,
+                track.corners_ned_m,
+                track.position_error_m,
+                apart_from=track.apart_from,
+            )
 
-    def add(self, track_id: str, corners_ned_m: Corners, position_error_m: float) -> bool:
+    def shift(self, north_m: float, east_m: float) -> None:
+        """State everything remembered in the local frame of now, which a reset has moved."""
+        for track_id, track in self._tracks.items():
+            corners_ned_m = shifted_corners(track.corners_ned_m, (north_m, east_m))
+            self._tracks[track_id] = replace(track, corners_ned_m=corners_ned_m)
+        self._shifted_ned_m = (self._shifted_ned_m[0] + north_m, self._shifted_ned_m[1] + east_m)
+        self.rebuild(self._leg, self._region_around, self._merged_size_max_m)
+
+    def unshifted(self, corners_ned_m: Corners) -> Corners:
+        """Return where corners would be, had the estimator not moved since the first measurement.
+
+        Measurements before and after a jump can be compared there.
+        """
+        north_m, east_m = self._shifted_ned_m
+        return shifted_corners(corners_ned_m, (-north_m, -east_m))
+
+    def rejoin(self) -> None:
+        """Let places that contradict each other be one obstacle again: they may be merged."""
+        if any(track.apart_from is not None for track in self._tracks.values()):
+            self._tracks = {
+                track_id: replace(track, apart_from=None)
+                for track_id, track in self._tracks.items()
+            }
+            self.rebuild(self._leg, self._region_around, self._merged_size_max_m)
+
+    def add(
+        self,
+        track_id: str,
+        corners_ned_m: Corners,
+        position_error_m: float,
+        *,
+        apart_from: str | None = None,
+    ) -> bool:
         """Remember a measurement; tell whether it changed what is known.
 
         Args:
             track_id: which obstacle.
             corners_ned_m: corners of the measured box.
             position_error_m: uncertainty of its faces.
+            apart_from: track that the measurement contradicts; the two are never merged, nor with
+                other places that contradict the same one.
 
         Raises:
             OverflowError: more obstacles than any sensor could have seen.
@@ -255,9 +257,10 @@ class ObstacleMap:
                 return False
             # Sound for any later leg: what encloses every measurement in this one encloses them.
             corners_ned_m = self._corners_of(measured)
+            apart_from = known.apart_from or apart_from
         elif len(self._tracks) >= MAX_TRACKS:
             raise OverflowError(f"more than {MAX_TRACKS} obstacles remembered")
-        self._tracks[track_id] = _Track(corners_ned_m, measured, position_error_m)
+        self._tracks[track_id] = _Track(corners_ned_m, measured, position_error_m, apart_from)
         self.revision += 1
         obstacle_id = self._obstacle_of_track.get(track_id)
         alone = (track_id,)
@@ -323,8 +326,21 @@ class ObstacleMap:
         self._longest_region_m = max(self._longest_region_m, extent.x_max_m - extent.x_min_m)
 
     def _may_merge(self, one: Obstacle, other: Obstacle) -> bool:
+        if self._contradict(one, other):
+            return False
         merged = one.measured.enclosing(other.measured)
         return max(merged.size_m) <= self._merged_size_max_m
+
+    def _contradict(self, one: Obstacle, other: Obstacle) -> bool:
+        """Tell whether two obstacles hold places of one track that contradict each other."""
+        for a, b in ((one, other), (other, one)):
+            origins = {self._tracks[member].apart_from for member in a.members} - {None}
+            if origins and any(
+                member in origins or self._tracks[member].apart_from in origins
+                for member in b.members
+            ):
+                return True
+        return False
 
     def _obstacle(self, members: tuple[str, ...]) -> Obstacle:
         tracks = [self._tracks[member] for member in members]

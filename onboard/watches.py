@@ -16,8 +16,6 @@ from onboard.contract import TICK_S, Terms
 from onboard.mavlink import Pose, Target
 from onboard.monitor import Assumption, Violation
 
-# A frame from farther in the future than this has been stamped by a wrong clock.
-CLOCK_TOLERANCE_S: Final = 0.1
 # Consecutive poses beyond a tracking bound before it counts: one may be an estimator's glitch.
 CONFIRMATIONS: Final = 3
 # Between two poses no multirotor moves farther than this beyond its own velocity.
@@ -42,50 +40,6 @@ TARGET_TOLERANCE_M: Final = 0.15
 HEARTBEAT_WAIT_S: Final = 1.2
 ECHO_PATIENCE_S: Final = 0.15
 MISMATCH_MEMORY_S: Final = 2.0
-
-
-class DetectionWatch:
-    """Age and lateness of what each sensor last saw; a sensor once heard is relied upon."""
-
-    def __init__(self) -> None:
-        self._newest_stamp_s: dict[str, float] = {}
-
-    def age_s(self, now_s: float) -> float:
-        """Time since the stalest sensor's newest frame was taken; infinite before the first."""
-        return now_s - min(self._newest_stamp_s.values(), default=-math.inf)
-
-    def on_frame(
-        self, source: str, stamp_s: float, now_s: float, terms: Terms[float]
-    ) -> list[Violation]:
-        """Take a frame.
-
-        One from the future is a clock fault and does not count as sight.  An obstacle may have
-        come into range just after the frame before: what lies between that and now is how long a
-        reaction can take.
-        """
-        ahead_s = stamp_s - now_s
-        if ahead_s > CLOCK_TOLERANCE_S:
-            fault = Violation(Assumption.SENSOR_CLOCK, ahead_s, CLOCK_TOLERANCE_S, "s", source)
-            return [fault]
-        previous_s = self._newest_stamp_s.get(source, -math.inf)
-        if previous_s == -math.inf:
-            previous_s = stamp_s
-        self._newest_stamp_s[source] = max(previous_s, min(stamp_s, now_s))
-        reaction_s, limit_s = now_s - previous_s, terms.reaction_time_s
-        if stamp_s <= previous_s or reaction_s <= limit_s:
-            return []
-        return [Violation(Assumption.REACTION_TIME, reaction_s, limit_s, "s")]
-
-    def forget_stamps(self) -> None:
-        """Count every sensor as not seen yet: the clock by which it was seen was set."""
-        self._newest_stamp_s = dict.fromkeys(self._newest_stamp_s, -math.inf)
-
-    def check(self, now_s: float, terms: Terms[float]) -> Violation | None:
-        """Tell whether a sensor has been silent for longer than the contract allows."""
-        age_s = self.age_s(now_s)
-        if age_s <= terms.frame_age_max_s:
-            return None
-        return Violation(Assumption.DETECTION_AGE, age_s, terms.frame_age_max_s, "s")
 
 
 class PositionWatch:

@@ -9,10 +9,11 @@ from typing import Any
 import pytest
 from pymavlink.dialects.v20 import common as mavlink
 
-from onboard.autonomy import MAX_PENDING_FRAMES, Autonomy
+from onboard.autonomy import Autonomy
 from onboard.avoidance import Envelope
 from onboard.config import Contract, Mission, Requirements
 from onboard.contract import TICK_S
+from onboard.detection_intake import MAX_PENDING_FRAMES
 from onboard.events import Event
 from onboard.guidance import Phase
 from onboard.journal import Journal
@@ -259,7 +260,7 @@ def test_it_does_not_leave_standby_without_cause(
     for name, value in change.items():
         setattr(rig, name, value)
     rig.mode = OFFBOARD
-    rig.run(2.0)
+    rig.run(6.0)
     assert rig.phase is Phase.STANDBY
     assert reason in rig.texts("refused")[-1]
     assert len(rig.texts("refused")) <= 2  # said when it changes, not in every tick
@@ -524,6 +525,7 @@ def test_a_body_that_turns_fast_places_nothing_new(cruising: Rig) -> None:
     look(known, near, yaw_rate_radps=1.0)
     assert counters.unplaced_frames == 1
     assert list(autonomy.navigator.obstacles) == [before]
+    cruising.yaw_rad = 0.0
     look(known, far, near, yaw_rate_radps=0.0)
     assert len(autonomy.navigator.obstacles) == 3
 

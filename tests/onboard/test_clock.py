@@ -14,9 +14,8 @@ from onboard.autonomy import Autonomy
 from onboard.clock import STEP_MIN_S, Clock
 from onboard.config import Mission, load_contract
 from onboard.daemon import _follow_clock
+from onboard.detection_monitor import DetectionMonitor
 from onboard.events import Severity
-from onboard.monitor import Assumption
-from onboard.watches import DetectionWatch
 from onboard.yaml_file import load_yaml
 
 CONFIG = Path(__file__).parents[2] / "config"
@@ -194,14 +193,18 @@ def test_forgotten_stamps_are_no_lateness() -> None:
     autonomy = Autonomy(
         contract, load_yaml(CONFIG / "paper_mission.yaml", Mission), epoch_unix_s=EPOCH_UNIX_S
     )
-    watch, terms = DetectionWatch(), autonomy.assessment.terms
-    assert watch.on_frame("front", 0.0, 0.0, terms) == []
-    watch.forget_stamps()
-    silent = watch.check(0.01, terms)
+    monitor, terms = DetectionMonitor(), autonomy.assessment.terms
+
+    def see(now_s: float) -> None:
+        assert monitor.on_arrival("front", round(now_s), now_s, now_s) is None
+        assert monitor.on_frame("front", now_s, now_s, terms) is None
+
+    see(0.0)
+    monitor.forget_stamps()
+    silent = monitor.check(0.01, terms)
     assert silent is not None
-    assert silent.assumption is Assumption.DETECTION_AGE
-    assert watch.on_frame("front", 3600.0, 3600.0, terms) == []
-    assert watch.check(3600.01, terms) is None
+    see(3600.0)
+    assert monitor.check(3600.01, terms) is None
 
 
 def test_status_goes_on_when_the_clock_is_set_back(computer: Computer) -> None:

@@ -1,6 +1,7 @@
 import json
 import math
 import random
+from dataclasses import astuple
 from typing import Any
 
 import pytest
@@ -15,11 +16,11 @@ from onboard.obstacles import (
     Detection,
     Obstacle,
     ObstacleMap,
-    PoseHistory,
     corners_ned,
     parse_frame,
 )
 from onboard.payload import MalformedPayloadError
+from onboard.pose_history import PoseHistory
 from onboard.region import Box, Encounter, RegionOfInfluence
 
 NORTH_LEG = LegFrame((0.0, 0.0, -4.0), 0.0)
@@ -293,3 +294,31 @@ def test_merging_leaves_no_conflict_and_loses_nothing(
         )
         merged = owner.measured.inflated(1e-9)
         assert merged.enclosing(alone) == merged
+
+
+@given(
+    st.floats(-math.pi, math.pi),
+    st.tuples(st.floats(-5.0, 5.0), st.floats(-5.0, 5.0)),
+    st.lists(st.tuples(st.floats(-40.0, 40.0), st.floats(-40.0, 40.0)), min_size=1, max_size=6),
+)
+def test_shifted_map_is_the_map_of_shifted_obstacles(
+    heading_rad: float,
+    offset_ned_m: tuple[float, float],
+    centres_ned_m: list[tuple[float, float]],
+) -> None:
+    leg = LegFrame((1.0, 2.0, -4.0), heading_rad)
+    shifted = ObstacleMap(leg, region_around, merged_size_max_m=0.0)
+    expected = ObstacleMap(leg, region_around, merged_size_max_m=0.0)
+    for index, (north_m, east_m) in enumerate(centres_ned_m):
+        shifted.add(str(index), square((north_m, east_m)), 0.05)
+        moved_ned_m = (north_m + offset_ned_m[0], east_m + offset_ned_m[1])
+        expected.add(str(index), square(moved_ned_m), 0.05)
+    revision = shifted.revision
+    shifted.shift(*offset_ned_m)
+    assert shifted.revision > revision
+    for index in range(len(centres_ned_m)):
+        one, other = shifted.of_track(str(index)), expected.of_track(str(index))
+        assert one is not None
+        assert other is not None
+        assert astuple(one.measured) == pytest.approx(astuple(other.measured))
+        assert astuple(one.region.extent) == pytest.approx(astuple(other.region.extent))
