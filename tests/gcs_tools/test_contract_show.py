@@ -83,8 +83,9 @@ def test_inflated_detection_range(clearway: Clearway, config: Path) -> None:
     )
     inflated = json.loads(ran.out)["inflated"]
     a = G * math.tan(math.radians(15.0))
-    radius_m, tracking_m, face_m = 0.30, 0.25, 0.05
-    speed_mps, late_s, timeout_s = 2.8 + 0.20, 0.15 + 0.15, 0.5
+    radius_m, tracking_m, face_m = 0.30, 0.35, 0.05
+    face_m += 2.0 * (12.0 + math.sqrt(2.0) * 4.0) * math.sin(math.radians(2.0 / 2.0))
+    speed_mps, late_s, timeout_s = 2.8 + 0.45, 0.20 + 0.27, 0.5
     margin_m = radius_m + tracking_m + 2.0 * face_m
     d, _ = depth_m(speed_mps, 4.0 + 2.0 * margin_m, a)
     run_on_m = speed_mps * timeout_s + speed_mps**2 / (2.0 * a)
@@ -109,7 +110,7 @@ def test_clauses_and_verdict(clearway: Clearway, config: Path) -> None:
             "name", "required", "declared", "margin", "unit", "holds", "reason",
         }  # fmt: skip
     assert document["binding"] == "separation"
-    assert clauses["separation"]["declared"] == 20.0
+    assert clauses["separation"]["declared"] == 28.0
 
 
 def test_a_contract_that_does_not_comply_is_shown(clearway: Clearway, config: Path) -> None:

@@ -121,6 +121,42 @@ def test_direction_is_part_of_the_answer() -> None:
     assert solve(EXAMPLE, "vehicle.pitch_max_deg").answer == "between"
 
 
+def test_a_measured_run_ends_the_speeds_that_are_admissible() -> None:
+    roomy = load_contract(
+        CONFIG / "default_contract.yaml",
+        ("vehicle.setpoint_loss_run_on_m=3.0", "environment.obstacle_separation_min_m=1e4"),
+    )
+    limit = solve(roomy, "vehicle.cruise_speed_mps").limit
+    assert limit is not None
+    assert limit.value == pytest.approx(2.8)
+    assert limit.beyond.clause is None
+    assert "setpoint_loss_run_on_speed_mps = 2.8 m/s" in limit.beyond.reason
+    modelled = load_contract(
+        CONFIG / "default_contract.yaml", ("environment.obstacle_separation_min_m=1e4",)
+    )
+    beyond = solve(modelled, "vehicle.cruise_speed_mps").limit
+    assert beyond is not None
+    assert beyond.value > 2.8
+    # The speed of the run itself may be anything from the cruise speed on.
+    speed = solve(roomy, "vehicle.setpoint_loss_run_on_speed_mps")
+    assert speed.intervals[0].lower is not None
+    assert speed.intervals[0].lower.value == pytest.approx(2.8)
+
+
+def test_a_cruise_above_the_measured_run_is_one_line(clearway: Clearway, config: Path) -> None:
+    faster = ("--set", "vehicle.cruise_speed_mps=4")
+    for command in (
+        ("contract", "show"),
+        ("contract", "solve", "--for", "sensor.detection_range_m"),
+        ("contract", "surface", "--figure", "11"),
+        ("preflight",),
+    ):
+        ran = clearway(*command, "--contract", config / "px4_contract.yaml", *faster)
+        assert ran.code == 2
+        assert ran.err.count("\n") == 1
+        assert "vehicle.cruise_speed_mps = 4 m/s exceeds" in ran.err
+
+
 def test_every_value_complies() -> None:
     document = EXAMPLE.model_dump()
     document["requirements"]["passive_safety"] = False

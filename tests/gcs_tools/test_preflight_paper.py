@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +21,7 @@ from gcs_tools.preflight_remedy import Remedy, remedies
 from gcs_tools.preflight_report import advice
 from gcs_tools.preflight_speed import fastest_speed_mps
 from onboard.config import Contract, Mission, load_contract
-from onboard.contract import assess
+from onboard.contract import Assessment, assess
 from onboard.region import Box
 from onboard.yaml_file import load_yaml
 from sitl.field import ObstacleField, load_field
@@ -34,6 +35,10 @@ def broken_contract(*overrides: str) -> Contract:
     return load_contract(PAPER, overrides)
 
 
+def assessed(contract: Contract) -> Assessment:
+    return assess(contract, mission_altitude_m=4.0)
+
+
 @pytest.mark.parametrize(
     "override",
     [
@@ -41,20 +46,23 @@ def broken_contract(*overrides: str) -> Contract:
         "vehicle.thrust_to_weight=1.001",
         "environment.obstacle_separation_min_m=8.0",
         "sensor.field_of_view_deg=10.0",
+        "vehicle.tracking_error_z_m=4.9",
+        "environment.wind_max_mps=1.5",
+        "vehicle.heading_error_deg=8.0",
     ],
 )
 def test_every_remedy_mends_its_clause_and_is_the_least(override: str) -> None:
     contract = broken_contract(override)
-    found = remedies(assess(contract))
+    found = remedies(assessed(contract))
     assert {remedy.clause for remedy in found} == {
-        clause.name for clause in assess(contract).clauses if not clause.holds
+        clause.name for clause in assessed(contract).clauses if not clause.holds
     }
     for remedy in found:
-        mended = assess(contract_key(remedy.key).changed(contract, remedy.value))
+        mended = assessed(contract_key(remedy.key).changed(contract, remedy.value))
         assert next(c for c in mended.clauses if c.name == remedy.clause).holds
         assert remedy.settles_all is mended.compliant
         less = remedy.declared + 0.97 * (remedy.value - remedy.declared)
-        short = assess(contract_key(remedy.key).changed(contract, less))
+        short = assessed(contract_key(remedy.key).changed(contract, less))
         lacking = next(c for c in short.clauses if c.name == remedy.clause)
         assert not lacking.holds or remedy.change < 0.02  # rounding is coarser than that
 
@@ -118,21 +126,45 @@ def test_no_speed_helps_where_obstacles_stand_too_close(clearway: Clearway) -> N
     assert "no cruise speed makes this field compliant" in clearway(*arguments).out
 
 
+@pytest.mark.parametrize(
+    "overrides",
+    [
+        (),
+        ("vehicle.heading_error_deg=10",),
+        ("environment.wind_max_mps=2.0",),
+        ("vehicle.setpoint_loss_run_on_m=3.0", "vehicle.cruise_speed_mps=2.0"),
+    ],
+)
 @given(
     st.lists(
         st.tuples(*[st.floats(-50.0, 50.0)] * 2, *[st.floats(0.1, 4.0)] * 2), min_size=1, max_size=5
     )
 )
 def test_regions_of_a_whole_field_are_those_of_its_obstacles(
-    rows: list[tuple[float, float, float, float]],
+    overrides: tuple[str, ...], rows: list[tuple[float, float, float, float]]
 ) -> None:
-    assessment = assess(load_contract(CONFIG / "default_contract.yaml"))
+    assessment = assess(
+        load_contract(CONFIG / "default_contract.yaml", overrides), mission_altitude_m=5.0
+    )
     boxes = [Box(x, x + along, y, y + across) for x, y, along, across in rows]
     edges_m = np.array([(b.x_min_m, b.x_max_m, b.y_min_m, b.y_max_m) for b in boxes])
     for row_m, box in zip(region_extents(assessment, edges_m).tolist(), boxes, strict=True):
         extent = assessment.region_around(box, 0.0).extent
         one_m = [extent.x_min_m, extent.x_max_m, extent.y_min_m, extent.y_max_m]
         assert row_m == pytest.approx(one_m, abs=1e-9)
+
+
+def test_a_mission_near_the_ground_may_not_be_flown(
+    clearway: Clearway, written: Callable[[str, Any], Path]
+) -> None:
+    mission = {"altitude_m": 0.8, "legs": [{"end_ned_m": [46.0, 0.0]}]}
+    arguments = ("preflight", "--contract", CONFIG / "default_contract.yaml")
+    assert clearway(*arguments).code == 0
+    low = clearway(*arguments, "--mission", written("low.yaml", mission))
+    assert low.code == 1
+    assert "ground_clearance" in low.out
+    high = written("high.yaml", mission | {"altitude_m": 0.81})
+    assert clearway(*arguments, "--mission", high).code == 0
 
 
 def test_the_picture_marks_those_that_break_a_rule(clearway: Clearway, tmp_path: Path) -> None:

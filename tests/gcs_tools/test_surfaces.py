@@ -226,6 +226,31 @@ def test_picture(
     assert (red.sum() > 500) == has_unsafe_side
 
 
+def test_figures_of_the_point_mass_do_not_ask_for_the_speed_of_a_run(draw: Any) -> None:
+    options = ("--set", "vehicle.setpoint_loss_run_on_m=3.0", "--format", "json")
+    bare, stated = (
+        json.loads(draw("--figure", "13", *each).out) for each in (options[2:], options)
+    )
+    assert bare["z"] == stated["z"]
+
+
+def test_wind_and_heading_are_axes_like_any_other() -> None:
+    wind, heading = (
+        Axis.parse(text)
+        for text in ("environment.wind_max_mps=0.5:8:7", "vehicle.heading_error_deg=0:20:5")
+    )
+    contract = load_contract(EXAMPLE_PATH, ("environment.wind_max_mps=1.0",))
+    surface = evaluate(contract, wind, heading, "wind")
+    assert surface.quantity.unit == "m/s²"
+    for row, heading_deg in enumerate(heading.values.tolist()):
+        for column, wind_mps in enumerate(wind.values.tolist()):
+            changed = contract_key("environment.wind_max_mps").changed(contract, wind_mps)
+            changed = contract_key("vehicle.heading_error_deg").changed(changed, heading_deg)
+            expected = assess(changed)
+            assert surface.values[row, column] == pytest.approx(0.45 * wind_mps)
+            assert bool(surface.compliant[row, column]) is expected.compliant
+
+
 @pytest.mark.parametrize(
     ("options", "problem"),
     [
@@ -247,6 +272,13 @@ def test_picture(
         (
             ("--x", SPEEDS, "--y", RANGES, "--z", "stop", "--set", "requirements.stop=false"),
             "unknown quantity 'stop'",
+        ),
+        (
+            (
+                *("--x", SPEEDS, "--y", RANGES, "--set", "vehicle.setpoint_loss_run_on_m=3"),
+                "vehicle.cruise_speed_mps=2.0",
+            ),
+            "exceeds vehicle.setpoint_loss_run_on_speed_mps = 2.8 m/s",
         ),
         (("--figure", "11", "--plot", "/nowhere/at/all.png"), "cannot be written"),
         (("--figure", "11", "--plot", "surface.tale"), "tale"),

@@ -6,12 +6,13 @@ from onboard.config import Contract, Mission, load_contract
 from onboard.yaml_file import load_yaml
 
 CONFIG = Path(__file__).parents[2] / "config"
+CONTRACTS = Path(__file__).parents[1] / "contracts"
 
 
 @pytest.fixture
 def contract() -> Contract:
-    """The shipped example at 15 degrees, which complies."""
-    return load_contract(CONFIG / "default_contract.yaml")
+    """A precise vehicle at 15 degrees, which complies with room to spare."""
+    return load_contract(CONTRACTS / "precise_vehicle.yaml")
 
 
 @pytest.fixture

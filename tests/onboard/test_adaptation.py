@@ -115,6 +115,93 @@ def test_errors_far_beyond_the_declared_are_not_adapted_to(
     assert adapt(assessment, broken(assumption, 0.5, axis)) is None
 
 
+WIDE: dict[str, object] = {"obstacle_separation_min_m": 40.0, "wind_max_mps": 1.0}
+
+
+def stated(vehicle: dict[str, object], environment: dict[str, object] | None = None) -> Assessment:
+    sections = {"vehicle": vehicle, "environment": environment or {}}
+    return assess(
+        Contract.model_validate(
+            {name: keys | sections.get(name, {}) for name, keys in EXAMPLE.items()}
+        ),
+        mission_altitude_m=4.0,
+    )
+
+
+@pytest.mark.parametrize(
+    ("assumption", "measured", "field", "expected"),
+    [
+        (Assumption.TRACKING_ERROR_Z, 1.2, "tracking_error_z_m", 1.2 * HEADROOM),
+        (Assumption.HEADING_ERROR, 1.2, "heading_error_rad", math.radians(1.2 * HEADROOM)),
+        (Assumption.WIND, 1.2, "wind_max_mps", 1.2 * HEADROOM),
+    ],
+)
+def test_height_heading_and_wind_are_terms_like_any_other(
+    assumption: Assumption, measured: float, field: str, expected: float
+) -> None:
+    before = stated({"heading_error_deg": 1.0}, WIDE)
+    adaptation = adapt(before, broken(assumption, measured))
+    assert adaptation is not None
+    assert adaptation.assessment.compliant
+    assert getattr(adaptation.assessment.terms, field) == pytest.approx(expected)
+    # More than twice what was declared is something else.
+    assert adapt(before, broken(assumption, 2.5 * measured)) is None
+
+
+def test_a_height_error_that_reaches_the_ground_is_not_adapted_to() -> None:
+    low = stated({"tracking_error_z_m": 1.8, "radius_m": 0.3}, WIDE).at_altitude(2.2)
+    assert low.compliant
+    assert adapt(low, broken(Assumption.TRACKING_ERROR_Z, 1.9)) is None
+
+
+def test_what_is_not_declared_is_not_adapted_to(assessment: Assessment) -> None:
+    for assumption in (Assumption.HEADING_ERROR, Assumption.WIND):
+        assert adapt(assessment, broken(assumption, 0.1)) is None
+
+
+def test_wind_leaves_less_to_slow_down_with() -> None:
+    drag = {"drag_per_s": 0.5}
+    needed_m = stated(drag, WIDE).inflated.required_separation_m
+    before = stated(drag, WIDE | {"obstacle_separation_min_m": needed_m + 0.1})
+    assert before.compliant
+    adaptation = adapt(before, broken(Assumption.WIND, 1.5))
+    assert adaptation is not None
+    assert adaptation.slower
+    after = adaptation.assessment
+    assert after.limits.brake_mps2 < before.limits.brake_mps2
+    braking_m = 2.8**2 - after.terms.cruise_speed_mps**2
+    braking_m /= 2.0 * after.limits.brake_mps2
+    assert slowing_distance(before, 2.8, after) >= braking_m
+
+
+@given(
+    st.sampled_from([Assumption.VELOCITY_ERROR, Assumption.DETECTION_RANGE, Assumption.WIND]),
+    st.floats(0.0, 6.0),
+)
+def test_a_measured_run_is_never_used_above_its_speed(
+    assumption: Assumption, measured: float
+) -> None:
+    run = {"setpoint_loss_run_on_m": 3.0, "setpoint_loss_run_on_speed_mps": 2.8}
+    before = stated(run, WIDE)
+    adaptation = adapt(before, broken(assumption, measured, "x"))
+    if adaptation is not None:
+        terms = adaptation.assessment.terms
+        fastest_mps = terms.cruise_speed_mps + terms.velocity_error_x_mps
+        assert fastest_mps <= 2.8 + 0.20 + 1e-9
+        assert adaptation.assessment.inflated.encounter.run_on_m <= 3.0 + 1e-9
+
+
+def test_a_larger_speed_error_takes_from_the_speed_that_a_run_covers() -> None:
+    before = stated({"setpoint_loss_run_on_m": 3.0}, WIDE)
+    adaptation = adapt(before, broken(Assumption.VELOCITY_ERROR, 0.3, "x"))
+    assert adaptation is not None
+    assert adaptation.slower
+    assert adaptation.assessment.terms.cruise_speed_mps == pytest.approx(2.60)
+    modelled = adapt(stated({}, WIDE), broken(Assumption.VELOCITY_ERROR, 0.3, "x"))
+    assert modelled is not None
+    assert not modelled.slower
+
+
 def test_better_than_assumed_changes_nothing(assessment: Assessment) -> None:
     adaptation = adapt(assessment, broken(Assumption.OBSTACLE_SIZE, 1.0, "front/1"))
     assert adaptation is not None

@@ -280,6 +280,33 @@ def test_contract_that_does_not_comply_is_not_flown(contract: Contract, mission:
     assert "contract does not comply" in rig.texts("refused")[-1]
 
 
+@pytest.mark.parametrize(("altitude_m", "departs"), [(1.3, False), (1.31, True)])
+def test_a_mission_too_near_the_ground_is_not_flown(
+    contract: Contract, mission: Mission, altitude_m: float, departs: bool
+) -> None:
+    low = mission.model_copy(update={"altitude_m": altitude_m})
+    rig = Rig(
+        Autonomy(contract, low, epoch_unix_s=EPOCH_UNIX_S), position_ned_m=(0.0, 0.0, -altitude_m)
+    )
+    rig.mode = OFFBOARD
+    rig.run(2.0)
+    assert (rig.phase is Phase.CRUISE) is departs
+    if not departs:
+        assert "does not comply (ground_clearance)" in rig.texts("refused")[-1]
+
+
+def test_another_mission_is_checked_at_its_own_height(contract: Contract, mission: Mission) -> None:
+    rig = Rig(Autonomy(contract, mission, epoch_unix_s=EPOCH_UNIX_S))
+    rig.run(1.0)
+    low = mission.model_copy(update={"altitude_m": 1.0})
+    rig.autonomy.receive_mission(low.model_dump_json().encode(), rig.now_s)
+    rig.run(0.5)
+    rig.mode = OFFBOARD
+    rig.run(2.0)
+    assert rig.phase is Phase.STANDBY
+    assert "ground_clearance" in rig.texts("refused")[-1]
+
+
 def test_pilot_takes_over_and_hands_back(cruising: Rig) -> None:
     cruising.mode = POSCTL
     cruising.tick()

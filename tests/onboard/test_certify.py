@@ -211,6 +211,43 @@ def test_climbing_buys_agility_and_descending_costs_it(z_mps2: float, share: flo
     assert valid == (share < 1.0)
 
 
+@pytest.mark.parametrize("trim_mps2", [0.0, 0.5])
+@given(st.floats(-4.0, 3.0), st.floats(0.9, 1.1).filter(lambda share: abs(share - 1.0) > 1e-5))
+def test_what_the_wind_takes_does_not_shrink_with_the_lift(
+    trim_mps2: float, z_mps2: float, share: float
+) -> None:
+    """Plan and trim together stay within the tilt: the whole box, 2 m/s² in level flight."""
+    limits = AccelerationLimits(*[2.0 - trim_mps2] * 4)
+    allowed_mps2 = 2.0 * (1.0 - z_mps2 / GRAVITY_MPS2) - trim_mps2
+    pushing = Trajectory.from_profiles(
+        0.0,
+        Profile(0.0, 1.0),
+        Profile(0.0, 0.0, (Segment(0.5, allowed_mps2 * share),)),
+        Profile(0.0, 0.0, (Segment(0.5, z_mps2),)),
+    )
+    envelope = Envelope(limits, 40.0, (math.inf,) * 3, 3.0, trim_mps2)
+    valid = certify_clear(pushing, pushing.sample(0.0), 0.0, envelope).valid
+    assert valid == (share < 1.0)
+
+
+def test_thrust_carries_the_wind_as_well() -> None:
+    """Climbing at 3 m/s² and pushing at 1.5 m/s², with 0.8 m/s² of trim in the same direction."""
+    pushing = Trajectory.from_profiles(
+        0.0,
+        Profile(0.0, 0.0),
+        Profile(0.0, 0.0, (Segment(0.5, 1.5),)),
+        Profile(0.0, 0.0, (Segment(0.5, -3.0),)),
+    )
+    needed_mps2 = math.hypot(1.5 + 0.8, GRAVITY_MPS2 + 3.0)
+    for thrust_mps2, valid in ((needed_mps2 + 0.01, True), (needed_mps2 - 0.01, False)):
+        limits = AccelerationLimits(*[2.0] * 4)
+        envelope = Envelope(limits, thrust_mps2, (math.inf,) * 3, 3.0, 0.8)
+        failures = certify_clear(pushing, pushing.sample(0.0), 0.0, envelope).failures
+        assert any(text.startswith("thrust limit exceeded") for text in failures) is not valid
+        still = dataclasses.replace(envelope, trim_mps2=0.0)
+        assert envelope.climb_acceleration_mps2 < still.climb_acceleration_mps2
+
+
 def test_coasting_reach_agrees_with_dense_sampling() -> None:
     """Passive safety: exact, so the largest coast time that certifies is the sampled one."""
     for seed in range(20):
