@@ -20,7 +20,8 @@ from mavsdk.plugins.arm_authorizer_server import RejectionReason
 
 from gcs_tools.interruption import Interruption, interruptible
 from gcs_tools.preflight_finding import Verdict
-from gcs_tools.vehicle import CONNECT_TIMEOUT_S, UrlError, VehicleError, chosen_system, quiet
+from gcs_tools.vehicle import VehicleError
+from gcs_tools.vehicle_connection import CONNECT_TIMEOUT_S, chosen_system, open_connection, quiet
 from gcs_tools.vehicle_question import listening
 
 # What MAVSDK is on the link as a ground station.
@@ -75,12 +76,9 @@ async def _answer(
     identity = Configuration.create_with_component_type(ComponentType.GROUND_STATION)
     identity.system_id = AUTHORISER_SYSTEM_ID
     with interruptible() as interruption:
-        async with quiet(), Mavsdk(identity) as mavsdk:
+        async with quiet() as complaints, Mavsdk(identity) as mavsdk:
             server = ArmAuthorizerServerAsync(await mavsdk.server_component_by_id(_COMPONENT_ID))
-            try:
-                await mavsdk.add_any_connection(url)
-            except MavsdkError as error:
-                raise UrlError(f"{url}: cannot be opened: {error}") from error
+            await open_connection(mavsdk, url, complaints)
             checked, _ = await chosen_system(
                 mavsdk, url, system_id, CONNECT_TIMEOUT_S, interruption.check
             )

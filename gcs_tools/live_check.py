@@ -14,7 +14,8 @@ from gcs_tools.interruption import interruptible
 from gcs_tools.live_check_bus import BusCheck, BusConfig
 from gcs_tools.live_check_vehicle import judge
 from gcs_tools.preflight_finding import Finding, Verdict
-from gcs_tools.vehicle import CONNECT_TIMEOUT_S, UrlError, Vehicle, VehicleError, connected_vehicle
+from gcs_tools.vehicle import Vehicle, VehicleError
+from gcs_tools.vehicle_connection import CONNECT_TIMEOUT_S, UrlError, connected_vehicle
 from gcs_tools.vehicle_survey import survey
 from onboard.config import Mission
 from onboard.contract import Assessment

@@ -25,7 +25,8 @@ from gcs_tools.live_flight_check import check_before_flight
 from gcs_tools.processes import Children, free_ports
 from gcs_tools.progress import Report
 from gcs_tools.scenario import Scenario, obstacle_list
-from gcs_tools.vehicle import Vehicle, VehicleError, connected_vehicle
+from gcs_tools.vehicle import Vehicle, VehicleError
+from gcs_tools.vehicle_connection import connected_vehicle
 from onboard.config import DaemonConfig, MavlinkLink, Mission, ZenohEndpoints
 from onboard.daemon import open_session
 from onboard.yaml_file import dump_document

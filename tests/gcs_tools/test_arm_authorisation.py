@@ -12,7 +12,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from gcs_tools.arm_authorisation import AUTHORISER_SYSTEM_ID, answer_arm_requests
 from gcs_tools.preflight_finding import Verdict
 from gcs_tools.processes import free_ports
-from gcs_tools.vehicle import AmbiguousVehicleError
+from gcs_tools.vehicle_connection import AmbiguousVehicleError
 from tests.gcs_tools.fake_autopilot import FakeAutopilot, autopilots
 
 pytestmark = pytest.mark.real_time

@@ -23,7 +23,9 @@ from onboard.config import Mission, load_contract
 from onboard.contract import assess
 from onboard.region import Box
 from sitl.field import Obstacle, ObstacleField
+from tests.gcs_tools.fake_autopilot import FakeAutopilot, autopilots
 from tests.gcs_tools.running import CONFIG, Clearway
+from tests.gcs_tools.test_bad_input import assert_refused
 
 PAPER = assess(load_contract(CONFIG / "paper_contract.yaml"))
 SIZE_M = (1.0, 1.0)
@@ -212,10 +214,58 @@ def test_no_vehicle_cannot_be_checked_but_the_paper_is(
     assert broken.code == 1
 
 
-def test_what_is_no_connection_is_bad_input(clearway: Clearway, config: Path) -> None:
+@pytest.mark.parametrize(
+    ("url", "reason"),
+    [
+        ("smoke://signals", "Unknown protocol"),
+        ("", "Unknown protocol"),
+        ("14550", "Unknown protocol"),
+        ("udpin://", "CONNECTION_URL_INVALID"),
+        ("udpin://127.0.0.1", "CONNECTION_URL_INVALID"),
+        ("udpin://127.0.0.1:99999", "CONNECTION_URL_INVALID"),
+        ("udpin://127.0.0.1:-1", "CONNECTION_URL_INVALID"),
+        ("tcpout://127.0.0.1:port", "CONNECTION_URL_INVALID"),
+        ("udpin://256.0.0.1:14550", "Invalid local IP"),
+        ("serial:///dev/nowhere:57600", "No such file"),
+    ],
+)
+def test_a_wrong_url_is_one_line(clearway: Clearway, config: Path, url: str, reason: str) -> None:
+    ran = clearway("preflight", "--contract", config / "paper_contract.yaml", "--vehicle", url)
+    assert_refused(ran, f"{url!r} cannot be opened: ", reason, "expected udpin://HOST:PORT")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (("--system-id", "0"), "--system-id 0: expected 1 to 255"),
+        (("--system-id", "256"), "--system-id 256: expected 1 to 255"),
+        (("--system-id", "-1"), "'-1' is not a number"),
+        (("--system-id", "one"), "'one' is not a number"),
+        (("--system-id", "1.5"), "'1.5' is not a number"),
+    ],
+)
+def test_a_wrong_system_id_is_one_line(
+    clearway: Clearway, config: Path, arguments: tuple[str, ...], words: str
+) -> None:
+    url = f"udpin://127.0.0.1:{free_ports(1)[0]}"
     contract = config / "paper_contract.yaml"
-    ran = clearway("preflight", "--contract", contract, "--vehicle", "smoke://signals")
-    assert (ran.code, "smoke://signals" in ran.err) == (2, True)
+    ran = clearway("preflight", "--contract", contract, "--vehicle", url, *arguments)
+    assert_refused(ran, words)
+
+
+def test_a_system_id_needs_a_connection(clearway: Clearway, config: Path) -> None:
+    ran = clearway("preflight", "--contract", config / "paper_contract.yaml", "--system-id", "1")
+    assert_refused(ran, "--system-id", "give --vehicle")
+
+
+def test_two_vehicles_on_the_port_are_refused_by_name(clearway: Clearway, config: Path) -> None:
+    port = free_ports(1)[0]
+    with autopilots(FakeAutopilot(port, 1), FakeAutopilot(port, 12)):
+        ran = clearway(
+            "preflight", "--contract", config / "paper_contract.yaml",
+            "--vehicle", f"udpin://127.0.0.1:{port}",
+        )  # fmt: skip
+    assert_refused(ran, "autopilots of system ids 1, 12: choose one by --system-id")
 
 
 @pytest.mark.parametrize("text", ["0", "-1", "nan", "long"])

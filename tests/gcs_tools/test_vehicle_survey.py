@@ -14,8 +14,9 @@ from gcs_tools.interruption import Interruption
 from gcs_tools.live_check import LiveRequest, check_live
 from gcs_tools.preflight_finding import Verdict
 from gcs_tools.processes import free_ports
-from gcs_tools.vehicle import AmbiguousVehicleError, Vehicle, VehicleError, connected_vehicle
+from gcs_tools.vehicle import Vehicle, VehicleError
 from gcs_tools.vehicle_clock import ClockComparison, compare_vehicle_clock
+from gcs_tools.vehicle_connection import AmbiguousVehicleError, connected_vehicle
 from gcs_tools.vehicle_question import TRIES, answer
 from onboard.config import load_contract
 from onboard.contract import assess
