@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Final, Literal
 
 from onboard.agility import GRAVITY_MPS2, AccelerationLimits
 from onboard.profile import AxisLimits, AxisState
@@ -164,6 +164,25 @@ class Sidestep:
     def is_clear(self) -> bool:
         """Whether the start is beyond the side face already, and not on its way back."""
         return self.start.position_m >= self.face_m and self.start.velocity_mps >= 0.0
+
+
+# An entry slower than this share of the cruise speed is not what the plan returns to.
+SLOW_ENTRY_SHARE: Final = 0.5
+
+
+def exit_speeds_mps(entry_speed_mps: float, cruise_speed_mps: float) -> tuple[float, ...]:
+    """Return the speeds along the leg to leave a region with, in the order to try them.
+
+    The speed of entry, as in the paper; after a slow entry the speed of cruising, else half of it.
+
+    PAPER: Eq. 14 demands no more than 0 <= x' <= V at the border; a plan that has to leave at the
+    speed of an entry near rest takes hours: tests/onboard/test_planner.py::
+    test_starts_near_rest_have_short_plans.
+    """
+    slow_mps = SLOW_ENTRY_SHARE * cruise_speed_mps
+    if entry_speed_mps < slow_mps:
+        return cruise_speed_mps, slow_mps
+    return (min(entry_speed_mps, cruise_speed_mps),)
 
 
 def cost(trajectory: Trajectory, problem: AvoidanceProblem) -> float:

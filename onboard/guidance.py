@@ -116,17 +116,17 @@ def pre_condition(
 
 
 def post_condition(
-    state: State, region: RegionOfInfluence, *, entry_speed_mps: float, tolerance_mps: float = 1e-3
+    state: State, region: RegionOfInfluence, *, exit_speed_mps: float, tolerance_mps: float = 1e-3
 ) -> Condition:
-    """Hold a state against the post-condition (Eq. 14): past the border, cruising as before."""
+    """Check a state against the post-condition (Eq. 14): past the border, cruising as planned."""
     x_m, y_m, _ = state.position_leg_m
     speed_mps, lateral_mps, _ = state.velocity_leg_mps
     return Condition(
         _failures(
             (x_m >= region.x_pob_m - 1e-3, f"x = {x_m:.2f} m is not past the border"),
             (
-                abs(speed_mps - entry_speed_mps) <= tolerance_mps,
-                f"speed {speed_mps:.3f} is not the entry speed {entry_speed_mps:.3f} m/s",
+                abs(speed_mps - exit_speed_mps) <= tolerance_mps,
+                f"speed {speed_mps:.3f} is not the exit speed {exit_speed_mps:.3f} m/s",
             ),
             (abs(lateral_mps) <= tolerance_mps, f"lateral speed {lateral_mps:.3f} m/s"),
             (region.lane_left_m <= y_m <= region.lane_right_m, f"y = {y_m:.2f} m is off the lane"),

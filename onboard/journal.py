@@ -24,6 +24,8 @@ from onboard.scene import Scene
 from onboard.trajectory import Trajectory
 
 PATH_STEP_S: Final = 0.1
+# However long a plan is, its record is not.
+PATH_POINTS_MAX: Final = 400
 # Often enough for people and viewers; a changing map is not worth more than this either.
 SLOW_PERIOD_S: Final = 0.2
 # Obstacles farther along the leg than this do not count for the clearance that is shown.
@@ -107,7 +109,7 @@ class Journal:
             "end_s": epoch_s + trajectory.end_s,
             "keep_out_ned_m": box_ned_m(step.obstacle.region.keep_out, step.leg),
             "region_ned_m": box_ned_m(step.obstacle.region.extent, step.leg),
-            "path_ned_m": _path_ned_m(trajectory, step.leg),
+            "path_ned_m": path_of(trajectory, step.leg),
         }
 
 
@@ -215,9 +217,12 @@ def box_ned_m(box: Box, leg: LegFrame) -> list[list[float]]:
     return ned_m
 
 
-def _path_ned_m(trajectory: Trajectory, leg: LegFrame) -> list[list[float]]:
-    times_s = np.append(
-        np.arange(trajectory.start_s, trajectory.end_s, PATH_STEP_S), trajectory.end_s
+def path_of(trajectory: Trajectory, leg: LegFrame) -> list[list[float]]:
+    """Points of a trajectory, NED, in metres: every `PATH_STEP_S`, or `PATH_POINTS_MAX` of them."""
+    duration_s = trajectory.end_s - trajectory.start_s
+    count = min(math.ceil(duration_s / PATH_STEP_S) + 1, PATH_POINTS_MAX)
+    times_s = trajectory.start_s + np.minimum(
+        np.arange(count) * max(PATH_STEP_S, duration_s / (count - 1)), duration_s
     )
     points = [trajectory.sample(time_s).position_leg_m for time_s in times_s.tolist()]
     ned_m: list[list[float]] = _ned_m(np.array(points), leg).tolist()

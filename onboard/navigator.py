@@ -15,7 +15,7 @@ from typing import Final
 
 from onboard.adaptation import Adaptation, adapt, slowing_distance, slows_in_time
 from onboard.agility import GRAVITY_MPS2
-from onboard.avoidance import AvoidanceProblem, Envelope
+from onboard.avoidance import AvoidanceProblem, Envelope, exit_speeds_mps
 from onboard.certify import certify_clear
 from onboard.config import Mission
 from onboard.contract import TICK_S, Assessment
@@ -47,11 +47,15 @@ START_TOLERANCE_M: Final = 1.5
 
 @dataclass(frozen=True)
 class Avoidance:
-    """One induction step in progress: the obstacle, its region as planned against, and the plan."""
+    """One induction step in progress: the obstacle, its region as planned against, and the plan.
+
+    ``entry_speed_mps`` is the speed along the leg at its beginning, ``exit_speed_mps`` at its end.
+    """
 
     obstacle: Obstacle
     plan: Plan
     entry_speed_mps: float
+    exit_speed_mps: float
 
 
 @dataclass(frozen=True)
@@ -534,12 +538,13 @@ class Navigator:
             other = Event(now_s, "pre_condition", Severity.ERROR, "; ".join(condition.failures))
             self._note(late.event(now_s) if late_m > allowed_m else other)
         entry_mps = start.velocity_leg_mps[X]
-        plan = self._plan(self._problem(obstacle, start, start_s, entry_mps), None)
-        if plan is None:
+        avoidance = self._plan(obstacle, start, start_s, entry_mps)
+        if avoidance is None:
             self._break(Violation(Assumption.PLAN_EXISTS, 0.0, 1.0, "plans", obstacle.id), now_s)
             return
-        self._fly(Avoidance(obstacle, plan, entry_mps))
-        self._trigger(Trigger.PRE_CONDITION, now_s, text=f"avoiding {obstacle.id} ({plan.kind})")
+        self._fly(avoidance)
+        text = f"avoiding {obstacle.id} ({avoidance.plan.kind})"
+        self._trigger(Trigger.PRE_CONDITION, now_s, text=text)
 
     def _continue_avoiding(self, now_s: float) -> None:
         assert self.avoidance is not None  # noqa: S101  AVOID implies it
@@ -552,7 +557,7 @@ class Navigator:
         condition = post_condition(
             final,
             self.avoidance.obstacle.region,
-            entry_speed_mps=self.avoidance.entry_speed_mps,
+            exit_speed_mps=self.avoidance.exit_speed_mps,
         )
         if not condition.holds:
             # The certificate promised otherwise: a defect, and answered like one.
@@ -575,12 +580,11 @@ class Navigator:
         start = self.reference(start_s)
         if start is None:
             return False
-        problem = self._problem(obstacle, start, start_s, self.avoidance.entry_speed_mps)
-        plan = self._plan(problem, self.avoidance.plan)
-        if plan is None:
+        avoidance = self._plan(obstacle, start, start_s, self.avoidance.entry_speed_mps)
+        if avoidance is None:
             return False
-        self._fly(Avoidance(obstacle, plan, self.avoidance.entry_speed_mps))
-        text = f"replanned around {obstacle.id} ({plan.kind})"
+        self._fly(avoidance)
+        text = f"replanned around {obstacle.id} ({avoidance.plan.kind})"
         self._note(Event(now_s, "replanned", Severity.NOTICE, text))
         return True
 
@@ -593,19 +597,26 @@ class Navigator:
             start_s=start_s,
             region=obstacle.region,
             envelope=self._envelope,
-            # Round-off in the cruise must not ask for more than the contract's speed.
-            exit_speed_mps=min(exit_speed_mps, self._envelope.speed_max_mps),
+            exit_speed_mps=exit_speed_mps,
             climb_m=climb_max_m,
             climb_preferred=climb_max_m > 0.0,
             coast_time_s=self.assessment.inflated.encounter.coast_time_s,
         )
 
-    def _plan(self, problem: AvoidanceProblem, current: Plan | None) -> Plan | None:
-        """Return the first plan that certifies and passes the obstacle."""
-        began_s = self._stopwatch()
-        plan = self._planner.plan(problem, current)
+    def _plan(
+        self, obstacle: Obstacle, start: State, start_s: float, entry_mps: float
+    ) -> Avoidance | None:
+        """Return the first plan that certifies and passes the obstacle, whatever is flown now."""
+        current = None if self.avoidance is None else self.avoidance.plan
+        began_s, found = self._stopwatch(), None
+        for exit_mps in exit_speeds_mps(entry_mps, self._envelope.speed_max_mps):
+            problem = self._problem(obstacle, start, start_s, exit_mps)
+            plan = self._planner.plan(problem, current)
+            if isinstance(plan, Plan) and plan.kind != "brake":
+                found = Avoidance(obstacle, plan, entry_mps, exit_mps)
+                break
         self.plan_times_s.append(self._stopwatch() - began_s)
-        return plan if isinstance(plan, Plan) and plan.kind != "brake" else None
+        return found
 
     # ------------------------------------------------------------------ hover
 

@@ -8,19 +8,24 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
 
 from onboard.avoidance import SIDES, cost
 from onboard.certify import certify_avoidance, certify_clear
 from onboard.manoeuvre import brake_to_hover, vertex_manoeuvre
 from onboard.plan import NoPlan, Plan, reason
 from onboard.qp_search import QpPlanner
-from onboard.trajectory import Y
+from onboard.trajectory import X, Y
 
 if TYPE_CHECKING:
     from onboard.avoidance import AvoidanceProblem
+    from onboard.trajectory import Trajectory
 
 __all__ = ["NoPlan", "Plan", "Planner"]
+
+# No avoidance is worth more delay behind a cruise at full speed: where it takes longer, the vehicle
+# stops instead.
+DELAY_MAX_S: Final = 60.0
 
 
 class Planner:
@@ -44,6 +49,8 @@ class Planner:
         reasons: list[str] = []
         incumbent = _plan_to_continue(problem, current, reasons)
         plan = self._by_qp.plan(problem, current, incumbent, reasons)
+        if plan is not None and plan is not incumbent:
+            plan = None if _takes_too_long("qp", plan.trajectory, problem, reasons) else plan
         if plan is None:
             plan = _plan_by_formula(problem, reasons)
         if plan is None:
@@ -77,11 +84,25 @@ def _plan_by_formula(problem: AvoidanceProblem, reasons: list[str]) -> Plan | No
         if trajectory is None:
             reasons.append(f"vertex, {side}: no member of the family fits")
             continue
+        if _takes_too_long(f"vertex, {side}", trajectory, problem, reasons):
+            continue
         certificate = certify_avoidance(trajectory, problem)
         if certificate.valid:
             return Plan("vertex", trajectory, side, cost(trajectory, problem), certificate)
         reasons.append(reason(f"vertex, {side}", certificate))
     return None
+
+
+def _takes_too_long(
+    what: str, trajectory: Trajectory, problem: AvoidanceProblem, reasons: list[str]
+) -> bool:
+    distance_m = problem.region.x_pob_m - problem.start.position_leg_m[X]
+    cruising_s = distance_m / problem.envelope.speed_max_mps
+    late_s = trajectory.end_s - trajectory.start_s - cruising_s
+    if late_s <= DELAY_MAX_S:
+        return False
+    reasons.append(f"{what}: {late_s:.3g} s of delay, at most {DELAY_MAX_S:g} s are flown")
+    return True
 
 
 def _plan_to_brake(problem: AvoidanceProblem, reasons: list[str]) -> Plan | None:

@@ -710,3 +710,47 @@ def test_operator_is_told_once_even_if_nobody_fetches_the_events(cruising: Rig) 
         heard += cruising.autopilot_hears(cruising.autonomy.mavlink_to_send())
     texts = status_texts(heard)
     assert len(texts) == len(set(texts)) > 0
+
+
+@pytest.mark.parametrize("speed_mps", [0.0, 1e-9, 1e-3, 0.05, 0.25])
+@pytest.mark.parametrize("short_of_region_m", [0.4, 0.05, 1e-6])
+def test_handed_back_just_before_a_region_it_is_flown_round_at_once(
+    rig: Rig, speed_mps: float, short_of_region_m: float
+) -> None:
+    """Recorded on PX4: a plan of 6,383 s and 63,833 points, a late tick, and a hold."""
+    rig.obstacles = [box((20.0, 0.1))]
+    rig.run(0.5)
+    (known,) = rig.autonomy.navigator.obstacles
+    front_m = known.region.extent.x_min_m
+    rig.position_ned_m = (front_m - short_of_region_m, 0.0, -4.0)
+    rig.velocity_ned_mps = (speed_mps, 0.0, 0.0)
+    rig.run(0.5)
+    rig.mode = OFFBOARD
+    journal = Journal(rig.autonomy, timed=False)
+    plans = []
+
+    def arrived() -> bool:
+        records = journal.collect(rig.now_s)
+        plans.extend(record.payload for record in records if record.topic == "plan")
+        return rig.phase in (Phase.ARRIVED, Phase.HOLD)
+
+    rig.run(40.0, until=arrived)
+    assert rig.phase is Phase.ARRIVED
+    assert plans
+    for plan in plans:
+        assert plan["end_s"] - plan["start_s"] < 12.0
+        assert len(plan["path_ned_m"]) < 130
+
+
+def test_a_leg_that_begins_inside_a_known_region_is_flown(contract: Contract) -> None:
+    legs = [
+        {"end_ned_m": [30.0, 0.0], "target_half_width_m": 8.0},
+        {"end_ned_m": [30.0, 45.0], "target_half_width_m": 8.0},
+    ]
+    mission = Mission.model_validate({"altitude_m": 4.0, "legs": legs})
+    rig = Rig(Autonomy(contract, mission, epoch_unix_s=EPOCH_UNIX_S), mode=OFFBOARD)
+    # Its region begins before the corner, on the second leg.
+    rig.obstacles = [box((30.2, 6.5))]
+    rig.run(90.0, until=lambda: rig.phase in (Phase.ARRIVED, Phase.HOLD))
+    assert rig.phase is Phase.ARRIVED
+    assert rig.position_ned_m[1] == pytest.approx(45.0, abs=0.05)

@@ -91,14 +91,14 @@ def test_pre_condition_names_what_fails(
 
 
 def test_post_condition_holds_at_the_border_at_entry_speed(region: RegionOfInfluence) -> None:
-    assert post_condition(at(region.x_pob_m, 1.2), region, entry_speed_mps=SPEED_MPS).holds
+    assert post_condition(at(region.x_pob_m, 1.2), region, exit_speed_mps=SPEED_MPS).holds
 
 
 @pytest.mark.parametrize(
     ("state", "named"),
     [
         (at(11.0, 1.2), "border"),
-        (at(20.0, 1.2, vx_mps=2.0), "entry speed"),
+        (at(20.0, 1.2, vx_mps=2.0), "exit speed"),
         (at(20.0, 1.2, vy_mps=0.1), "lateral speed"),
         (at(20.0, 9.0), "lane"),
     ],
@@ -106,5 +106,5 @@ def test_post_condition_holds_at_the_border_at_entry_speed(region: RegionOfInflu
 def test_post_condition_names_what_fails(
     region: RegionOfInfluence, state: State, named: str
 ) -> None:
-    condition = post_condition(state, region, entry_speed_mps=SPEED_MPS)
+    condition = post_condition(state, region, exit_speed_mps=SPEED_MPS)
     assert any(named in failure for failure in condition.failures)

@@ -15,10 +15,12 @@ from onboard import foxglove
 from onboard.autonomy import Autonomy
 from onboard.config import Contract, Mission, load_contract
 from onboard.contract import TICK_S
-from onboard.frames import rotation_about_down
-from onboard.journal import SLOW_PERIOD_S, Journal
+from onboard.frames import LegFrame, rotation_about_down
+from onboard.journal import PATH_POINTS_MAX, PATH_STEP_S, SLOW_PERIOD_S, Journal, path_of
 from onboard.mavlink import Pose
+from onboard.profile import Profile, Segment
 from onboard.record import Record
+from onboard.trajectory import Trajectory
 from onboard.yaml_file import load_yaml
 
 CONFIG = Path(__file__).parents[2] / "config"
@@ -199,3 +201,19 @@ def test_roll_lowers_the_right_side_and_pitch_raises_the_nose() -> None:
 def test_times_are_split_into_seconds_and_nanoseconds() -> None:
     assert foxglove.timestamp(EPOCH_S + 0.25) == {"sec": 1_790_000_000, "nsec": 250_000_000}
     assert foxglove.timestamp(0.9999999) == {"sec": 1, "nsec": 0}
+
+
+@pytest.mark.parametrize("duration_s", [0.05, 0.1, 5.0, 5.03, 39.95, 60.0, 6383.0, 1e9])
+def test_the_recorded_path_of_a_plan_is_bounded_and_keeps_its_ends(duration_s: float) -> None:
+    still = Profile(0.0, 0.0)
+    along = Profile(0.0, 2.0, (Segment(duration_s, 0.0),))
+    trajectory = Trajectory.from_profiles(7.0, along, still, still)
+    leg = LegFrame((0.0, 0.0, -4.0), math.pi / 2.0)
+    path_ned_m = path_of(trajectory, leg)
+    assert 2 <= len(path_ned_m) <= PATH_POINTS_MAX
+    assert path_ned_m[0] == pytest.approx([0.0, 0.0, -4.0])
+    assert path_ned_m[-1] == pytest.approx([0.0, 2.0 * duration_s, -4.0], rel=1e-9, abs=1e-6)
+    steps_m = np.diff([east_m for _, east_m, _ in path_ned_m])
+    assert (steps_m > -1e-9).all()
+    fine_m = 2.0 * max(PATH_STEP_S, duration_s / (PATH_POINTS_MAX - 1))
+    assert steps_m.max() <= fine_m * (1.0 + 1e-9)

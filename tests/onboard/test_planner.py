@@ -10,15 +10,17 @@ from random import Random
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from onboard import spline
-from onboard.avoidance import AvoidanceProblem, cost
+from onboard.avoidance import AvoidanceProblem, cost, exit_speeds_mps
 from onboard.axis_program import TaskBatch, across_task, along_task, build
 from onboard.certify import certify_avoidance
 from onboard.frames import FloatArray
 from onboard.horizons import CostEstimates, crossing_times
 from onboard.manoeuvre import vertex_manoeuvre
-from onboard.planner import NoPlan, Plan, Planner
+from onboard.planner import DELAY_MAX_S, NoPlan, Plan, Planner
 from onboard.qp_solver import QpSolver
 from onboard.region import Box, Encounter, RegionOfInfluence
 from onboard.trajectory import State, Trajectory
@@ -60,6 +62,86 @@ def test_always_a_certified_plan_and_almost_always_by_qp(
         assert plan.cost == cost(plan.trajectory, problem)
         by_qp += plan.kind == "qp"
     assert by_qp >= 0.96 * CASES
+
+
+# Shares of the entry speed, and lateral speeds, of a vehicle that is at rest or nearly.
+NEAR_REST = (0.0, 1e-12, -1e-12, 1e-9, 1e-6, 1e-3, 0.01, 0.1, 0.3)
+SIDEWAYS_MPS = (0.0, 1e-9, -1e-9, 1e-3, -1e-3)
+
+
+@given(
+    seed=st.integers(0, 2**32),
+    variety=st.sampled_from([*VARIETIES[:3], VARIETIES[4], Variety(lag=False)]),
+    ahead=st.floats(0.0, 1.0),
+    across=st.floats(0.0, 1.0),
+    slow=st.sampled_from(NEAR_REST),
+    sideways_mps=st.sampled_from(SIDEWAYS_MPS),
+)
+@settings(max_examples=80, deadline=None)
+def test_starts_near_rest_have_short_plans(
+    planner: Planner,
+    seed: int,
+    variety: Variety,
+    ahead: float,
+    across: float,
+    slow: float,
+    sideways_mps: float,
+) -> None:
+    """From the front of the region to the obstacle, anywhere in its way, on either side."""
+    problem = draw(Random(seed), variety)
+    region, cruise_mps = problem.region, problem.envelope.speed_max_mps
+    (left_m, right_m), front_m = region.way_m, region.extent.x_min_m
+    entry_mps = slow * min(cruise_mps, 1.0)
+    # As far as from where the vehicle could still stop, with the longest lag that is drawn.
+    stop_m = 1e-4 + entry_mps**2 / problem.envelope.limits.brake_mps2 + 2.0 * 0.4 * abs(entry_mps)
+    x_m = front_m + ahead * max(0.0, region.keep_out.x_min_m - stop_m - front_m)
+    start = State((x_m, left_m + across * (right_m - left_m), 0.0), (entry_mps, sideways_mps, 0.0))
+    exits_mps = exit_speeds_mps(entry_mps, cruise_mps)
+    assert min(exits_mps) >= 0.5 * cruise_mps
+    problems = [
+        dataclasses.replace(problem, start=start, exit_speed_mps=exit_mps) for exit_mps in exits_mps
+    ]
+    plans = [planned(planner, each) for each in problems]
+    passing = [plan for plan in plans if plan.kind != "brake"]
+    assert passing
+    trajectory = passing[0].trajectory
+    way_m = region.x_pob_m - x_m
+    # Three times what a cruise and two sidesteps by the width of the lane take.
+    sidestep_s = math.sqrt(2.0 * (right_m - left_m) / problem.envelope.limits.right_mps2)
+    assert trajectory.end_s - trajectory.start_s <= 3.0 * (way_m / cruise_mps + 2.0 * sidestep_s)
+
+
+@pytest.mark.parametrize("exit_speed_mps", [1e-2, 1e-3])
+def test_a_plan_that_takes_too_long_is_not_flown(planner: Planner, exit_speed_mps: float) -> None:
+    """What a hand-over at rest before a region once asked for: 6,383 s."""
+    problem = draw(Random(3), Variety(passive_safety=True))
+    start = State((problem.region.extent.x_min_m + 0.1, 0.1, 0.0), (exit_speed_mps, 0.0, 0.0))
+    creeping = dataclasses.replace(problem, start=start, exit_speed_mps=exit_speed_mps)
+    for side in ("left", "right"):
+        formula = vertex_manoeuvre(creeping, side)
+        assert formula is not None
+        assert formula.end_s - formula.start_s > 10.0 * DELAY_MAX_S
+    plan = planned(planner, creeping)
+    assert plan.kind == "brake"
+    assert plan.trajectory.end_s - plan.trajectory.start_s < 10.0
+
+
+@pytest.mark.parametrize(
+    ("entry_mps", "expected_mps"),
+    [
+        (-1e-12, (2.0, 1.0)),
+        (0.0, (2.0, 1.0)),
+        (1e-6, (2.0, 1.0)),
+        (0.99, (2.0, 1.0)),
+        (1.0, (1.0,)),
+        (1.7, (1.7,)),
+        (2.0 + 1e-12, (2.0,)),
+    ],
+)
+def test_the_speed_to_leave_with_is_that_of_entry_unless_it_was_slow(
+    entry_mps: float, expected_mps: tuple[float, ...]
+) -> None:
+    assert exit_speeds_mps(entry_mps, 2.0) == expected_mps
 
 
 def test_without_slack_the_closed_form_steps_in(planner: Planner) -> None:

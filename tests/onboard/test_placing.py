@@ -1,0 +1,282 @@
+"""Detections in flight: sightings that contradict each other, headings, clocks, names, refusals."""
+
+import json
+import math
+from dataclasses import replace
+from itertools import pairwise
+from typing import Any
+
+import pytest
+
+from onboard.autonomy import Autonomy
+from onboard.config import Contract, Mission
+from onboard.contract import TICK_S, assess_terms
+from onboard.departure import REFUSAL_PERIOD_S, Refusal, RefusalKind, RefusalReport
+from onboard.detection_consistency import SETTLED_AFTER_S
+from onboard.frames import heading_displacement_m
+from onboard.guidance import Phase
+from onboard.journal import Journal
+from tests.onboard.test_autonomy import EPOCH_UNIX_S, OFFBOARD, POSCTL, Rig, box
+
+
+@pytest.fixture
+def rig(contract: Contract, mission: Mission) -> Rig:
+    return Rig(Autonomy(contract, mission, epoch_unix_s=EPOCH_UNIX_S))
+
+
+@pytest.fixture
+def cruising(rig: Rig) -> Rig:
+    rig.mode = OFFBOARD
+    rig.run(6.0)
+    assert rig.phase is Phase.CRUISE
+    return rig
+
+
+def held(rig: Rig) -> bool:
+    return rig.phase is Phase.HOLD
+
+
+# ------------------------------------------------------------------ contradicting sightings
+
+
+@pytest.mark.parametrize("shift_m", [(0.0, 0.6), (0.0, -2.5), (0.9, 0.0), (-1.5, 1.5)])
+def test_an_obstacle_that_moves_is_kept_at_both_places_and_ends_in_a_certified_stop(
+    cruising: Rig, shift_m: tuple[float, float]
+) -> None:
+    north_m = cruising.position_ned_m[0] + 10.0
+    cruising.obstacles = [box((north_m, 0.5), side_m=0.6)]
+    cruising.run(0.5)
+    assert cruising.texts("violation") == []
+    moved = box((north_m + shift_m[0], 0.5 + shift_m[1]), side_m=0.6)
+    cruising.obstacles = [moved]
+    cruising.run(0.2, until=lambda: held(cruising))
+    assert held(cruising)
+    (violation,) = cruising.texts("violation")
+    assert violation.startswith("detection_consistency (front/1)")
+    assert "although no way" not in cruising.texts("phase")[-1]
+    places = {obstacle.id: obstacle.measured for obstacle in cruising.autonomy.navigator.obstacles}
+    assert set(places) == {"front/1", "front/1~2"}
+    # Neither place has grown.
+    for measured in places.values():
+        assert measured.size_m == pytest.approx((0.6, 0.6))
+    assert places["front/1"].x_min_m == pytest.approx(north_m - 0.3)
+    assert places["front/1~2"].x_min_m == pytest.approx(north_m + shift_m[0] - 0.3)
+    cruising.run(5.0)
+    assert cruising.velocity_ned_mps[0] == pytest.approx(0.0, abs=1e-6)
+    assert cruising.texts("hold_replanned") == []
+
+
+def test_a_wandering_heading_is_answered_far_from_the_obstacle(rig: Rig) -> None:
+    """Recorded on PX4: boxes from the body united and grew until no way to stop was left."""
+    wander_rad, obstacle_m = 0.0, (30.0, 0.3)
+
+    def frame(**_: Any) -> bytes:
+        north_m, east_m, _ = rig.position_ned_m
+        ahead_m, aside_m = obstacle_m[0] - north_m, obstacle_m[1] - east_m
+        # The body believes that its nose points north; it does not.
+        turned = [
+            math.cos(wander_rad) * ahead_m + math.sin(wander_rad) * aside_m,
+            math.cos(wander_rad) * aside_m - math.sin(wander_rad) * ahead_m,
+        ]
+        seen = [box((turned[0], turned[1]))] if math.hypot(*turned) < 11.5 else []
+        return type(rig).frame(rig, frame="body_frd", obstacles=seen)
+
+    rig.mode = OFFBOARD
+    for step in range(2000):
+        wander_rad = math.radians(3.5) * math.sin(step * TICK_S / 2.0)
+        rig.seeing = False
+        if step % 3 == 0:
+            rig.autonomy.receive_detection(frame(), rig.now_s)
+        rig.tick()
+        if held(rig):
+            break
+    assert held(rig)
+    assert rig.texts("violation")[0].startswith("detection_consistency (front/1)")
+    assert "although no way" not in rig.texts("phase")[-1]
+    rig.run(4.0)
+    assert obstacle_m[0] - rig.position_ned_m[0] > 4.0
+
+
+@pytest.mark.parametrize("heading_error_deg", [0.0, 2.0, 5.0])
+@pytest.mark.parametrize("frame", ["local_ned", "body_frd"])
+def test_boxes_seen_from_the_body_carry_what_a_wrong_heading_displaces(
+    cruising: Rig, heading_error_deg: float, frame: str
+) -> None:
+    navigator = cruising.autonomy.navigator
+    error_rad = math.radians(heading_error_deg)
+    terms = replace(navigator.assessment.terms, heading_error_rad=error_rad)
+    navigator.assessment = assess_terms(navigator.assessment.contract, terms)
+    here_m = cruising.position_ned_m[0]
+    centre_m = (10.0, 2.0) if frame == "body_frd" else (here_m + 10.0, 2.0)
+    seen = cruising.frame(frame=frame, obstacles=[box(centre_m)])
+    cruising.autonomy.receive_detection(seen, cruising.now_s)
+    cruising.tick()
+    (known,) = navigator.obstacles
+    displaced_m = heading_displacement_m(math.hypot(10.5, 2.5), error_rad)
+    expected_m = 0.05 + (displaced_m if frame == "body_frd" else 0.0)
+    assert known.position_error_m == pytest.approx(expected_m, abs=2e-3)
+    # What a sensor states is compared with what the contract assumes of the sensor alone.
+    assert not any("detection_uncertainty" in text for text in cruising.texts("violation"))
+
+
+def test_sightings_that_contradict_in_standby_delay_the_departure_and_become_one_obstacle(
+    rig: Rig,
+) -> None:
+    rig.obstacles = [box((9.0, 5.5), side_m=0.6)]
+    rig.run(0.5)
+    rig.obstacles = [box((9.0, 6.5), side_m=0.6)]
+    rig.run(0.2)
+    rig.mode = OFFBOARD
+    rig.run(0.5)
+    assert rig.phase is Phase.STANDBY
+    assert "sightings of front/1 contradict each other" in rig.texts("refused")[-1]
+    assert [o.id for o in rig.autonomy.navigator.obstacles] == ["front/1+front/1~2"]
+    rig.run(2.0 * SETTLED_AFTER_S)
+    assert rig.phase is not Phase.STANDBY
+
+
+def test_places_kept_apart_in_flight_may_be_one_obstacle_once_the_pilot_has_taken_over(
+    cruising: Rig,
+) -> None:
+    north_m = cruising.position_ned_m[0] + 9.0
+    cruising.obstacles = [box((north_m, 5.5), side_m=0.6)]
+    cruising.run(0.3)
+    cruising.obstacles = [box((north_m, 6.5), side_m=0.6)]
+    cruising.run(3.0)
+    assert held(cruising)
+    assert len(cruising.autonomy.navigator.obstacles) == 2
+    cruising.mode = POSCTL
+    cruising.run(3.0)
+    (one,) = cruising.autonomy.navigator.obstacles
+    assert one.id == "front/1+front/1~2"
+    assert one.measured.size_m == pytest.approx((0.6, 1.6))
+
+
+# ------------------------------------------------------------------ clocks and names
+
+
+@pytest.mark.parametrize("offset_s", [-20.0, 20.0])
+def test_a_clock_set_after_the_start_is_named_and_can_be_read_anew_on_the_ground(
+    rig: Rig, offset_s: float
+) -> None:
+    """No battery clock: the service starts in the past, the sensor's clock is right."""
+    autonomy = rig.autonomy
+    rig.armed, autonomy.epoch_unix_s = False, EPOCH_UNIX_S - offset_s
+    rig.run(1.0)
+    rig.armed, rig.mode = True, OFFBOARD
+    rig.run(0.2)
+    (refused,) = rig.texts("refused")
+    way = "ahead" if offset_s > 0.0 else "behind"
+    assert f"stamps are 20.0 s {way}" in refused
+    assert not autonomy.set_epoch(EPOCH_UNIX_S)  # armed
+    rig.armed, rig.mode, rig.landed_state = False, POSCTL, 1
+    rig.run(0.2)
+    assert autonomy.set_epoch(EPOCH_UNIX_S)
+    rig.armed, rig.mode, rig.landed_state = True, OFFBOARD, 2
+    rig.run(3.0)
+    assert rig.phase is Phase.CRUISE
+
+
+@pytest.mark.parametrize("frame", ["local_ned", "body_frd"])
+@pytest.mark.parametrize(("step_s", "said"), [(20.0, "20.0 s ahead"), (-20.0, "back by 19.9")])
+def test_a_clock_that_steps_in_flight_is_named(
+    cruising: Rig, step_s: float, said: str, frame: str
+) -> None:
+    assert not cruising.autonomy.set_epoch(EPOCH_UNIX_S + step_s)
+    cruising.seeing = False
+    for sequence in range(1, 12):
+        stamp_s = EPOCH_UNIX_S + cruising.now_s + (step_s if sequence > 3 else 0.0)
+        seen = cruising.frame(stamp_unix_s=stamp_s, sequence=sequence, frame=frame)
+        cruising.autonomy.receive_detection(seen, cruising.now_s)
+        cruising.run(0.06)
+    assert held(cruising)
+    violation = cruising.texts("violation")[0]
+    assert violation.startswith("sensor_clock (front)")
+    assert said in violation
+
+
+def test_a_sensor_that_renames_its_source_is_named_with_its_successor(cruising: Rig) -> None:
+    cruising.seeing = False
+    for _ in range(20):
+        renamed = cruising.frame(source="front2")
+        cruising.autonomy.receive_detection(renamed, cruising.now_s)
+        cruising.run(0.04, until=lambda: held(cruising))
+    assert held(cruising)
+    violation = cruising.texts("violation")[0]
+    assert "detection_age (front)" in violation
+    assert "source 'front' silent; 'front2' is new" in violation
+    sensors = cruising.autonomy.snapshot(cruising.now_s)["sensors"]
+    assert sensors["front"]["heard_age_s"] > 0.3 > sensors["front2"]["heard_age_s"]
+
+
+def test_what_is_said_of_sensors_is_json_before_any_frame_could_be_used(rig: Rig) -> None:
+    early = rig.frame(stamp_unix_s=EPOCH_UNIX_S + 99.0)
+    rig.autonomy.receive_detection(early, 0.0)
+    rig.autonomy.tick(0.0)
+    (state,) = (r for r in Journal(rig.autonomy, timed=False).collect(0.0) if r.topic == "state")
+    said = json.loads(json.dumps(state.payload, allow_nan=False))["sensors"]["front"]
+    assert said == {"age_s": None, "heard_age_s": 0.0, "stamp_ahead_s": pytest.approx(99.0)}
+
+
+# ------------------------------------------------------------------ refusals
+
+
+def refusals(*kinds: RefusalKind, speed_mps: float = 0.4) -> list[Refusal]:
+    return [Refusal(kind, f"{kind} {speed_mps:.1f}", "front/1") for kind in kinds]
+
+
+def test_a_refusal_is_said_when_it_changes_in_kind_not_in_numbers() -> None:
+    report, said = RefusalReport(), []
+    for step in range(4000):
+        seen = refusals(RefusalKind.MOVING, RefusalKind.INSIDE_REGION, speed_mps=step % 7 / 10.0)
+        said.append(report.news(seen, step * TICK_S))
+    first, *later = said
+    assert first is not None
+    assert first.text == "not leaving standby: moving 0.0; inside_region 0.0"
+    assert first.data["reasons"][0] == {
+        "kind": "moving",
+        "subject": "front/1",
+        "text": "moving 0.0",
+    }
+    assert not any(later)
+
+
+def test_refusals_that_flicker_are_said_at_most_every_five_seconds() -> None:
+    report = RefusalReport()
+    said_s = []
+    for step in range(4000):
+        now_s = step * TICK_S
+        kinds = [RefusalKind.INSIDE_REGION] + [RefusalKind.MOVING] * (step % 2)
+        if report.news(refusals(*kinds), now_s) is not None:
+            said_s.append(now_s)
+        if step % 100 == 50:
+            report.end()
+    assert len(said_s) == pytest.approx(80.0 / REFUSAL_PERIOD_S, abs=1)
+    assert min(b - a for a, b in pairwise(said_s)) >= REFUSAL_PERIOD_S - 1e-9
+
+
+def test_what_changed_meanwhile_is_said_as_soon_as_it_may_be() -> None:
+    report = RefusalReport()
+    assert report.news(refusals(RefusalKind.MOVING), 0.0) is not None
+    assert report.news(refusals(RefusalKind.TELEMETRY), 1.0) is None
+    assert report.news(refusals(RefusalKind.TELEMETRY), 4.9) is None
+    late = report.news(refusals(RefusalKind.TELEMETRY), 5.0)
+    assert late is not None
+    assert "telemetry" in late.text
+
+
+def test_hovering_inside_a_region_with_the_speed_of_a_real_estimate_is_refused_once(
+    rig: Rig,
+) -> None:
+    """Recorded on PX4: 367 events and 363 texts in 80 s."""
+    rig.obstacles = [box((6.0, 0.0))]
+    rig.run(0.5)
+    rig.mode = OFFBOARD
+    texts = 0
+    for step in range(round(80.0 / TICK_S)):
+        rig.velocity_ned_mps = (0.35 + 0.25 * math.sin(step / 40.0), 0.1, 0.0)
+        rig.tick()
+        rig.position_ned_m = (0.0, 0.0, -4.0)
+    texts = len(rig.texts("refused"))
+    assert rig.phase is Phase.STANDBY
+    assert 1 <= texts <= 80.0 / REFUSAL_PERIOD_S + 1
