@@ -24,4 +24,8 @@ TERMS = Terms[float](
     obstacle_size_max_m=4.0,
     obstacle_size_min_m=0.0,
     obstacle_separation_min_m=16.0,
+    tracking_error_z_m=1.0,
+    heading_error_rad=0.0,
+    estimator_reset_max_m=0.0,
+    drag_per_s=0.45,
 )
