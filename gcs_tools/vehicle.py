@@ -26,6 +26,7 @@ from mavsdk.asyncio.plugins.telemetry import FlightMode, LandedState, TelemetryA
 
 from gcs_tools.errors import CommandError
 from gcs_tools.interruption import Interruption
+from onboard.rest import RestDetector
 
 log = logging.getLogger("mavsdk")
 
@@ -44,8 +45,8 @@ TAKE_OFF_TIMEOUT_S_PER_M = 2.0
 _POLL_S = 0.05
 _RETRY_S = 0.3
 _LISTEN_S = 0.5
-_HEIGHT_TOLERANCE_M = 0.2
-_STEADY_MPS = 0.1
+# PX4 ends its climb up to 0.35 m off the height asked for.
+_HEIGHT_TOLERANCE_M = 0.5
 
 _AUTOPILOT_COMPONENT = 1
 # MAV_AUTOPILOT -> MAVSDK's own numbers.
@@ -109,6 +110,7 @@ class Vehicle:
 
     def __init__(self, system: Any, autopilot: Autopilot, interruption: Interruption) -> None:
         self.state = VehicleState()
+        self._rest = RestDetector()
         self.autopilot = autopilot
         self.system = system
         self._interruption = interruption
@@ -159,6 +161,11 @@ class Vehicle:
             ),
         )
 
+    @property
+    def at_rest(self) -> bool:
+        """Whether the vehicle has stood still for a second, as far as its estimate can tell."""
+        return self._rest.at_rest
+
     async def hand_over(self) -> None:
         """Switch to OFFBOARD (ArduPilot: GUIDED), where the daemon's setpoints fly the vehicle.
 
@@ -208,8 +215,7 @@ class Vehicle:
 
     def _hovers_at(self, altitude_m: float) -> bool:
         height_m = -self.state.position_ned_m[2]
-        near = abs(height_m - altitude_m) < _HEIGHT_TOLERANCE_M
-        return near and self.state.speed_mps < _STEADY_MPS
+        return self.at_rest and abs(height_m - altitude_m) < _HEIGHT_TOLERANCE_M
 
     async def _done(self, call: Awaitable[T], what: str) -> T:
         try:
@@ -256,6 +262,7 @@ class Vehicle:
             at, going = sample.position, sample.velocity
             self.state.position_ned_m = (at.north_m, at.east_m, at.down_m)
             self.state.velocity_ned_mps = (going.north_m_s, going.east_m_s, going.down_m_s)
+            self._rest.add(asyncio.get_running_loop().time(), self.state.position_ned_m)
 
 
 @asynccontextmanager
