@@ -18,6 +18,7 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 from onboard.agility import InputSet
+from onboard.bearings import TRACKS_PER_FRAME, BearingMemory
 from onboard.clearance import ClearanceGate
 from onboard.config import Contract, Mission
 from onboard.contract import Assessment, assess
@@ -125,6 +126,7 @@ class Autonomy:
         self._tilt_monitor = TiltResponseMonitor(self._trim)
         self._wind_monitor = WindMonitor(self._trim)
         self._tracking_monitor, self._heading_monitor = TrackingMonitor(), HeadingMonitor()
+        self._bearings = BearingMemory()
         self._second_commander_monitor = SecondCommanderMonitor()
         self._poses = PoseHistory()
         self._pending: deque[bytes] = deque()
@@ -249,6 +251,20 @@ class Autonomy:
             track_id = _track_id(frame, detection)
             if pose is None or track_id in blurs_m:
                 self._take_detection(track_id, detection, pose, now_s)
+        if pose is not None:
+            self._compare_bearings(frame, pose, now_s)
+
+    def _compare_bearings(self, frame: DetectionFrame, pose: Pose, now_s: float) -> None:
+        """Check the heading by the tracks that are seen from the body once more."""
+        terms = self.assessment.terms
+        corners_ned_m = {
+            _track_id(frame, seen): corners_ned(seen, pose)
+            for seen in frame.obstacles[:TRACKS_PER_FRAME]
+        }
+        residuals = self._bearings.residuals(pose, corners_ned_m, terms.position_error_m)
+        turned = self._heading_monitor.on_sightings(residuals, now_s, terms)
+        if turned is not None:
+            self._broken(turned, now_s)
 
     def _blurs_m(self, frame: DetectionFrame, stamp_s: float) -> dict[str, float]:
         """How far off a turning body sees what is to be taken from a frame, by track.
@@ -361,6 +377,7 @@ class Autonomy:
             jump, tilt = self._position_watch.check_jump(pose), self._check_tilt(pose)
         if not self.navigator.flying:
             if jump is not None:
+                self._bearings.forget()
                 self._hold = _hold_at(pose)
                 self.navigator.hover_at(pose, now_s)
             if moved and self.navigator.phase is not Phase.STANDBY:

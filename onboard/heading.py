@@ -9,10 +9,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Final, NamedTuple
+from typing import Final
 
+from onboard.bearings import BearingResidual
 from onboard.contract import Terms
-from onboard.frames import Vector, wrap_angle
+from onboard.frames import wrap_angle
 from onboard.mavlink import Pose
 from onboard.monitor import Assumption, Violation
 
@@ -28,45 +29,6 @@ SIGHTING_TOLERANCE_RAD: Final = math.radians(5.0)
 SIGHTING_CONFIRMATION_S: Final = 1.0
 # Sightings farther apart than this confirm nothing.
 SIGHTING_GAP_S: Final = 1.0
-
-
-class BearingResidual(NamedTuple):
-    """How far a known track is seen beside where it was.
-
-    Attributes:
-        angle_rad: bearing as seen now less bearing as known, positive to the right.
-        error_rad: what the errors of position explain of it.
-    """
-
-    angle_rad: float
-    error_rad: float
-
-
-def bearing_residual(
-    pose: Pose, seen_ned_m: Vector, known_ned_m: Vector, error_m: float
-) -> BearingResidual | None:
-    """Compare where a track is seen from a pose with where it is known to be.
-
-    Args:
-        pose: where the body was.
-        seen_ned_m: a point of the track, as placed now.
-        known_ned_m: the same point, as known before.
-        error_m: of either point, across the line of sight.
-
-    Returns:
-        None where the point is too near for its bearing to say anything.
-    """
-    (north_m, east_m, _), (x_m, y_m, _), (kx_m, ky_m, _) = (
-        pose.position_ned_m,
-        seen_ned_m,
-        known_ned_m,
-    )
-    range_m = math.hypot(kx_m - north_m, ky_m - east_m)
-    if range_m <= 2.0 * error_m or math.hypot(x_m - north_m, y_m - east_m) == 0.0:
-        return None
-    seen_rad = math.atan2(y_m - east_m, x_m - north_m)
-    known_rad = math.atan2(ky_m - east_m, kx_m - north_m)
-    return BearingResidual(wrap_angle(seen_rad - known_rad), math.asin(2.0 * error_m / range_m))
 
 
 class _Lasting:

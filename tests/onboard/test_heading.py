@@ -2,18 +2,14 @@ import math
 from dataclasses import replace
 
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
-from onboard.frames import Vector
+from onboard.bearings import BearingResidual
 from onboard.heading import (
     COMPASS_CONFIRMATION_S,
     POINTING_CONFIRMATION_S,
     SIGHTING_CONFIRMATION_S,
     SIGHTING_GAP_S,
-    BearingResidual,
     HeadingMonitor,
-    bearing_residual,
 )
 from onboard.mavlink import Pose
 from onboard.monitor import Assumption
@@ -22,8 +18,8 @@ from tests.onboard.example_terms import TERMS
 RATE_HZ = 20.0
 
 
-def pose(time_s: float, yaw_deg: float, position_ned_m: Vector = (0.0, 0.0, -4.0)) -> Pose:
-    return Pose(time_s, position_ned_m, (2.8, 0.0, 0.0), 0.0, 0.0, math.radians(yaw_deg))
+def pose(time_s: float, yaw_deg: float) -> Pose:
+    return Pose(time_s, (0.0, 0.0, -4.0), (2.8, 0.0, 0.0), 0.0, 0.0, math.radians(yaw_deg))
 
 
 def noticed_s(violations: list[object]) -> float | None:
@@ -128,29 +124,3 @@ def test_sightings_far_apart_confirm_nothing() -> None:
 
 def test_frames_without_a_known_track_say_nothing() -> None:
     assert HeadingMonitor().on_sightings([], 0.0, TERMS) is None
-
-
-@given(
-    st.floats(-3.0, 3.0),
-    st.floats(4.0, 40.0),
-    st.floats(-math.radians(40.0), math.radians(40.0)),
-)
-def test_a_heading_error_is_the_residual_of_every_track(
-    bearing_rad: float, range_m: float, turn_rad: float
-) -> None:
-    north_m, east_m = 3.0, -7.0
-
-    def point(angle_rad: float) -> Vector:
-        return north_m + range_m * math.cos(angle_rad), east_m + range_m * math.sin(angle_rad), 0.0
-
-    here = pose(0.0, 0.0, (north_m, east_m, -4.0))
-    found = bearing_residual(here, point(bearing_rad + turn_rad), point(bearing_rad), 0.1)
-    assert found is not None
-    assert found.angle_rad == pytest.approx(turn_rad)
-    assert found.error_rad == pytest.approx(0.2 / range_m, rel=0.01)
-
-
-@pytest.mark.parametrize("known_ned_m", [(0.0, 0.0, 0.0), (0.15, 0.0, 0.0)])
-def test_what_is_too_near_has_no_bearing(known_ned_m: Vector) -> None:
-    assert bearing_residual(pose(0.0, 0.0), (5.0, 0.0, 0.0), known_ned_m, 0.1) is None
-    assert bearing_residual(pose(0.0, 0.0), (0.0, 0.0, 0.0), (5.0, 0.0, 0.0), 0.1) is None

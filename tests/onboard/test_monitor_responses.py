@@ -187,6 +187,39 @@ def test_a_magnetometer_that_the_estimator_rejects_ends_in_a_stop(field_rig: Fie
     assert violation.startswith("heading_error (compass)")
 
 
+def seen_from_the_body(rig: FieldRig, turned_rad: float) -> bytes:
+    """A frame in FRD of pillars beside the leg, by a heading estimate that is off by an angle."""
+    north_m, east_m, _ = rig.position_ned_m
+    pillars = []
+    for number, (at_north_m, at_east_m) in enumerate([(60.0, 9.0), (70.0, -10.0), (80.0, 8.0)]):
+        bearing_rad = math.atan2(at_east_m - east_m, at_north_m - north_m) - turned_rad
+        range_m = math.hypot(at_north_m - north_m, at_east_m - east_m)
+        center_m = (range_m * math.cos(bearing_rad), range_m * math.sin(bearing_rad))
+        pillars.append(box(center_m, name=str(number)))
+    return rig.frame(frame="body_frd", obstacles=pillars)
+
+
+@pytest.mark.parametrize(
+    ("drifted_deg", "held"), [(3.5, False), (-3.5, False), (18.0, True), (-18.0, True)]
+)
+def test_a_heading_that_drifts_from_what_is_seen_ends_in_a_stop(
+    field_rig: FieldRig, drifted_deg: float, *, held: bool
+) -> None:
+    """The nose points where it is told by the estimate; only what is seen tells otherwise."""
+    field_rig.seeing = False
+    for step in range(200):
+        share = min(max(step - 50, 0) / 100.0, 1.0)  # known first; then drifting in 2 s
+        if step % 3 == 0:
+            payload = seen_from_the_body(field_rig, share * math.radians(drifted_deg))
+            field_rig.autonomy.receive_detection(payload, field_rig.now_s)
+        field_rig.tick()
+        if field_rig.phase is Phase.HOLD:
+            break
+    headings = [text for text in field_rig.texts("violation") if text.startswith("heading_error")]
+    assert bool(headings) is held
+    assert (field_rig.phase is Phase.HOLD) is held
+
+
 # ---------------------------------------------------------------------- wind and tilt
 
 
