@@ -344,6 +344,8 @@ class Autonomy:
             self._reported.clear()
             self._tracking_monitor, self._heading_monitor = TrackingMonitor(), HeadingMonitor()
             self._second_commander_monitor = SecondCommanderMonitor()
+            # The estimator may have aligned its heading since: in the climb, magnetometers recover.
+            self._bearings.forget()
             self.navigator.take_control(pose, now_s)
         elif failures != self._refusal:
             text = "not leaving standby: " + "; ".join(failures)
@@ -375,9 +377,10 @@ class Autonomy:
         self._watched_pose = pose
         if moved:
             jump, tilt = self._position_watch.check_jump(pose), self._check_tilt(pose)
+        if jump is not None:
+            self._bearings.forget()
         if not self.navigator.flying:
             if jump is not None:
-                self._bearings.forget()
                 self._hold = _hold_at(pose)
                 self.navigator.hover_at(pose, now_s)
             if moved and self.navigator.phase is not Phase.STANDBY:

@@ -220,6 +220,20 @@ def test_a_heading_that_drifts_from_what_is_seen_ends_in_a_stop(
     assert (field_rig.phase is Phase.HOLD) is held
 
 
+def test_a_heading_that_was_aligned_before_the_departure_is_no_error(
+    contract: Contract, mission: Mission
+) -> None:
+    rig = rig_of(contract, mission, seeing=False)
+    for step in range(400):
+        rig.mode = OFFBOARD if step >= 100 else rig.mode
+        turned_rad = math.radians(30.0) if step < 100 else 0.0
+        if step % 3 == 0:
+            rig.autonomy.receive_detection(seen_from_the_body(rig, turned_rad), rig.now_s)
+        rig.tick()
+    assert rig.phase is Phase.CRUISE
+    assert not any(text.startswith("heading_error") for text in rig.texts("violation"))
+
+
 # ---------------------------------------------------------------------- wind and tilt
 
 
