@@ -40,7 +40,6 @@ STOP_TIMEOUT_S = 20.0
 # Turning and waiting; and slower than this on average is not flying the mission.
 MISSION_TIMEOUT_S = 60.0
 PROGRESS_MIN_MPS = 1.0
-STILL_MPS = 0.1
 # How long the vehicle hovers after its mission before it lands.
 LINGER_S = 1.0
 
@@ -297,9 +296,7 @@ class Operator:
     async def _come_down(self) -> None:
         """Land, but not while the vehicle still moves: it may be close to an obstacle."""
         vehicle = self._vehicle
-        await vehicle.until(
-            lambda: vehicle.state.speed_mps < STILL_MPS, STOP_TIMEOUT_S, lambda: "standing still"
-        )
+        await vehicle.until(lambda: vehicle.at_rest, STOP_TIMEOUT_S, lambda: "standing still")
         await asyncio.sleep(LINGER_S)
         self._report("landing")
         await vehicle.land()

@@ -23,6 +23,7 @@ from mavsdk.asyncio.plugins.telemetry import FlightMode, LandedState, TelemetryA
 
 from gcs_tools.errors import CommandError
 from gcs_tools.interruption import Interruption
+from onboard.rest import RestDetector
 
 T = TypeVar("T")
 
@@ -36,8 +37,8 @@ TAKE_OFF_TIMEOUT_S_PER_M = 2.0
 
 _POLL_S = 0.05
 _RETRY_S = 0.3
-_HEIGHT_TOLERANCE_M = 0.2
-_STEADY_MPS = 0.1
+# PX4 ends its climb up to 0.35 m off the height asked for.
+_HEIGHT_TOLERANCE_M = 0.5
 
 _MAV_CMD_DO_SET_MODE = 176
 _MAV_RESULT_ACCEPTED = 0
@@ -93,6 +94,7 @@ class Vehicle:
         self, system: Any, system_id: int, autopilot: Autopilot, interruption: Interruption
     ) -> None:
         self.state = VehicleState()
+        self._rest = RestDetector()
         self.autopilot = autopilot
         self.system = system
         self.system_id = system_id
@@ -144,6 +146,11 @@ class Vehicle:
             ),
         )
 
+    @property
+    def at_rest(self) -> bool:
+        """Whether the vehicle has stood still for a second, as far as its estimate can tell."""
+        return self._rest.at_rest
+
     async def hand_over(self) -> None:
         """Switch to OFFBOARD (ArduPilot: GUIDED), where the daemon's setpoints fly the vehicle.
 
@@ -193,8 +200,7 @@ class Vehicle:
 
     def _hovers_at(self, altitude_m: float) -> bool:
         height_m = -self.state.position_ned_m[2]
-        near = abs(height_m - altitude_m) < _HEIGHT_TOLERANCE_M
-        return near and self.state.speed_mps < _STEADY_MPS
+        return self.at_rest and abs(height_m - altitude_m) < _HEIGHT_TOLERANCE_M
 
     async def _done(self, call: Awaitable[T], what: str) -> T:
         try:
@@ -240,3 +246,4 @@ class Vehicle:
             at, going = sample.position, sample.velocity
             self.state.position_ned_m = (at.north_m, at.east_m, at.down_m)
             self.state.velocity_ned_mps = (going.north_m_s, going.east_m_s, going.down_m_s)
+            self._rest.add(asyncio.get_running_loop().time(), self.state.position_ned_m)

@@ -24,6 +24,7 @@ from onboard.departure import Refusal, RefusalKind, RefusalReport
 from onboard.detection_intake import DetectionCounters, DetectionIntake
 from onboard.events import Event, Severity
 from onboard.guidance import Phase
+from onboard.heading import HeadingMonitor
 from onboard.mavlink import MavlinkEndpoint, Pose, Setpoint
 from onboard.monitor import Assumption, Violation, check_obstacle
 from onboard.navigator import Navigator
@@ -31,13 +32,12 @@ from onboard.obstacles import Obstacle
 from onboard.payload import MalformedPayloadError, parse
 from onboard.planner import Planner
 from onboard.pose_history import PoseHistory
-from onboard.watches import (
-    PositionWatch,
-    RivalWatch,
-    TickWatch,
-    TiltWatch,
-    TrackingWatch,
-)
+from onboard.second_commander import PX4_GAIN_MAX_PER_S, SecondCommanderMonitor
+from onboard.tilt_response import TiltResponseMonitor
+from onboard.tracking import TrackingMonitor
+from onboard.trim import TrimEstimator
+from onboard.watches import PositionWatch, TickWatch
+from onboard.wind import WindMonitor
 
 log = logging.getLogger(__name__)
 
@@ -97,8 +97,12 @@ class Autonomy:
         self.clearance = ClearanceGate(contract.sha256, preflight_age_max_s)
         self._fly_outside_contract = fly_outside_contract
         self._position_watch = PositionWatch(stale_after_s)
-        self._tracking_watch, self._tilt_watch = TrackingWatch(), TiltWatch()
-        self._tick_watch, self._rival_watch = TickWatch(), RivalWatch()
+        self._tick_watch = TickWatch()
+        self._trim = TrimEstimator()
+        self._tilt_monitor = TiltResponseMonitor(self._trim)
+        self._wind_monitor = WindMonitor(self._trim)
+        self._tracking_monitor, self._heading_monitor = TrackingMonitor(), HeadingMonitor()
+        self._second_commander_monitor = SecondCommanderMonitor()
         self._poses = PoseHistory()
         self._intake = DetectionIntake(self.navigator, self._poses)
         self._pending_mission: bytes | None = None
@@ -211,7 +215,7 @@ class Autonomy:
         self._collect_events()
 
     def _decide(self, now_s: float) -> None:
-        for violation in self._intake.take(now_s, self.epoch_unix_s):
+        for violation in self._intake.take(now_s, self.epoch_unix_s, self._heading_monitor):
             self._broken(violation, now_s)
         self._take_mission(now_s)
         pose = self.link.pose
@@ -253,8 +257,10 @@ class Autonomy:
         refusals = self._departure_refusals(pose, now_s)
         if not refusals:
             self._reported.clear()
-            self._tracking_watch, self._tilt_watch = TrackingWatch(), TiltWatch()
-            self._rival_watch = RivalWatch()
+            self._tracking_monitor, self._heading_monitor = TrackingMonitor(), HeadingMonitor()
+            self._second_commander_monitor = SecondCommanderMonitor()
+            # The estimator may have aligned its heading since: in the climb, magnetometers recover.
+            self._intake.bearings.forget()
             self._refusals.end()
             self.navigator.take_control(pose, now_s)
         elif (said := self._refusals.news(refusals, now_s)) is not None:
@@ -297,61 +303,103 @@ class Autonomy:
 
     def _watch(self, pose: Pose, now_s: float) -> None:
         """Hold every assumption against what is seen."""
-        jump, moved = None, pose is not self._watched_pose
+        jump, tilt, moved = None, None, pose is not self._watched_pose
         self._watched_pose = pose
         if moved:
-            jump = self._position_watch.check_jump(pose)
+            jump, tilt = self._position_watch.check_jump(pose), self._check_tilt(pose)
+        if jump is not None:
+            self._intake.bearings.forget()
         if not self.navigator.flying:
             if jump is not None:
                 self._hold = _hold_at(pose)
                 self.navigator.hover_at(pose, now_s)
             if moved and self.navigator.phase is not Phase.STANDBY:
-                self._watch_hover(pose, now_s)
+                self._watch_hover(pose, tilt, now_s)
             return
         if jump is not None:
             self._broken(jump, now_s, measured=pose)
         silent = self._intake.monitor.check(now_s, self.assessment.terms)
         stale = self._position_watch.check_age(pose, now_s)
-        for violation in (silent, stale, self._rival(now_s), *self._environment_violations(now_s)):
+        rival, wind = (
+            self._rival(pose, now_s),
+            self._wind_monitor.check(now_s, self.assessment.terms),
+        )
+        heading = self._heading_violations(pose, now_s) if moved else []
+        for violation in (
+            silent,
+            stale,
+            rival,
+            wind,
+            *heading,
+            *self._environment_violations(now_s),
+        ):
             if violation is not None:
                 self._broken(violation, now_s)
         if moved:
-            self._watch_tracking(pose, now_s)
+            self._watch_tracking(pose, tilt, now_s)
 
-    def _watch_tracking(self, pose: Pose, now_s: float) -> None:
+    def _heading_violations(self, pose: Pose, now_s: float) -> list[Violation | None]:
+        """Check the heading: against its command where that is steady, and its magnetometer."""
+        monitor = self._heading_monitor
+        compass = monitor.check_compass(self.link.compass_ratio, now_s)
+        leg_heading_rad = self.navigator.leg.heading_rad
+        return [
+            compass,
+            monitor.check_pointing(pose, leg_heading_rad) if self.navigator.moving else None,
+        ]
+
+    def _check_tilt(self, pose: Pose) -> Violation | None:
+        """Learn the trim, and check the tilt against what was asked for one attitude lag ago.
+
+        Asked for means sent: the reference of before may have been replaced since.  While the pilot
+        flies that is a hover, so the trim is learnt before the vehicle departs.
+        """
+        if self.link.status.airborne is not True:
+            self._trim.forget()
+            return None
+        terms = self.assessment.terms
+        since = bisect.bisect_left(self._sent, (pose.time_s - terms.attitude_lag_s,))
+        still = since == len(self._sent)
+        asked_ned_mps2 = (0.0, 0.0, 0.0) if still else self._sent[since][1].acceleration_ned_mps2
+        return self._tilt_monitor.check(pose, asked_ned_mps2[:2], terms)
+
+    def _watch_tracking(self, pose: Pose, tilt: Violation | None, now_s: float) -> None:
         """Answer for tracking, as far as the autopilot follows us.
 
         If it does not, the next heartbeat tells whom it follows: the pilot, and we are out, or a
         second commander.  Until then what is seen is only said.
         """
-        for violation in self._tracking_violations(pose):
-            if self._rival_watch.suspects(now_s):
+        for violation in (*self._tracking_violations(pose), *((tilt,) if tilt else ())):
+            if self._second_commander_monitor.suspects(now_s):
                 self._report_suspicion(violation, now_s)
             else:
                 self._broken(violation, now_s)
 
-    def _watch_hover(self, pose: Pose, now_s: float) -> None:
-        """Say that somebody else commands what we hold still; there is no more that we could do."""
-        rival = self._rival(now_s)
+    def _watch_hover(self, pose: Pose, tilt: Violation | None, now_s: float) -> None:
+        """Report a second commander of what hovers; nothing more can be done about it."""
+        rival = self._rival(pose, now_s)
         if rival is not None:
             self._report(rival, now_s)
-        self._watch_tracking(pose, now_s)
+        self._watch_tracking(pose, tilt, now_s)
 
     def _report_suspicion(self, violation: Violation, now_s: float) -> None:
-        """Say, once in a flight, that the vehicle goes astray and not by our setpoints."""
+        """Report, once in a flight, that the vehicle deviates and not by our set-points."""
         key = (Assumption.SECOND_COMMANDER, "suspected")
         if key not in self._reported:
             self._reported.add(key)
-            text = f"not going where we say ({violation}): pilot or second commander?"
+            text = f"vehicle deviates from set-point ({violation}): pilot or second commander?"
             self._news.append(Event(now_s, "suspicion", Severity.WARNING, text))
 
-    def _rival(self, now_s: float) -> Violation | None:
+    def _rival(self, pose: Pose, now_s: float) -> Violation | None:
         link = self.link
         if now_s - link.rival_heard_s <= RIVAL_MEMORY_S:
             return Violation(Assumption.SECOND_COMMANDER, 2.0, 1.0, "commanders", link.rival)
         newest_first = reversed(self._sent)
         ours = ((sent.position_ned_m, sent.velocity_ned_mps) for _, sent in newest_first)
-        return self._rival_watch.check(link.target_heard_s, link.target, ours)
+        gain_per_s = 0.0 if link.status.ardupilot else PX4_GAIN_MAX_PER_S
+        return self._second_commander_monitor.check(
+            link.target_heard_s, link.target, ours, pose, gain_max_per_s=gain_per_s
+        )
 
     def _environment_violations(self, now_s: float) -> list[Violation]:
         """Check the obstacles that the flight is about to meet; others may be as they like."""
@@ -381,25 +429,16 @@ class Autonomy:
         if reference is None:
             return []
         leg = self.navigator.leg
-        x_m, y_m, _ = leg.position_leg(pose.position_ned_m)
+        x_m, y_m, z_m = leg.position_leg(pose.position_ned_m)
         vx_mps, vy_mps, _ = leg.vector_leg(pose.velocity_ned_mps)
-        terms = self.assessment.terms
-        found = self._tracking_watch.check(
-            (x_m - reference.position_leg_m[0], y_m - reference.position_leg_m[1]),
+        reference_x_m, reference_y_m, reference_z_m = reference.position_leg_m
+        return self._tracking_monitor.check(
+            (x_m - reference_x_m, y_m - reference_y_m, z_m - reference_z_m),
             (vx_mps, vy_mps),
             (reference.velocity_leg_mps[0], reference.velocity_leg_mps[1]),
-            terms,
+            self.assessment.terms,
             cruising=self.navigator.cruising_freely,
         )
-        # Looked up among what was sent: the reference of before may have been replaced since.
-        acting_s = pose.time_s - terms.attitude_lag_s
-        since = bisect.bisect_left(self._sent, (acting_s,))
-        if since < len(self._sent):
-            asked = self._sent[since][1]
-            forward_right_mps2 = _in_heading(asked.acceleration_ned_mps2, pose.yaw_rad)
-            lacking = self._tilt_watch.check(pose, forward_right_mps2, terms)
-            found += [] if lacking is None else [lacking]
-        return found
 
     def _broken(self, violation: Violation, now_s: float, measured: Pose | None = None) -> None:
         """Report a violation once per flight, and answer it if we are the ones flying."""
@@ -458,7 +497,7 @@ class Autonomy:
 
     def snapshot(self, now_s: float) -> dict[str, Any]:
         """Return the state of this tick as it is logged and published; JSON values only."""
-        pose, status, watch = self.link.pose, self.link.status, self._tracking_watch
+        pose, status, tracking = self.link.pose, self.link.status, self._tracking_monitor
         setpoint = self.navigator.setpoint(now_s)
         age_s = self._intake.monitor.age_s(now_s)
         return {
@@ -476,8 +515,9 @@ class Autonomy:
             "reference_acceleration_ned_mps2": (
                 None if setpoint is None else setpoint.acceleration_ned_mps2
             ),
-            "tracking_error_m": watch.position_error_m,
-            "velocity_error_mps": watch.velocity_error_mps,
+            "tracking_error_m": tracking.position_error_m,
+            "tracking_error_z_m": tracking.vertical_error_m,
+            "velocity_error_mps": tracking.velocity_error_mps,
             "cruising": self.navigator.cruising_freely,
             "leg_heading_rad": self.navigator.leg.heading_rad,
             "detection_age_s": _finite(age_s),
@@ -497,13 +537,6 @@ class Autonomy:
                 "missions_malformed": self._malformed_missions,
             },
         }
-
-
-def _in_heading(vector_ned: tuple[float, float, float], yaw_rad: float) -> tuple[float, float]:
-    """Return the forward and right components of a horizontal vector."""
-    cosine, sine = math.cos(yaw_rad), math.sin(yaw_rad)
-    north, east, _ = vector_ned
-    return cosine * north + sine * east, cosine * east - sine * north
 
 
 def _finite(value: float) -> float | None:

@@ -13,11 +13,13 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Final, NamedTuple
 
+from onboard.bearings import TRACKS_PER_FRAME, BearingMemory
 from onboard.detection_consistency import DetectionConsistencyMonitor, Placement, Sighting
 from onboard.detection_monitor import CLOCK_TOLERANCE_S, DetectionMonitor
 from onboard.frames import heading_displacement_m
 from onboard.full_view import in_full_view
 from onboard.guidance import Phase
+from onboard.heading import HeadingMonitor
 from onboard.mavlink import TELEMETRY_RATE_HZ, Pose
 from onboard.monitor import Violation, check_frame
 from onboard.navigator import Navigator
@@ -102,6 +104,7 @@ class DetectionIntake:
         self.counters = DetectionCounters()
         self.monitor = DetectionMonitor()
         self.consistency = DetectionConsistencyMonitor()
+        self.bearings = BearingMemory()
         self._navigator, self._poses = navigator, poses
         self._placements_m = placements_m
         self._pending: deque[bytes] = deque()
@@ -113,12 +116,15 @@ class DetectionIntake:
             self.counters.dropped_frames += 1
         self._pending.append(payload)
 
-    def take(self, now_s: float, epoch_unix_s: float) -> Iterator[Violation]:
+    def take(
+        self, now_s: float, epoch_unix_s: float, heading: HeadingMonitor
+    ) -> Iterator[Violation]:
         """Read what has arrived, and yield what it violates, each before what follows from it.
 
         Args:
             now_s: the time.
             epoch_unix_s: Unix time at its zero.
+            heading: is told of tracks that are seen from the body once more.
         """
         while self._pending:
             payload = self._pending.popleft()
@@ -128,7 +134,28 @@ class DetectionIntake:
                 self.counters.malformed_frames += 1
                 log.debug("dropped a malformed detection frame: %s", error)
             else:
-                yield from self._take_frame(frame, frame.stamp_unix_s - epoch_unix_s, now_s)
+                stamp_s = frame.stamp_unix_s - epoch_unix_s
+                yield from self._take_frame(frame, stamp_s, now_s)
+                yield from self._compare_bearings(frame, stamp_s, now_s, heading)
+
+    def _compare_bearings(
+        self, frame: DetectionFrame, stamp_s: float, now_s: float, heading: HeadingMonitor
+    ) -> Iterator[Violation]:
+        """Check the heading by the tracks that are seen from the body once more."""
+        pose = self._poses.at(stamp_s)
+        if frame.frame == "local_ned" or pose is None or stamp_s > now_s + CLOCK_TOLERANCE_S:
+            return
+        terms = self._navigator.assessment.terms
+        if self._is_blurred(self._blurs_m(frame, stamp_s)):
+            return
+        corners_ned_m = {
+            _track_id(frame, seen): corners_ned(seen, pose)
+            for seen in frame.obstacles[:TRACKS_PER_FRAME]
+        }
+        residuals = self.bearings.residuals(pose, corners_ned_m, terms.position_error_m)
+        turned = heading.on_sightings(residuals, now_s, terms)
+        if turned is not None:
+            yield turned
 
     def _take_frame(
         self, frame: DetectionFrame, stamp_s: float, now_s: float
@@ -194,7 +221,7 @@ class DetectionIntake:
             )
             if blur_m <= sharp_m:
                 blurs_m[track_id] = 0.0
-            elif self._moving and self._must_be_known(track_id, detection):
+            elif self._navigator.moving and self._must_be_known(track_id, detection):
                 blurs_m[track_id] = blur_m
         return blurs_m
 
@@ -203,10 +230,6 @@ class DetectionIntake:
         counted_on_m = self._navigator.assessment.inflated.required_detection_range_m
         near_m = math.hypot(*detection.center_m) - math.hypot(*detection.size_m) / 2.0
         return self._navigator.obstacles.of_track(track_id) is None and near_m <= counted_on_m
-
-    @property
-    def _moving(self) -> bool:
-        return self._navigator.cruising_freely or self._navigator.phase is Phase.AVOID
 
     def _take_box(self, seen: _Seen, now_s: float) -> Iterator[Violation]:
         """Remember one box; a place that contradicts an earlier one is kept apart from it."""

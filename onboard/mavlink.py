@@ -20,11 +20,24 @@ from onboard.status_text import chunks
 COMPONENT_ID: Final = mavlink.MAV_COMP_ID_OBSTACLE_AVOIDANCE
 HEARTBEAT_PERIOD_S: Final = 1.0
 TELEMETRY_RATE_HZ: Final = 50.0
+# Its interval shares no divisor with that of set-points, 20 ms: an echo in step with ours would
+# leave just after each of them, and never show another commander's.
+TARGET_RATE_HZ: Final = 1000.0 / 37.0
 # A position without an attitude this recent is no pose.
 ATTITUDE_AGE_MAX_S: Final = 0.2
 
 # Every field of the setpoint is meant except the yaw rate.
 _TYPE_MASK: Final = mavlink.POSITION_TARGET_TYPEMASK_YAW_RATE_IGNORE
+_POSITION_IGNORED: Final = (
+    mavlink.POSITION_TARGET_TYPEMASK_X_IGNORE
+    | mavlink.POSITION_TARGET_TYPEMASK_Y_IGNORE
+    | mavlink.POSITION_TARGET_TYPEMASK_Z_IGNORE
+)
+_VELOCITY_IGNORED: Final = (
+    mavlink.POSITION_TARGET_TYPEMASK_VX_IGNORE
+    | mavlink.POSITION_TARGET_TYPEMASK_VY_IGNORE
+    | mavlink.POSITION_TARGET_TYPEMASK_VZ_IGNORE
+)
 _PX4_MAIN_MODE_OFFBOARD: Final = 6
 _COPTER_MODE_GUIDED: Final = 4
 # Of STATUSTEXT: together a tenth of what a serial line at 57,600 baud carries.
@@ -36,7 +49,7 @@ _REQUESTED_MESSAGES: Final = (
     (mavlink.MAVLINK_MSG_ID_LOCAL_POSITION_NED, TELEMETRY_RATE_HZ),
     (mavlink.MAVLINK_MSG_ID_ATTITUDE, TELEMETRY_RATE_HZ),
     (mavlink.MAVLINK_MSG_ID_EXTENDED_SYS_STATE, 5.0),
-    (mavlink.MAVLINK_MSG_ID_POSITION_TARGET_LOCAL_NED, 10.0),
+    (mavlink.MAVLINK_MSG_ID_POSITION_TARGET_LOCAL_NED, TARGET_RATE_HZ),
 )
 _SETPOINT_MESSAGES: Final = (
     mavlink.MAVLINK_MSG_ID_SET_POSITION_TARGET_LOCAL_NED,
@@ -47,7 +60,7 @@ _SETPOINT_MESSAGES: Final = (
 _REQUEST_PERIOD_S: Final = 2.0
 
 
-# Position (NED, m) and velocity (NED, m/s).
+# Position (NED, m) and velocity (NED, m/s); NaN where there is none.
 Target = tuple[tuple[float, float, float], tuple[float, float, float]]
 
 
@@ -89,6 +102,7 @@ class VehicleStatus:
     Attributes:
         heard_s: time of its last heartbeat.
         armed: motors armed.
+        ardupilot: it is ArduPilot; else it is taken for PX4.
         external_control: its mode obeys our setpoints (OFFBOARD, GUIDED).
         mode: name for people.
         airborne: from EXTENDED_SYS_STATE; None until known.
@@ -96,6 +110,7 @@ class VehicleStatus:
 
     heard_s: float = -math.inf
     armed: bool = False
+    ardupilot: bool = False
     external_control: bool = False
     mode: str = "unknown"
     airborne: bool | None = None
@@ -133,6 +148,8 @@ class MavlinkEndpoint:
         # Where the autopilot says it is going and how fast, and when it said so.
         self.target_heard_s = -math.inf
         self.target: Target = ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
+        # How far the magnetometer is off, as a share of the estimator's gate; None until known.
+        self.compass_ratio: float | None = None
         self._system_id = system_id
         self._attitude_rad: tuple[float, float, float] | None = None
         self._attitude_s = -math.inf
@@ -250,6 +267,7 @@ class MavlinkEndpoint:
             self.status,
             heard_s=now_s,
             armed=bool(message.base_mode & mavlink.MAV_MODE_FLAG_SAFETY_ARMED),
+            ardupilot=message.autopilot == mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA,
             external_control=external_control,
             mode=mode,
         )
@@ -272,6 +290,11 @@ class MavlinkEndpoint:
     def _on_target(self, message: Any, now_s: float) -> None:
         position_ned_m = (message.x, message.y, message.z)
         velocity_ned_mps = (message.vx, message.vy, message.vz)
+        nowhere = (math.nan, math.nan, math.nan)
+        if message.type_mask & _POSITION_IGNORED:
+            position_ned_m = nowhere
+        if message.type_mask & _VELOCITY_IGNORED:
+            velocity_ned_mps = nowhere
         self.target_heard_s, self.target = now_s, (position_ned_m, velocity_ned_mps)
 
     def _on_extended_state(self, message: Any, _: float) -> None:

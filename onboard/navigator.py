@@ -40,7 +40,10 @@ from onboard.trajectory import State, Trajectory, X
 
 # A leg starts once the nose points along it, at rest, and the sensor has looked there since.
 HEADING_TOLERANCE_RAD: Final = math.radians(5.0)
+# At rest is what stops within the tracking error, but not less than this, nor more: no hover is
+# that fast.  The estimate of a real hover reads up to 0.9 m/s (PX4), its position wanders with it.
 AT_REST_MPS: Final = 0.3
+AT_REST_MAX_MPS: Final = 1.0
 # How near the vehicle must hover to the start of the mission.
 START_TOLERANCE_M: Final = 1.5
 
@@ -141,6 +144,11 @@ class Navigator:
         return self.phase is Phase.CRUISE and not self._aligning
 
     @property
+    def moving(self) -> bool:
+        """Whether the vehicle is on its way along a leg, its nose aligned."""
+        return self.cruising_freely or self.phase is Phase.AVOID
+
+    @property
     def flying(self) -> bool:
         """Whether the guarantee is at stake: the vehicle is on its way."""
         return self.phase in (Phase.CRUISE, Phase.AVOID)
@@ -196,7 +204,7 @@ class Navigator:
             ),
             # From rest only: whatever way braking would take has not been certified.
             (
-                speed_mps < AT_REST_MPS,
+                speed_mps < self._at_rest_mps,
                 Refusal(kind.MOVING, f"not at rest ({speed_mps:.1f} m/s)"),
             ),
         ]
@@ -444,7 +452,8 @@ class Navigator:
 
     def _await_alignment(self, pose: Pose, now_s: float) -> None:
         error_rad = abs(wrap_angle(pose.yaw_rad - self.leg.heading_rad))
-        at_rest = math.hypot(*pose.velocity_ned_mps) < AT_REST_MPS
+        resting = self._reference is not None and now_s >= self._reference.end_s
+        at_rest = resting and math.hypot(*pose.velocity_ned_mps) < self._at_rest_mps
         look_s = self.assessment.terms.frame_age_max_s + self.assessment.terms.reaction_time_s
         if error_rad > HEADING_TOLERANCE_RAD or not at_rest:
             self._aligned_since_s = None
@@ -473,6 +482,16 @@ class Navigator:
             self._align(State((0.0, 0.0, z_m), (0.0, 0.0, 0.0)), now_s)
         else:
             self._trigger(Trigger.MISSION_FLOWN, now_s)
+
+    @property
+    def _at_rest_mps(self) -> float:
+        """Speed from which the vehicle stops, lag included, within its tracking error."""
+        terms, brake_mps2 = self.assessment.terms, self.assessment.limits.brake_mps2
+        lag_s = terms.attitude_lag_s
+        stops_mps = brake_mps2 * (
+            math.sqrt(lag_s**2 + 2.0 * terms.tracking_error_m / brake_mps2) - lag_s
+        )
+        return min(max(AT_REST_MPS, stops_mps), AT_REST_MAX_MPS)
 
     def _align(self, state: State, now_s: float) -> None:
         """Hover and turn the nose, and with it the sensor, along the leg."""

@@ -12,6 +12,7 @@ from typing import Any, Final
 from pymavlink.dialects.v20 import common as mavlink
 
 from onboard.mavlink_frames import FrameReader
+from onboard.rest import RestDetector
 
 REPEAT_S: Final = 0.5
 HEALTH: Final = mavlink.MAV_SYS_STATUS_PREARM_CHECK
@@ -37,8 +38,9 @@ _HEARD: Final = (mavlink.MAVLINK_MSG_ID_HEARTBEAT, *TAKE_OFF_STREAMS)
 # A vehicle that may not be armed for so long will not be; nor does one climb that is this slow.
 PATIENCE_S: Final = 30.0
 CLIMB_MIN_MPS: Final = 0.2
-HEIGHT_TOLERANCE_M: Final = 0.15
-SETTLED_MPS: Final = 0.1
+OFF_THE_GROUND_M: Final = 0.15
+# PX4 ends its climb up to 0.35 m off the height asked for.
+HEIGHT_TOLERANCE_M: Final = 0.5
 
 
 class Step(Enum):
@@ -77,7 +79,8 @@ class Operator:
         self._armed = self._ready = False
         self._offboard = self._copter = False
         self._streams_asked = False
-        self._height_m = self._speed_mps = 0.0
+        self._height_m = 0.0
+        self._rest = RestDetector()
         self._repeat_s = 0.0
         self._climbs_until_s = 0.0
 
@@ -144,7 +147,7 @@ class Operator:
                 self._climbs_until_s = now_s + PATIENCE_S + self._altitude_m / CLIMB_MIN_MPS
             case Step.ARM if now_s > PATIENCE_S:
                 self.step, self.gave_up = Step.DONE, "the vehicle cannot be armed"
-            case Step.TAKE_OFF if self._height_m > HEIGHT_TOLERANCE_M:
+            case Step.TAKE_OFF if self._height_m > OFF_THE_GROUND_M:
                 self.step = Step.CLIMB
             case Step.CLIMB if self._settled:
                 self.step = Step.HAND_OVER
@@ -161,9 +164,9 @@ class Operator:
 
     @property
     def _settled(self) -> bool:
-        near = abs(self._height_m - self._altitude_m) < HEIGHT_TOLERANCE_M
         # GUIDED is handed over from the start: the service flies on as soon as it can.
-        return near and (self._copter or self._speed_mps < SETTLED_MPS)
+        near = abs(self._height_m - self._altitude_m) < HEIGHT_TOLERANCE_M
+        return near and (self._copter or self._rest.at_rest)
 
     def _handle(self, message: Any) -> None:
         match message.get_type():
@@ -178,7 +181,7 @@ class Operator:
                 self._ready = bool(message.onboard_control_sensors_health & HEALTH)
             case "LOCAL_POSITION_NED":
                 self._height_m = -message.z
-                self._speed_mps = (message.vx**2 + message.vy**2 + message.vz**2) ** 0.5
+                self._rest.add(message.time_boot_ms / 1e3, (message.x, message.y, message.z))
 
     def _ask_for(self, intervals_us: dict[int, int]) -> None:
         for message_id, interval_us in intervals_us.items():

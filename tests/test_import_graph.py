@@ -93,8 +93,8 @@ def broken_rule(module: str, name: str) -> str | None:
     return None
 
 
-# Files and bytes: nothing in them has a sign that both sides could get wrong alike.
-SHARED = ("onboard.yaml_file", "onboard.mavlink_frames")
+# Files, bytes and distances: nothing in them has a sign that both sides could get wrong alike.
+SHARED = ("onboard.yaml_file", "onboard.mavlink_frames", "onboard.rest")
 
 
 def may_import_onboard(module: str, name: str) -> bool:

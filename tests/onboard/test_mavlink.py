@@ -132,6 +132,44 @@ def test_other_systems_and_components_are_ignored(
     assert endpoint.counters.foreign_messages == 1
 
 
+@pytest.mark.parametrize("autopilot_id", [3, 12])
+def test_the_flavour_is_read_from_the_heartbeat(
+    endpoint: MavlinkEndpoint, autopilot: Autopilot, autopilot_id: int
+) -> None:
+    endpoint.receive(autopilot.heartbeat(0, armed=True, autopilot=autopilot_id), 1.0)
+    assert endpoint.status.ardupilot is (autopilot_id == 3)
+
+
+@pytest.mark.parametrize(
+    ("type_mask", "has_position", "has_velocity"),
+    [
+        (0, True, True),  # PX4
+        (3072, True, True),  # ArduPilot, as asked for by us
+        (3079, False, True),  # a velocity alone; its position reads zero
+        (3576, True, False),  # a take-off
+        (4, False, True),
+        (32, True, False),
+    ],
+)
+def test_what_a_target_ignores_is_no_number(
+    endpoint: MavlinkEndpoint,
+    autopilot: Autopilot,
+    type_mask: int,
+    *,
+    has_position: bool,
+    has_velocity: bool,
+) -> None:
+    autopilot.mav.position_target_local_ned_send(
+        0, mavlink.MAV_FRAME_LOCAL_NED, type_mask, 1.0, 2.0, -4.0, 2.5, 0.5, 0.25, *(0.0,) * 5
+    )
+    endpoint.receive(autopilot.said(), 3.0)
+    position_ned_m, velocity_ned_mps = endpoint.target
+    assert endpoint.target_heard_s == 3.0
+    nothing = pytest.approx((math.nan,) * 3, nan_ok=True)
+    assert position_ned_m == ((1.0, 2.0, -4.0) if has_position else nothing)
+    assert velocity_ned_mps == ((2.5, 0.5, 0.25) if has_velocity else nothing)
+
+
 def test_setpoint_carries_everything(endpoint: MavlinkEndpoint, autopilot: Autopilot) -> None:
     setpoint = Setpoint((1.0, 2.0, -4.0), (2.5, 0.5, 0.0), (0.25, -0.5, 0.125), 0.75)
     endpoint.send_setpoint(setpoint, now_s=1.5)

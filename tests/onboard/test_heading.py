@@ -1,0 +1,126 @@
+import math
+from dataclasses import replace
+
+import pytest
+
+from onboard.bearings import BearingResidual
+from onboard.heading import (
+    COMPASS_CONFIRMATION_S,
+    POINTING_CONFIRMATION_S,
+    SIGHTING_CONFIRMATION_S,
+    SIGHTING_GAP_S,
+    HeadingMonitor,
+)
+from onboard.mavlink import Pose
+from onboard.monitor import Assumption
+from tests.onboard.example_terms import TERMS
+
+RATE_HZ = 20.0
+
+
+def pose(time_s: float, yaw_deg: float) -> Pose:
+    return Pose(time_s, (0.0, 0.0, -4.0), (2.8, 0.0, 0.0), 0.0, 0.0, math.radians(yaw_deg))
+
+
+def noticed_s(violations: list[object]) -> float | None:
+    """Return when the first violation of those of successive steps was found."""
+    return next((n / RATE_HZ for n, found in enumerate(violations) if found is not None), None)
+
+
+@pytest.mark.parametrize("command_deg", [0.0, 90.0, 179.0, -179.0])
+@pytest.mark.parametrize(
+    ("error_deg", "noticed"), [(4.0, False), (-4.0, False), (6.0, True), (-18.0, True)]
+)
+def test_a_nose_off_its_command_is_noticed(
+    command_deg: float, error_deg: float, *, noticed: bool
+) -> None:
+    monitor, command_rad = HeadingMonitor(), math.radians(command_deg)
+    found = [
+        monitor.check_pointing(pose(n / RATE_HZ, command_deg + error_deg), command_rad)
+        for n in range(60)
+    ]
+    expected_s = pytest.approx(POINTING_CONFIRMATION_S) if noticed else None
+    assert noticed_s([*found]) == expected_s
+    assert all(each.assumption is Assumption.HEADING_ERROR for each in found if each is not None)
+
+
+def test_a_nose_that_swings_back_is_none() -> None:
+    monitor = HeadingMonitor()
+    for n in range(200):
+        swing_deg = 8.0 if n % 15 else 0.0
+        assert monitor.check_pointing(pose(n / RATE_HZ, swing_deg), 0.0) is None
+
+
+@pytest.mark.parametrize(
+    ("ratio", "noticed"),
+    [(None, False), (math.nan, False), (0.0, False), (0.99, False), (1.01, True), (9.0, True)],
+)
+def test_a_rejected_magnetometer_is_noticed(ratio: float | None, *, noticed: bool) -> None:
+    monitor = HeadingMonitor()
+    found = [monitor.check_compass(ratio, n / RATE_HZ) for n in range(100)]
+    assert noticed_s([*found]) == (pytest.approx(COMPASS_CONFIRMATION_S) if noticed else None)
+
+
+def test_a_magnetometer_that_is_heard_again_begins_anew() -> None:
+    monitor = HeadingMonitor()
+    ratios = ([1.5] * 30 + [0.2] + [None] * 3) * 5
+    assert not any(monitor.check_compass(r, n / RATE_HZ) for n, r in enumerate(ratios))
+
+
+def sight(
+    turned_deg: float,
+    *,
+    heading_error_deg: float = 0.0,
+    noise_deg: tuple[float, ...] = (0.0,),
+    error_m: float = 0.05,
+    period_s: float = 1.0 / RATE_HZ,
+) -> float | None:
+    """See tracks 8 m away turned by an angle; return when that is noticed."""
+    monitor = HeadingMonitor()
+    terms = replace(TERMS, heading_error_rad=math.radians(heading_error_deg))
+    for number in range(60):
+        residuals = [
+            BearingResidual(math.radians(turned_deg + noise), 2.0 * error_m / 8.0)
+            for noise in noise_deg
+        ]
+        found = monitor.on_sightings(residuals, number * period_s, terms)
+        if found is not None:
+            assert found.assumption is Assumption.HEADING_ERROR
+            return number * period_s
+    return None
+
+
+@pytest.mark.parametrize(
+    ("turned_deg", "heading_error_deg", "noticed"),
+    [
+        (3.5, 0.0, False),  # the wander of a good estimator
+        (-3.5, 0.0, False),
+        (18.0, 0.0, True),  # what led to a contact
+        (-18.0, 0.0, True),
+        (18.0, 3.5, True),
+        (10.0, 3.5, False),  # the track was placed with one error, is seen with the other
+        (18.0, 8.0, False),
+    ],
+)
+def test_tracks_that_come_round_together_are_noticed(
+    turned_deg: float, heading_error_deg: float, *, noticed: bool
+) -> None:
+    expected_s = pytest.approx(SIGHTING_CONFIRMATION_S) if noticed else None
+    assert sight(turned_deg, heading_error_deg=heading_error_deg) == expected_s
+
+
+def test_tracks_that_disagree_show_no_heading() -> None:
+    assert sight(0.0, noise_deg=(18.0, -18.0)) is None
+    assert sight(18.0, noise_deg=(3.0, -3.0, 0.0)) is not None
+
+
+def test_positions_that_are_uncertain_explain_a_turn() -> None:
+    assert sight(18.0, error_m=1.5) is None
+
+
+def test_sightings_far_apart_confirm_nothing() -> None:
+    assert sight(18.0, period_s=SIGHTING_GAP_S + 0.1) is None
+
+
+def test_frames_without_a_known_track_say_nothing() -> None:
+    assert HeadingMonitor().on_sightings([], 0.0, TERMS) is None
