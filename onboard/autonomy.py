@@ -21,6 +21,7 @@ from onboard.agility import InputSet
 from onboard.clearance import ClearanceGate
 from onboard.config import Contract, Mission
 from onboard.contract import Assessment, assess
+from onboard.estimator_reset import EstimatorReset, PoseMonitor, ResetLedger
 from onboard.events import Event, Severity
 from onboard.guidance import Phase
 from onboard.mavlink import TELEMETRY_RATE_HZ, MavlinkEndpoint, Pose, Setpoint
@@ -33,13 +34,13 @@ from onboard.obstacles import (
     PoseHistory,
     corners_ned,
     parse_frame,
+    shifted_corners,
 )
 from onboard.payload import MalformedPayloadError, parse
 from onboard.planner import Planner
 from onboard.watches import (
     CLOCK_TOLERANCE_S,
     DetectionWatch,
-    PositionWatch,
     RivalWatch,
     TickWatch,
     TiltWatch,
@@ -121,7 +122,7 @@ class Autonomy:
         self._complies = assessment.compliant or fly_outside_contract
         self._fly_outside_contract = fly_outside_contract
         self._detection_watch = DetectionWatch()
-        self._position_watch = PositionWatch(stale_after_s)
+        self._pose_monitor, self._resets = PoseMonitor(stale_after_s), ResetLedger()
         self._tracking_watch, self._tilt_watch = TrackingWatch(), TiltWatch()
         self._tick_watch, self._rival_watch = TickWatch(), RivalWatch()
         self._poses = PoseHistory()
@@ -151,8 +152,15 @@ class Autonomy:
         """Take bytes from the autopilot's link."""
         before = self.link.pose
         self.link.receive(data, now_s)
-        if self.link.pose is not None and self.link.pose is not before:
-            self._poses.add(self.link.pose)
+        pose = self.link.pose
+        if pose is None or pose is before:
+            return
+        reset = self._pose_monitor.check_jump(pose)
+        if reset is not None:
+            self._resets.add(reset)
+            if reset.measured:
+                self._poses.shift(reset.shift_ned_m)
+        self._poses.add(pose)
 
     def receive_detection(self, payload: bytes, now_s: float) -> None:  # noqa: ARG002  latched
         """Take one detection frame; it is read in the next tick."""
@@ -206,6 +214,8 @@ class Autonomy:
         self._collect_events()
 
     def _decide(self, now_s: float) -> None:
+        for reset in self._resets.take_unanswered():
+            self._answer_reset(reset, now_s)
         self._take_frames(now_s)
         self._take_mission(now_s)
         pose = self.link.pose
@@ -243,10 +253,11 @@ class Autonomy:
             self._broken(violation, now_s)
         if ahead:
             return
+        shifts_m = [(0.0, 0.0)] if pose is not None else self._resets.placements_m(stamp_s)
         for detection in frame.obstacles:
             track_id = _track_id(frame, detection)
             if pose is None or track_id in blurs_m:
-                self._take_detection(track_id, detection, pose, now_s)
+                self._take_detection(track_id, detection, pose, shifts_m, now_s)
 
     def _blurs_m(self, frame: DetectionFrame, stamp_s: float) -> dict[str, float]:
         """How far off a turning body sees what is to be taken from a frame, by track.
@@ -281,11 +292,26 @@ class Autonomy:
         return self.navigator.cruising_freely or self.navigator.phase is Phase.AVOID
 
     def _take_detection(
-        self, obstacle_id: str, detection: Detection, pose: Pose | None, now_s: float
+        self,
+        obstacle_id: str,
+        detection: Detection,
+        pose: Pose | None,
+        shifts_m: list[tuple[float, float]],
+        now_s: float,
     ) -> None:
+        """Remember what is seen; where an estimator reset leaves its place open, at every one.
+
+        What is known then already has been seen better.
+        """
         obstacles = self.navigator.obstacles
+        if len(shifts_m) > 1 and obstacles.of_track(obstacle_id) is not None:
+            return
         corners = corners_ned(detection, pose)
-        if not obstacles.add(obstacle_id, corners, detection.uncertainty_m):
+        changed = [
+            obstacles.add(obstacle_id, shifted_corners(corners, shift_m), detection.uncertainty_m)
+            for shift_m in shifts_m
+        ]
+        if not any(changed):
             return
         obstacle = obstacles.of_track(obstacle_id)
         if obstacle is not None:
@@ -324,6 +350,7 @@ class Autonomy:
         failures = tuple(self._departure_failures(pose, now_s))
         if not failures:
             self._reported.clear()
+            self._resets.begin_flight()
             self._tracking_watch, self._tilt_watch = TrackingWatch(), TiltWatch()
             self._rival_watch = RivalWatch()
             self.navigator.take_control(pose, now_s)
@@ -344,7 +371,7 @@ class Autonomy:
             failures.append(uncleared)
         if self._detection_watch.check(now_s, self.assessment.terms) is not None:
             failures.append("no fresh detection frames")
-        if self._position_watch.check_age(pose, now_s) is not None:
+        if self._pose_monitor.check_age(pose, now_s) is not None:
             failures.append("no fresh telemetry")
         failures += self.navigator.departure_failures(pose)
         if not self._fly_outside_contract:
@@ -353,26 +380,42 @@ class Autonomy:
 
     def _watch(self, pose: Pose, now_s: float) -> None:
         """Hold every assumption against what is seen."""
-        jump, moved = None, pose is not self._watched_pose
+        moved = pose is not self._watched_pose
         self._watched_pose = pose
-        if moved:
-            jump = self._position_watch.check_jump(pose)
         if not self.navigator.flying:
-            if jump is not None:
-                self._hold = _hold_at(pose)
-                self.navigator.hover_at(pose, now_s)
             if moved and self.navigator.phase is not Phase.STANDBY:
                 self._watch_hover(pose, now_s)
             return
-        if jump is not None:
-            self._broken(jump, now_s, measured=pose)
         silent = self._detection_watch.check(now_s, self.assessment.terms)
-        stale = self._position_watch.check_age(pose, now_s)
+        stale = self._pose_monitor.check_age(pose, now_s)
         for violation in (silent, stale, self._rival(now_s), *self._environment_violations(now_s)):
             if violation is not None:
                 self._broken(violation, now_s)
         if moved:
             self._watch_tracking(pose, now_s)
+
+    def _answer_reset(self, reset: EstimatorReset, now_s: float) -> None:
+        """Move what is remembered with the estimate, then fly on if the contract declares it.
+
+        After a silence the vector is unknown: the vehicle stops, or hovers, where it is said to be.
+        """
+        navigator, pose = self.navigator, self.link.pose
+        assert pose is not None  # noqa: S101  a reset is seen on one
+        if reset.measured:
+            navigator.shift(reset.shift_ned_m)
+        if not navigator.flying:
+            self._hold = _hold_at(pose)
+            if not reset.measured:
+                navigator.hover_at(pose, now_s)
+            if navigator.phase is not Phase.STANDBY:
+                self._report(reset.violation(), now_s)
+            return
+        ended = self._resets.count(reset, self.assessment.terms.estimator_reset_max_m)
+        if ended is not None:
+            self._broken(ended, now_s, measured=None if reset.measured else pose)
+            return
+        self._news.append(self._resets.event(reset, len(navigator.obstacles), now_s))
+        navigator.fly_on_after_shift(reset.violation(), now_s)
 
     def _watch_tracking(self, pose: Pose, now_s: float) -> None:
         """Answer for tracking, as far as the autopilot follows us.

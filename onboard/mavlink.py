@@ -68,6 +68,7 @@ class Pose(NamedTuple):
         time_s: when the position arrived.
         position_ned_m, velocity_ned_mps: NED.
         roll_rad, pitch_rad, yaw_rad: attitude, the latest known at that time.
+        measured_s: when the position was measured, by the autopilot's clock; None if unknown.
     """
 
     time_s: float
@@ -76,6 +77,7 @@ class Pose(NamedTuple):
     roll_rad: float
     pitch_rad: float
     yaw_rad: float
+    measured_s: float | None = None
 
 
 @dataclass(frozen=True)
@@ -242,7 +244,10 @@ class MavlinkEndpoint:
         if not all(map(math.isfinite, position_ned_m + velocity_ned_mps)):
             self.counters.malformed_messages += 1
         elif self._attitude_rad is not None and now_s - self._attitude_s <= ATTITUDE_AGE_MAX_S:
-            self.pose = Pose(now_s, position_ned_m, velocity_ned_mps, *self._attitude_rad)
+            measured_s = message.time_boot_ms / 1e3
+            self.pose = Pose(
+                now_s, position_ned_m, velocity_ned_mps, *self._attitude_rad, measured_s
+            )
 
     def _on_attitude(self, message: Any, now_s: float) -> None:
         attitude_rad = (message.roll, message.pitch, message.yaw)

@@ -11,7 +11,7 @@ import functools
 import math
 from collections import defaultdict, deque
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Annotated, Final, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
@@ -84,6 +84,13 @@ class PoseHistory:
         while self._poses[0].time_s < pose.time_s - self._span_s:
             self._poses.popleft()
 
+    def shift(self, shift_ned_m: tuple[float, float, float]) -> None:
+        """State every pose in the local frame of now, after the estimator moved it by a vector."""
+        for index, pose in enumerate(self._poses):
+            moved = zip(pose.position_ned_m, shift_ned_m, strict=True)
+            north_m, east_m, down_m = (before_m + shift_m for before_m, shift_m in moved)
+            self._poses[index] = pose._replace(position_ned_m=(north_m, east_m, down_m))
+
     def at(self, time_s: float, tolerance_s: float = 0.1) -> Pose | None:
         """Return the pose nearest to ``time_s``, moved on to that time; None if none is near.
 
@@ -136,6 +143,11 @@ def corners_ned(detection: Detection, pose: Pose | None) -> Corners:
     return [box.position_ned(corner)[:2] for corner in corners]
 
 
+def shifted_corners(corners_ned_m: Corners, shift_ned_m: tuple[float, float]) -> Corners:
+    """Corners moved north and east."""
+    return [(north + shift_ned_m[0], east + shift_ned_m[1]) for north, east in corners_ned_m]
+
+
 @dataclass(frozen=True)
 class Obstacle:
     """An obstacle to avoid as one, in the current leg frame.
@@ -153,6 +165,11 @@ class Obstacle:
     measured: Box
     position_error_m: float
     region: RegionOfInfluence
+
+    def shifted_by(self, x_m: float, y_m: float) -> Obstacle:
+        """Return the same obstacle elsewhere in the leg frame."""
+        measured, region = (part.shifted_by(x_m, y_m) for part in (self.measured, self.region))
+        return replace(self, measured=measured, region=region)
 
     def confirms(self, earlier: Obstacle, position_error_m: float) -> bool:
         """Tell whether all that was measured since agrees with an earlier state of the obstacle.
@@ -234,6 +251,13 @@ class ObstacleMap:
         self._strips.clear()
         for track_id, track in tracks.items():
             self.add(track_id, track.corners_ned_m, track.position_error_m)
+
+    def shift(self, north_m: float, east_m: float) -> None:
+        """State everything remembered in the local frame of now, which a reset has moved."""
+        for track_id, track in self._tracks.items():
+            corners_ned_m = shifted_corners(track.corners_ned_m, (north_m, east_m))
+            self._tracks[track_id] = replace(track, corners_ned_m=corners_ned_m)
+        self.rebuild(self._leg, self._region_around, self._merged_size_max_m)
 
     def add(self, track_id: str, corners_ned_m: Corners, position_error_m: float) -> bool:
         """Remember a measurement; tell whether it changed what is known.

@@ -13,7 +13,6 @@ from onboard.watches import (
     TICK_OVERRUN_S,
     TILT_PATIENCE_S,
     DetectionWatch,
-    PositionWatch,
     RivalWatch,
     TickWatch,
     TiltWatch,
@@ -76,29 +75,6 @@ def test_frame_from_the_future_is_a_clock_fault_and_no_sight() -> None:
     watch = DetectionWatch()
     assert names(watch.on_frame("front", 11.0, 10.0, TERMS)) == [Assumption.SENSOR_CLOCK]
     assert watch.check(10.0, TERMS) is not None
-
-
-def pose(time_s: float, x_m: float, vx_mps: float = 2.8) -> Pose:
-    return Pose(time_s, (x_m, 0.0, -4.0), (vx_mps, 0.0, 0.0), 0.0, 0.0, 0.0)
-
-
-def test_telemetry_grows_stale() -> None:
-    watch = PositionWatch(stale_after_s=0.5)
-    assert watch.check_age(pose(1.0, 0.0), 1.5) is None
-    stale = watch.check_age(pose(1.0, 0.0), 1.51)
-    assert stale is not None
-    assert stale.assumption is Assumption.TELEMETRY_AGE
-    assert watch.check_age(None, 0.0) is not None
-
-
-def test_flight_is_no_jump_but_a_reset_is() -> None:
-    watch = PositionWatch(stale_after_s=0.5)
-    for step in range(50):
-        assert watch.check_jump(pose(step * 0.02, step * 0.056)) is None
-    reset = watch.check_jump(pose(1.0, 50 * 0.056 + 0.6))
-    assert reset is not None
-    assert reset.assumption is Assumption.ESTIMATOR_RESET
-    assert watch.check_jump(pose(1.02, 51 * 0.056 + 0.6)) is None
 
 
 def track(
