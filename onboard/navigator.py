@@ -300,7 +300,6 @@ class Navigator:
         """
         shift_leg_m = x_m, y_m, _ = self.leg.vector_leg(shift_ned_m)
         self.obstacles.shift(*shift_ned_m[:2])
-        self._straight_from_x_m += x_m
         if self._reference is not None:
             self._reference = self._reference.shifted_by(shift_leg_m)
         if self._upcoming is not None:
