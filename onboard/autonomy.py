@@ -38,6 +38,7 @@ from onboard.obstacles import (
 )
 from onboard.payload import MalformedPayloadError, parse
 from onboard.planner import Planner
+from onboard.position_quality import DEAD_RECKONING_S, PositionQualityMonitor, Sign
 from onboard.watches import (
     CLOCK_TOLERANCE_S,
     DetectionWatch,
@@ -64,6 +65,8 @@ POSE_TIMING_S: Final = 0.5 / TELEMETRY_RATE_HZ
 SHARP_SHARE: Final = 0.1
 # Holding without knowing where for longer than this is left to the autopilot.
 HANDOVER_AFTER_S: Final = 2.0
+# A reference slower than this has come to rest, but for round-off.
+STOPPED_MPS: Final = 0.01
 
 
 @dataclass
@@ -121,6 +124,8 @@ class Autonomy:
         self.clearance = ClearanceGate(contract.sha256, preflight_age_max_s)
         self._complies = assessment.compliant or fly_outside_contract
         self._fly_outside_contract = fly_outside_contract
+        self._quality_monitor = PositionQualityMonitor(self.link.position_reports)
+        self._doubt: Sign | None = None
         self._detection_watch = DetectionWatch()
         self._pose_monitor, self._resets = PoseMonitor(stale_after_s), ResetLedger()
         self._tracking_watch, self._tilt_watch = TrackingWatch(), TiltWatch()
@@ -219,6 +224,7 @@ class Autonomy:
         self._take_frames(now_s)
         self._take_mission(now_s)
         pose = self.link.pose
+        self._doubt = self._quality_monitor.check(now_s)
         if pose is not None:
             self._follow_mode(pose, now_s)
             self._watch(pose, now_s)
@@ -335,10 +341,17 @@ class Autonomy:
         heard = now_s - status.heard_s <= AUTOPILOT_SILENCE_S
         granted = status.armed and status.external_control and status.airborne is True and heard
         if not granted:
-            # Only the pilot ends a hold: a silent autopilot has not handed anything back.
-            self._held = (self._held or navigator.phase is Phase.HOLD) and not heard
+            # Only the pilot ends a hold, or a flight on a bad position: neither a silent autopilot
+            # has handed anything back, nor one whose failsafe acts.
+            stays = navigator.phase is Phase.HOLD or (navigator.flying and self._doubt is not None)
+            self._held = (self._held or stays) and (not heard or status.failsafe)
             if navigator.phase is not Phase.STANDBY:
+                if heard and status.failsafe:
+                    text = f"the autopilot's failsafe has taken over ({status.mode})"
+                    self._news.append(Event(now_s, "failsafe", Severity.WARNING, text))
                 navigator.release_control(now_s)
+            if status.airborne is not True:
+                self._quality_monitor.forget_flight()
             self._hold = _hold_at(pose)
             self._refusal = ()
         elif navigator.phase is Phase.STANDBY:
@@ -351,6 +364,8 @@ class Autonomy:
         if not failures:
             self._reported.clear()
             self._resets.begin_flight()
+            self._quality_monitor.depart(now_s)
+            self._doubt = None
             self._tracking_watch, self._tilt_watch = TrackingWatch(), TiltWatch()
             self._rival_watch = RivalWatch()
             self.navigator.take_control(pose, now_s)
@@ -373,6 +388,7 @@ class Autonomy:
             failures.append("no fresh detection frames")
         if self._pose_monitor.check_age(pose, now_s) is not None:
             failures.append("no fresh telemetry")
+        failures += self._quality_monitor.departure_failures(now_s)
         failures += self.navigator.departure_failures(pose)
         if not self._fly_outside_contract:
             failures += map(str, self._environment_violations(now_s))
@@ -382,13 +398,17 @@ class Autonomy:
         """Hold every assumption against what is seen."""
         moved = pose is not self._watched_pose
         self._watched_pose = pose
+        doubted = None if self._doubt is None else self._doubt.violation()
         if not self.navigator.flying:
+            if doubted is not None and self.navigator.phase is not Phase.STANDBY:
+                self._report(doubted, now_s)
             if moved and self.navigator.phase is not Phase.STANDBY:
                 self._watch_hover(pose, now_s)
             return
         silent = self._detection_watch.check(now_s, self.assessment.terms)
         stale = self._pose_monitor.check_age(pose, now_s)
-        for violation in (silent, stale, self._rival(now_s), *self._environment_violations(now_s)):
+        rival, unsuitable = self._rival(now_s), self._environment_violations(now_s)
+        for violation in (doubted, silent, stale, rival, *unsuitable):
             if violation is not None:
                 self._broken(violation, now_s)
         if moved:
@@ -524,14 +544,28 @@ class Autonomy:
                 self._sent.popleft()
 
     def _left_to_the_autopilot(self, now_s: float) -> bool:
-        """Tell whether we hover blind: then the autopilot's own failsafe does better than we."""
-        pose = self.link.pose
-        blind = pose is None or now_s - pose.time_s > HANDOVER_AFTER_S
-        left, self._left = self._left, blind and not self.navigator.flying
+        """Tell whether we hover without a position: then the autopilot's failsafe does better."""
+        reason = None if self.navigator.flying else self._blindness(now_s)
+        left, self._left = self._left, reason is not None
         if self._left and not left and self.navigator.phase is not Phase.STANDBY:
-            text = "no position: leaving the vehicle to the autopilot"
+            text = f"{reason}: leaving the vehicle to the autopilot"
             self._news.append(Event(now_s, "handed_over", Severity.CRITICAL, text))
         return self._left
+
+    def _blindness(self, now_s: float) -> str | None:
+        """Return why the position is gone, or None.
+
+        Dead reckoning is good for a stop; once that is over, or has had its time, it is not.
+        """
+        pose, sign = self.link.pose, self._doubt
+        if pose is None or now_s - pose.time_s > HANDOVER_AFTER_S:
+            return "no position"
+        if sign is None:
+            return None
+        setpoint = self.navigator.setpoint(now_s)
+        speed_mps = 0.0 if setpoint is None else math.hypot(*setpoint.velocity_ned_mps)
+        allowed_s = DEAD_RECKONING_S * (2.0 if speed_mps > STOPPED_MPS else 1.0)
+        return sign.sentence if self._quality_monitor.lost_for_s(sign, now_s) > allowed_s else None
 
     def _collect_events(self) -> None:
         self._news += self.navigator.events
@@ -570,6 +604,7 @@ class Autonomy:
             "leg_heading_rad": self.navigator.leg.heading_rad,
             "detection_age_s": age_s if math.isfinite(age_s) else None,
             "telemetry_age_s": None if pose is None else now_s - pose.time_s,
+            "position_doubt": None if self._doubt is None else self._doubt.sentence,
             "cleared": self.clearance.refusal(self.epoch_unix_s + now_s) is None,
             "log_ended": self._log_ended,
             "obstacles_known": len(self.navigator.obstacles),

@@ -56,6 +56,7 @@ class Violation:
         assumption: which.
         measured, limit, unit: what was seen and what was allowed.
         subject: what it was seen on, such as an obstacle's id.
+        sentence: for people, where numbers alone would not tell; else made of the numbers.
     """
 
     assumption: Assumption
@@ -63,8 +64,11 @@ class Violation:
     limit: float
     unit: str
     subject: str = ""
+    sentence: str = ""
 
     def __str__(self) -> str:
+        if self.sentence:
+            return self.sentence
         where = f" ({self.subject})" if self.subject else ""
         return f"{self.assumption}{where}: {self.measured:.2f}, limit {self.limit:.2f} {self.unit}"
 

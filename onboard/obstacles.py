@@ -168,8 +168,11 @@ class Obstacle:
 
     def shifted_by(self, x_m: float, y_m: float) -> Obstacle:
         """Return the same obstacle elsewhere in the leg frame."""
-        measured, region = (part.shifted_by(x_m, y_m) for part in (self.measured, self.region))
-        return replace(self, measured=measured, region=region)
+        return replace(
+            self,
+            measured=self.measured.shifted_by(x_m, y_m),
+            region=self.region.shifted_by(x_m, y_m),
+        )
 
     def confirms(self, earlier: Obstacle, position_error_m: float) -> bool:
         """Tell whether all that was measured since agrees with an earlier state of the obstacle.
