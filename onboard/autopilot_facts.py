@@ -29,7 +29,7 @@ _ESTIMATOR_STATUS: Final = (mavlink.MAVLINK_MSG_ID_ESTIMATOR_STATUS, 5.0)
 _EKF_STATUS_REPORT: Final = (mavlink.MAVLINK_MSG_ID_EKF_STATUS_REPORT, 5.0)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class AutopilotFacts:
     """How one autopilot says what its position is worth.
 
