@@ -44,6 +44,7 @@ class Rig:
     target_ned_m: tuple[float, float, float] | None = None
     estimator_flags: int | None = 0x37F  # what PX4 says in flight; None for nothing
     fix_type: int | None = 3
+    system_status: int = 4
     seeing: bool = True
     speaking: bool = True
     setpoints: list[Any] = field(default_factory=list)
@@ -86,7 +87,9 @@ class Rig:
     def _say(self) -> None:
         base_mode = mavlink.MAV_MODE_FLAG_SAFETY_ARMED if self.armed else 0
         mode = self.mode if self.told_mode is None else self.told_mode
-        self._mav.heartbeat_send(mavlink.MAV_TYPE_QUADROTOR, 12, base_mode, mode, 4)
+        self._mav.heartbeat_send(
+            mavlink.MAV_TYPE_QUADROTOR, 12, base_mode, mode, self.system_status
+        )
         self._mav.extended_sys_state_send(0, self.landed_state)
         north_mps2, east_mps2, _ = (0.0, 0.0, 0.0) if self.level else self.acceleration_ned_mps2
         cosine, sine = math.cos(self.yaw_rad), math.sin(self.yaw_rad)
