@@ -13,7 +13,7 @@ from typing import Final, NamedTuple
 from onboard.autonomy import AUTOPILOT_SILENCE_S
 from onboard.config import Contract
 from onboard.contract import TICK_S
-from onboard.watches import TICK_OVERRUN_S
+from onboard.loop_overrun import TICK_OVERRUN_S
 from sitl.faults import Fault
 
 # Between two frames of any sensor in a campaign, latency included; and two ticks to act on it.

@@ -22,9 +22,11 @@ from onboard.config import Contract, Mission
 from onboard.contract import Assessment, assess
 from onboard.departure import Refusal, RefusalKind, RefusalReport
 from onboard.detection_intake import DetectionCounters, DetectionIntake
+from onboard.estimator_reset import EstimatorReset, PoseMonitor, ResetLedger
 from onboard.events import Event, Severity
 from onboard.guidance import Phase
 from onboard.heading import HeadingMonitor
+from onboard.loop_overrun import LoopOverrunMonitor
 from onboard.mavlink import MavlinkEndpoint, Pose, Setpoint
 from onboard.monitor import Assumption, Violation, check_obstacle
 from onboard.navigator import Navigator
@@ -32,11 +34,11 @@ from onboard.obstacles import Obstacle
 from onboard.payload import MalformedPayloadError, parse
 from onboard.planner import Planner
 from onboard.pose_history import PoseHistory
+from onboard.position_quality import DEAD_RECKONING_S, PositionQualityMonitor, Sign
 from onboard.second_commander import PX4_GAIN_MAX_PER_S, SecondCommanderMonitor
 from onboard.tilt_response import TiltResponseMonitor
 from onboard.tracking import TrackingMonitor
 from onboard.trim import TrimEstimator
-from onboard.watches import PositionWatch, TickWatch
 from onboard.wind import WindMonitor
 
 log = logging.getLogger(__name__)
@@ -50,6 +52,8 @@ RIVAL_MEMORY_S: Final = 0.5
 SENT_MEMORY_S: Final = 0.6
 # Holding without knowing where for longer than this is left to the autopilot.
 HANDOVER_AFTER_S: Final = 2.0
+# A reference slower than this has come to rest, but for round-off.
+STOPPED_MPS: Final = 0.01
 
 
 class Autonomy:
@@ -96,15 +100,17 @@ class Autonomy:
         )
         self.clearance = ClearanceGate(contract.sha256, preflight_age_max_s)
         self._fly_outside_contract = fly_outside_contract
-        self._position_watch = PositionWatch(stale_after_s)
-        self._tick_watch = TickWatch()
+        self._quality_monitor = PositionQualityMonitor(self.link.position_reports)
+        self._doubt: Sign | None = None
+        self._pose_monitor, self._resets = PoseMonitor(stale_after_s), ResetLedger()
+        self._loop_monitor = LoopOverrunMonitor()
         self._trim = TrimEstimator()
         self._tilt_monitor = TiltResponseMonitor(self._trim)
         self._wind_monitor = WindMonitor(self._trim)
         self._tracking_monitor, self._heading_monitor = TrackingMonitor(), HeadingMonitor()
         self._second_commander_monitor = SecondCommanderMonitor()
         self._poses = PoseHistory()
-        self._intake = DetectionIntake(self.navigator, self._poses)
+        self._intake = DetectionIntake(self.navigator, self._poses, self._resets.placements_m)
         self._pending_mission: bytes | None = None
         self._malformed_missions = 0
         self._log_ended = False
@@ -159,8 +165,15 @@ class Autonomy:
         """Take bytes from the autopilot's link."""
         before = self.link.pose
         self.link.receive(data, now_s)
-        if self.link.pose is not None and self.link.pose is not before:
-            self._poses.add(self.link.pose)
+        pose = self.link.pose
+        if pose is None or pose is before:
+            return
+        reset = self._pose_monitor.check_jump(pose)
+        if reset is not None:
+            self._resets.add(reset)
+            if reset.measured:
+                self._poses.shift(reset.shift_ned_m)
+        self._poses.add(pose)
 
     def receive_detection(self, payload: bytes, now_s: float) -> None:  # noqa: ARG002  latched
         """Take one detection frame; it is read in the next tick."""
@@ -202,7 +215,7 @@ class Autonomy:
     def tick(self, now_s: float) -> None:
         """Decide what is flown until the next tick, and queue its setpoint."""
         self.link.keep_alive(now_s, active=self.navigator.phase is not Phase.STANDBY)
-        overrun = self._tick_watch.check(now_s)
+        overrun = self._loop_monitor.check(now_s)
         if overrun is not None:
             self._broken(overrun, now_s)
         try:
@@ -215,10 +228,13 @@ class Autonomy:
         self._collect_events()
 
     def _decide(self, now_s: float) -> None:
+        for reset in self._resets.take_unanswered():
+            self._answer_reset(reset, now_s)
         for violation in self._intake.take(now_s, self.epoch_unix_s, self._heading_monitor):
             self._broken(violation, now_s)
         self._take_mission(now_s)
         pose = self.link.pose
+        self._doubt = self._quality_monitor.check(now_s)
         if pose is not None:
             self._follow_mode(pose, now_s)
             self._watch(pose, now_s)
@@ -242,10 +258,17 @@ class Autonomy:
         heard = now_s - status.heard_s <= AUTOPILOT_SILENCE_S
         granted = status.armed and status.external_control and status.airborne is True and heard
         if not granted:
-            # Only the pilot ends a hold: a silent autopilot has not handed anything back.
-            self._held = (self._held or navigator.phase is Phase.HOLD) and not heard
+            # Only the pilot ends a hold, or a flight on a bad position: neither a silent autopilot
+            # has handed anything back, nor one whose failsafe acts.
+            stays = navigator.phase is Phase.HOLD or (navigator.flying and self._doubt is not None)
+            self._held = (self._held or stays) and (not heard or status.failsafe)
             if navigator.phase is not Phase.STANDBY:
+                if heard and status.failsafe:
+                    text = f"the autopilot's failsafe has taken over ({status.mode})"
+                    self._news.append(Event(now_s, "failsafe", Severity.WARNING, text))
                 navigator.release_control(now_s)
+            if status.airborne is not True:
+                self._quality_monitor.forget_flight()
             self._hold = _hold_at(pose)
             self._refusals.end()
         elif navigator.phase is Phase.STANDBY:
@@ -257,6 +280,9 @@ class Autonomy:
         refusals = self._departure_refusals(pose, now_s)
         if not refusals:
             self._reported.clear()
+            self._resets.begin_flight()
+            self._quality_monitor.depart(now_s)
+            self._doubt = None
             self._tracking_monitor, self._heading_monitor = TrackingMonitor(), HeadingMonitor()
             self._second_commander_monitor = SecondCommanderMonitor()
             # The estimator may have aligned its heading since: in the climb, magnetometers recover.
@@ -279,8 +305,12 @@ class Autonomy:
         if uncleared is not None:
             found.append(Refusal(RefusalKind.PREFLIGHT, uncleared))
         found += self._detection_refusals(now_s)
-        if self._position_watch.check_age(pose, now_s) is not None:
+        if self._pose_monitor.check_age(pose, now_s) is not None:
             found.append(Refusal(RefusalKind.TELEMETRY, "no fresh telemetry"))
+        found += [
+            Refusal(RefusalKind.POSITION, text)
+            for text in self._quality_monitor.departure_failures(now_s)
+        ]
         found += self.navigator.departure_refusals(pose)
         if not self._fly_outside_contract:
             found += [
@@ -303,33 +333,24 @@ class Autonomy:
 
     def _watch(self, pose: Pose, now_s: float) -> None:
         """Hold every assumption against what is seen."""
-        jump, tilt, moved = None, None, pose is not self._watched_pose
+        moved = pose is not self._watched_pose
         self._watched_pose = pose
-        if moved:
-            jump, tilt = self._position_watch.check_jump(pose), self._check_tilt(pose)
-        if jump is not None:
-            self._intake.bearings.forget()
+        tilt = self._check_tilt(pose) if moved else None
+        doubted = None if self._doubt is None else self._doubt.violation()
         if not self.navigator.flying:
-            if jump is not None:
-                self._hold = _hold_at(pose)
-                self.navigator.hover_at(pose, now_s)
+            if doubted is not None and self.navigator.phase is not Phase.STANDBY:
+                self._report(doubted, now_s)
             if moved and self.navigator.phase is not Phase.STANDBY:
                 self._watch_hover(pose, tilt, now_s)
             return
-        if jump is not None:
-            self._broken(jump, now_s, measured=pose)
-        silent = self._intake.monitor.check(now_s, self.assessment.terms)
-        stale = self._position_watch.check_age(pose, now_s)
-        rival, wind = (
-            self._rival(pose, now_s),
-            self._wind_monitor.check(now_s, self.assessment.terms),
-        )
+        terms = self.assessment.terms
         heading = self._heading_violations(pose, now_s) if moved else []
         for violation in (
-            silent,
-            stale,
-            rival,
-            wind,
+            doubted,
+            self._intake.monitor.check(now_s, terms),
+            self._pose_monitor.check_age(pose, now_s),
+            self._rival(pose, now_s),
+            self._wind_monitor.check(now_s, terms),
             *heading,
             *self._environment_violations(now_s),
         ):
@@ -337,6 +358,30 @@ class Autonomy:
                 self._broken(violation, now_s)
         if moved:
             self._watch_tracking(pose, tilt, now_s)
+
+    def _answer_reset(self, reset: EstimatorReset, now_s: float) -> None:
+        """Move what is remembered with the estimate, then fly on if the contract declares it.
+
+        After a silence the vector is unknown: the vehicle stops, or hovers, where it is said to be.
+        """
+        navigator, pose = self.navigator, self.link.pose
+        assert pose is not None  # noqa: S101  a reset is seen on one
+        self._intake.bearings.forget()
+        if reset.measured:
+            navigator.shift(reset.shift_ned_m)
+        if not navigator.flying:
+            self._hold = _hold_at(pose)
+            if not reset.measured:
+                navigator.hover_at(pose, now_s)
+            if navigator.phase is not Phase.STANDBY:
+                self._report(reset.violation(), now_s)
+            return
+        ended = self._resets.count(reset, self.assessment.terms.estimator_reset_max_m)
+        if ended is not None:
+            self._broken(ended, now_s, measured=None if reset.measured else pose)
+            return
+        self._news.append(self._resets.event(reset, len(navigator.obstacles), now_s))
+        navigator.fly_on_after_shift(reset.violation(), now_s)
 
     def _heading_violations(self, pose: Pose, now_s: float) -> list[Violation | None]:
         """Check the heading: against its command where that is steady, and its magnetometer."""
@@ -464,14 +509,28 @@ class Autonomy:
                 self._sent.popleft()
 
     def _left_to_the_autopilot(self, now_s: float) -> bool:
-        """Tell whether we hover blind: then the autopilot's own failsafe does better than we."""
-        pose = self.link.pose
-        blind = pose is None or now_s - pose.time_s > HANDOVER_AFTER_S
-        left, self._left = self._left, blind and not self.navigator.flying
+        """Tell whether we hover without a position: then the autopilot's failsafe does better."""
+        reason = None if self.navigator.flying else self._blindness(now_s)
+        left, self._left = self._left, reason is not None
         if self._left and not left and self.navigator.phase is not Phase.STANDBY:
-            text = "no position: leaving the vehicle to the autopilot"
+            text = f"{reason}: leaving the vehicle to the autopilot"
             self._news.append(Event(now_s, "handed_over", Severity.CRITICAL, text))
         return self._left
+
+    def _blindness(self, now_s: float) -> str | None:
+        """Return why the position is gone, or None.
+
+        Dead reckoning is good for a stop; once that is over, or has had its time, it is not.
+        """
+        pose, sign = self.link.pose, self._doubt
+        if pose is None or now_s - pose.time_s > HANDOVER_AFTER_S:
+            return "no position"
+        if sign is None:
+            return None
+        setpoint = self.navigator.setpoint(now_s)
+        speed_mps = 0.0 if setpoint is None else math.hypot(*setpoint.velocity_ned_mps)
+        allowed_s = DEAD_RECKONING_S * (2.0 if speed_mps > STOPPED_MPS else 1.0)
+        return sign.sentence if self._quality_monitor.lost_for_s(sign, now_s) > allowed_s else None
 
     def _collect_events(self) -> None:
         self._news += self.navigator.events
@@ -523,6 +582,7 @@ class Autonomy:
             "detection_age_s": _finite(age_s),
             "telemetry_age_s": None if pose is None else now_s - pose.time_s,
             "sensors": self._sensors(now_s),
+            "position_doubt": None if self._doubt is None else self._doubt.sentence,
             "cleared": self.clearance.refusal(self.epoch_unix_s + now_s) is None,
             "log_ended": self._log_ended,
             "obstacles_known": len(self.navigator.obstacles),

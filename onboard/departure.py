@@ -24,6 +24,7 @@ class RefusalKind(StrEnum):
     DETECTIONS = "detections"
     CONTRADICTION = "contradiction"
     TELEMETRY = "telemetry"
+    POSITION = "position"
     BEFORE_LEG = "before_leg"
     LEG_FLOWN = "leg_flown"
     BESIDE_LEG = "beside_leg"

@@ -12,17 +12,23 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any, Final, NamedTuple
 
-from pymavlink.dialects.v20 import common as mavlink
+# EKF_STATUS_REPORT is ArduPilot's; its dialect contains the common one.
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
+from onboard.autopilot_facts import POSITION_RATE_HZ, facts_of
 from onboard.mavlink_frames import FrameReader
+from onboard.message_requests import MessageRequests
+from onboard.position_reports import (
+    EstimatorReport,
+    GpsReport,
+    HealthReport,
+    PositionReports,
+)
 from onboard.status_text import chunks
 
 COMPONENT_ID: Final = mavlink.MAV_COMP_ID_OBSTACLE_AVOIDANCE
 HEARTBEAT_PERIOD_S: Final = 1.0
-TELEMETRY_RATE_HZ: Final = 50.0
-# Its interval shares no divisor with that of set-points, 20 ms: an echo in step with ours would
-# leave just after each of them, and never show another commander's.
-TARGET_RATE_HZ: Final = 1000.0 / 37.0
+TELEMETRY_RATE_HZ: Final = POSITION_RATE_HZ
 # A position without an attitude this recent is no pose.
 ATTITUDE_AGE_MAX_S: Final = 0.2
 
@@ -45,20 +51,12 @@ _TEXT_PERIOD_S: Final = 0.1
 _TEXTS_MAX: Final = 100
 _TEXT_ID_MAX: Final = 0xFFFF
 
-_REQUESTED_MESSAGES: Final = (
-    (mavlink.MAVLINK_MSG_ID_LOCAL_POSITION_NED, TELEMETRY_RATE_HZ),
-    (mavlink.MAVLINK_MSG_ID_ATTITUDE, TELEMETRY_RATE_HZ),
-    (mavlink.MAVLINK_MSG_ID_EXTENDED_SYS_STATE, 5.0),
-    (mavlink.MAVLINK_MSG_ID_POSITION_TARGET_LOCAL_NED, TARGET_RATE_HZ),
-)
+_FAILSAFE_STATES: Final = (mavlink.MAV_STATE_CRITICAL, mavlink.MAV_STATE_EMERGENCY)
 _SETPOINT_MESSAGES: Final = (
     mavlink.MAVLINK_MSG_ID_SET_POSITION_TARGET_LOCAL_NED,
     mavlink.MAVLINK_MSG_ID_SET_POSITION_TARGET_GLOBAL_INT,
     mavlink.MAVLINK_MSG_ID_SET_ATTITUDE_TARGET,
 )
-# ArduPilot sends nothing until asked, and forgets what it was asked when it reboots.
-_REQUEST_PERIOD_S: Final = 2.0
-
 
 # Position (NED, m) and velocity (NED, m/s); NaN where there is none.
 Target = tuple[tuple[float, float, float], tuple[float, float, float]]
@@ -85,6 +83,7 @@ class Pose(NamedTuple):
         time_s: when the position arrived.
         position_ned_m, velocity_ned_mps: NED.
         roll_rad, pitch_rad, yaw_rad: attitude, the latest known at that time.
+        measured_s: when the position was measured, by the autopilot's clock; None if unknown.
     """
 
     time_s: float
@@ -93,6 +92,7 @@ class Pose(NamedTuple):
     roll_rad: float
     pitch_rad: float
     yaw_rad: float
+    measured_s: float | None = None
 
 
 @dataclass(frozen=True)
@@ -106,6 +106,7 @@ class VehicleStatus:
         external_control: its mode obeys our setpoints (OFFBOARD, GUIDED).
         mode: name for people.
         airborne: from EXTENDED_SYS_STATE; None until known.
+        failsafe: whether a failsafe of its own acts (system status CRITICAL or EMERGENCY).
     """
 
     heard_s: float = -math.inf
@@ -114,6 +115,7 @@ class VehicleStatus:
     external_control: bool = False
     mode: str = "unknown"
     airborne: bool | None = None
+    failsafe: bool = False
 
 
 @dataclass
@@ -142,6 +144,8 @@ class MavlinkEndpoint:
         self.status = VehicleStatus()
         self.pose: Pose | None = None
         self.counters = LinkCounters()
+        # What the autopilot says of its position.
+        self.position_reports = PositionReports()
         # When somebody else last told the vehicle where to go, and who.
         self.rival_heard_s = -math.inf
         self.rival = ""
@@ -161,6 +165,11 @@ class MavlinkEndpoint:
             mavlink.MAVLINK_MSG_ID_ATTITUDE: self._on_attitude,
             mavlink.MAVLINK_MSG_ID_EXTENDED_SYS_STATE: self._on_extended_state,
             mavlink.MAVLINK_MSG_ID_POSITION_TARGET_LOCAL_NED: self._on_target,
+            mavlink.MAVLINK_MSG_ID_ESTIMATOR_STATUS: self._on_estimator_status,
+            mavlink.MAVLINK_MSG_ID_EKF_STATUS_REPORT: self._on_ekf_status,
+            mavlink.MAVLINK_MSG_ID_GPS_RAW_INT: self._on_gps,
+            mavlink.MAVLINK_MSG_ID_SYS_STATUS: self._on_health,
+            mavlink.MAVLINK_MSG_ID_STATUSTEXT: self._on_text,
         }
         wanted = frozenset((*self._handlers, *_SETPOINT_MESSAGES))
         self._reader = FrameReader(mavlink, wanted, trusts_unknown=True)
@@ -169,7 +178,7 @@ class MavlinkEndpoint:
         self._texts: deque[tuple[int, bytes, int, int]] = deque(maxlen=_TEXTS_MAX)
         self._text_due_s = -math.inf
         self._text_id = 0
-        self._request_due_s = -math.inf
+        self._requests = MessageRequests()
 
     def receive(self, data: bytes, now_s: float) -> None:
         """Take bytes from the link; malformed ones are counted and dropped."""
@@ -184,7 +193,7 @@ class MavlinkEndpoint:
         return data
 
     def keep_alive(self, now_s: float, *, active: bool) -> None:
-        """Send the heartbeat and a text that waits; while telemetry is missing, ask for it."""
+        """Send the heartbeat and a text that waits; ask for telemetry that is missing or slow."""
         if now_s >= self._heartbeat_due_s:
             self._heartbeat_due_s = now_s + HEARTBEAT_PERIOD_S
             state = mavlink.MAV_STATE_ACTIVE if active else mavlink.MAV_STATE_STANDBY
@@ -194,10 +203,10 @@ class MavlinkEndpoint:
         if self._texts and now_s >= self._text_due_s:
             self._text_due_s = now_s + _TEXT_PERIOD_S
             self._mavlink.statustext_send(*self._texts.popleft())
-        if now_s >= self._request_due_s and math.isfinite(self.status.heard_s):
-            self._request_due_s = now_s + _REQUEST_PERIOD_S
-            if self._telemetry_is_missing(now_s):
-                self._request_telemetry()
+        if math.isfinite(self.status.heard_s):
+            wanted_hz = self.position_reports.facts.requested_hz
+            for message_id, rate_hz in self._requests.due(wanted_hz, now_s):
+                self._request(message_id, rate_hz)
 
     def send_setpoint(self, setpoint: Setpoint, now_s: float) -> None:
         """Queue one SET_POSITION_TARGET_LOCAL_NED."""
@@ -226,26 +235,16 @@ class MavlinkEndpoint:
             self._text_id = text_id = self._text_id % _TEXT_ID_MAX + 1
         self._texts.extend((severity, part, text_id, n) for n, part in enumerate(parts))
 
-    def _telemetry_is_missing(self, now_s: float) -> bool:
-        silent = self.pose is None or now_s - self.pose.time_s > 1.0
-        unheard = now_s - self.target_heard_s > 1.0
-        return silent or unheard or self.status.airborne is None
-
-    def _request_telemetry(self) -> None:
-        for message_id, rate_hz in _REQUESTED_MESSAGES:
-            self._mavlink.command_long_send(
-                self._system_id,
-                mavlink.MAV_COMP_ID_AUTOPILOT1,
-                mavlink.MAV_CMD_SET_MESSAGE_INTERVAL,
-                0,
-                message_id,
-                1e6 / rate_hz,
-                0,
-                0,
-                0,
-                0,
-                0,
-            )
+    def _request(self, message_id: int, rate_hz: float) -> None:
+        self._mavlink.command_long_send(
+            self._system_id,
+            mavlink.MAV_COMP_ID_AUTOPILOT1,
+            mavlink.MAV_CMD_SET_MESSAGE_INTERVAL,
+            0,
+            message_id,
+            1e6 / rate_hz,
+            *(0,) * 5,
+        )
 
     def _handle(self, message: Any, now_s: float) -> None:
         sender = (message.get_srcSystem(), message.get_srcComponent())
@@ -253,6 +252,7 @@ class MavlinkEndpoint:
             self.counters.foreign_messages += 1
             self._note_rival(message, now_s)
         elif (handler := self._handlers.get(message.get_msgId())) is not None:
+            self._requests.heard(message.get_msgId())
             handler(message, now_s)
 
     def _note_rival(self, message: Any, now_s: float) -> None:
@@ -270,7 +270,9 @@ class MavlinkEndpoint:
             ardupilot=message.autopilot == mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA,
             external_control=external_control,
             mode=mode,
+            failsafe=message.system_status in _FAILSAFE_STATES,
         )
+        self.position_reports.facts = facts_of(message.autopilot)
 
     def _on_position(self, message: Any, now_s: float) -> None:
         position_ned_m = (message.x, message.y, message.z)
@@ -278,7 +280,10 @@ class MavlinkEndpoint:
         if not all(map(math.isfinite, position_ned_m + velocity_ned_mps)):
             self.counters.malformed_messages += 1
         elif self._attitude_rad is not None and now_s - self._attitude_s <= ATTITUDE_AGE_MAX_S:
-            self.pose = Pose(now_s, position_ned_m, velocity_ned_mps, *self._attitude_rad)
+            measured_s = message.time_boot_ms / 1e3
+            self.pose = Pose(
+                now_s, position_ned_m, velocity_ned_mps, *self._attitude_rad, measured_s
+            )
 
     def _on_attitude(self, message: Any, now_s: float) -> None:
         attitude_rad = (message.roll, message.pitch, message.yaw)
@@ -301,6 +306,45 @@ class MavlinkEndpoint:
         known = message.landed_state != mavlink.MAV_LANDED_STATE_UNDEFINED
         airborne = message.landed_state == mavlink.MAV_LANDED_STATE_IN_AIR
         self.status = replace(self.status, airborne=airborne if known else None)
+
+    def _on_estimator_status(self, message: Any, now_s: float) -> None:
+        report = EstimatorReport(
+            "ESTIMATOR_STATUS",
+            message.flags,
+            message.vel_ratio,
+            message.pos_horiz_ratio,
+            message.pos_vert_ratio,
+            message.pos_horiz_accuracy,
+        )
+        self.compass_ratio = message.mag_ratio
+        self.position_reports.estimator.hear(report, now_s)
+
+    def _on_ekf_status(self, message: Any, now_s: float) -> None:
+        report = EstimatorReport(
+            "EKF_STATUS_REPORT",
+            message.flags,
+            message.velocity_variance,
+            message.pos_horiz_variance,
+            message.pos_vert_variance,
+            math.nan,
+        )
+        self.compass_ratio = message.compass_variance
+        self.position_reports.estimator.hear(report, now_s)
+
+    def _on_gps(self, message: Any, now_s: float) -> None:
+        self.position_reports.hear_gps(GpsReport(message.fix_type), now_s)
+
+    def _on_health(self, message: Any, now_s: float) -> None:
+        report = HealthReport(
+            message.onboard_control_sensors_present,
+            message.onboard_control_sensors_enabled,
+            message.onboard_control_sensors_health,
+        )
+        self.position_reports.health.hear(report, now_s)
+
+    def _on_text(self, message: Any, now_s: float) -> None:
+        if message.severity <= mavlink.MAV_SEVERITY_WARNING:
+            self.position_reports.hear_text(message.text, now_s)
 
 
 class _Sink:

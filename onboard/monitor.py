@@ -3,7 +3,7 @@
 Each `Assumption` names one thing that the guarantee rests on.  A check returns a `Violation` with
 what was seen and what was allowed; `onboard.navigator` answers it.  What cannot be confirmed counts
 as failed: no frame is a blind sensor, no telemetry is an unknown position.  The checks here need
-one observation; those that need a history have a module each: `onboard.watches`, `tracking`,
+one observation; those that need a history have a module each: `loop_overrun`, `tracking`,
 `tilt_response`, `second_commander`, `heading`, `wind`.
 """
 
@@ -60,6 +60,7 @@ class Violation:
         measured, limit, unit: what was seen and what was allowed.
         subject: what it was seen on, such as an obstacle's id.
         note: what else helps to find the cause, for people.
+        sentence: for people, where numbers alone would not tell; else made of the numbers.
     """
 
     assumption: Assumption
@@ -68,6 +69,7 @@ class Violation:
     unit: str
     subject: str = ""
     note: str = ""
+    sentence: str = ""
 
     @property
     def key(self) -> str:
@@ -75,6 +77,8 @@ class Violation:
         return f"{self.assumption} {self.subject}".rstrip()
 
     def __str__(self) -> str:
+        if self.sentence:
+            return self.sentence
         where = f" ({self.subject})" if self.subject else ""
         note = f"; {self.note}" if self.note else ""
         numbers = f"{self.measured:.2f}, limit {self.limit:.2f} {self.unit}"

@@ -36,7 +36,7 @@ from onboard.monitor import Assumption, Violation, measured_size_max
 from onboard.obstacles import Obstacle, ObstacleMap
 from onboard.planner import Plan, Planner
 from onboard.profile import coasting_speed
-from onboard.trajectory import State, Trajectory, X
+from onboard.trajectory import State, Trajectory, Vector, X
 
 # A leg starts once the nose points along it, at rest, and the sensor has looked there since.
 HEADING_TOLERANCE_RAD: Final = math.radians(5.0)
@@ -326,6 +326,38 @@ class Navigator:
             how = "braking to hover where the vehicle is now"
         self._upcoming, self._aligning = None, False
         self._trigger(Trigger.ASSUMPTION_FAILED, now_s, text=f"holding: {violation}; {how}")
+
+    def shift(self, shift_ned_m: Vector) -> None:
+        """State everything remembered in the local frame of now, which the estimator has moved.
+
+        What is flown and what it has been certified against move alike, so that certificates keep
+        holding.  The leg stays: it is what the mission says in the frame of now.
+        """
+        shift_leg_m = x_m, y_m, _ = self.leg.vector_leg(shift_ned_m)
+        self.obstacles.shift(*shift_ned_m[:2])
+        if self._reference is not None:
+            self._reference = self._reference.shifted_by(shift_leg_m)
+        if self._upcoming is not None:
+            self._upcoming = self._upcoming.shifted_by(shift_leg_m)
+        if self.avoidance is not None:
+            plan, obstacle = self.avoidance.plan, self.avoidance.obstacle
+            plan = replace(plan, trajectory=plan.trajectory.shifted_by(shift_leg_m))
+            self.avoidance = replace(
+                self.avoidance, obstacle=obstacle.shifted_by(x_m, y_m), plan=plan
+            )
+
+    def fly_on_after_shift(self, violation: Violation, now_s: float) -> None:
+        """Certify anew what is flown after a `shift`; stop for the violation if that fails.
+
+        In cruise the vehicle aims again at the leg's end and at its height.
+        """
+        if self.cruising_freely and self._reference is not None:
+            self._cruise_from(self._reference.sample(now_s), now_s)
+        if self.avoidance is None:
+            return
+        planned = self.avoidance.plan.trajectory
+        if now_s < planned.end_s and not self._clear(planned.from_time(now_s)):
+            self.fail(violation, now_s)
 
     def hover_at(self, pose: Pose, now_s: float) -> None:
         """Hover where the vehicle is now said to be, rather than fly there in one step."""

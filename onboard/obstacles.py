@@ -111,6 +111,14 @@ class Obstacle:
     position_error_m: float
     region: RegionOfInfluence
 
+    def shifted_by(self, x_m: float, y_m: float) -> Obstacle:
+        """Return the same obstacle elsewhere in the leg frame."""
+        return replace(
+            self,
+            measured=self.measured.shifted_by(x_m, y_m),
+            region=self.region.shifted_by(x_m, y_m),
+        )
+
     def confirms(self, earlier: Obstacle, position_error_m: float) -> bool:
         """Tell whether all that was measured since agrees with an earlier state of the obstacle.
 

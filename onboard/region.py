@@ -24,7 +24,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Generic
 
 import numpy as np
@@ -59,6 +59,10 @@ class Box:
             self.y_min_m - margin_m,
             self.y_max_m + margin_m,
         )
+
+    def shifted_by(self, x_m: float, y_m: float) -> Box:
+        """Return the same rectangle elsewhere."""
+        return Box(self.x_min_m + x_m, self.x_max_m + x_m, self.y_min_m + y_m, self.y_max_m + y_m)
 
     def intersects(self, other: Box) -> bool:
         """Tell whether the two closed rectangles share a point."""
@@ -345,6 +349,17 @@ class RegionOfInfluence:
             drift_right_m=size.drift_right_m,
             collision_set_depth_m=size.collision_set_depth_m,
             lateral_speed_mps=e.lateral_speed_mps,
+        )
+
+    def shifted_by(self, x_m: float, y_m: float) -> RegionOfInfluence:
+        """Return the same region elsewhere."""
+        return replace(
+            self,
+            obstacle=self.obstacle.shifted_by(x_m, y_m),
+            keep_out=self.keep_out.shifted_by(x_m, y_m),
+            extent=self.extent.shifted_by(x_m, y_m),
+            lane_left_m=self.lane_left_m + y_m,
+            lane_right_m=self.lane_right_m + y_m,
         )
 
     @property

@@ -267,6 +267,12 @@ class Trajectory:
         """Return the same motion at another time."""
         return Trajectory(start_s, *self._arrays)
 
+    def shifted_by(self, shift_leg_m: Vector) -> Trajectory:
+        """Return the same motion elsewhere: every position moved by one vector, leg frame."""
+        durations_s, position_leg_m, *rest = self._arrays
+        moved_leg_m = position_leg_m + np.array(shift_leg_m)
+        return Trajectory(self.start_s, durations_s, moved_leg_m, *rest)
+
     @property
     def _arrays(self) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]:
         return (self.durations_s, *self.motion)

@@ -44,6 +44,9 @@ class Rig:
     level: bool = False
     obstacles: list[dict[str, Any]] = field(default_factory=list)
     target_ned_m: tuple[float, float, float] | None = None
+    estimator_flags: int | None = 0x37F  # what PX4 says in flight; None for nothing
+    fix_type: int | None = 3
+    system_status: int = 4
     seeing: bool = True
     speaking: bool = True
     setpoints: list[Any] = field(default_factory=list)
@@ -86,7 +89,9 @@ class Rig:
     def _say(self) -> None:
         base_mode = mavlink.MAV_MODE_FLAG_SAFETY_ARMED if self.armed else 0
         mode = self.mode if self.told_mode is None else self.told_mode
-        self._mav.heartbeat_send(mavlink.MAV_TYPE_QUADROTOR, 12, base_mode, mode, 4)
+        self._mav.heartbeat_send(
+            mavlink.MAV_TYPE_QUADROTOR, 12, base_mode, mode, self.system_status
+        )
         self._mav.extended_sys_state_send(0, self.landed_state)
         north_mps2, east_mps2, _ = (0.0, 0.0, 0.0) if self.level else self.acceleration_ned_mps2
         cosine, sine = math.cos(self.yaw_rad), math.sin(self.yaw_rad)
@@ -95,6 +100,10 @@ class Rig:
         roll_rad, pitch_rad = math.atan(right_mps2 / 9.80665), -math.atan(forward_mps2 / 9.80665)
         self._mav.attitude_send(0, roll_rad, pitch_rad, self.yaw_rad, 0.0, 0.0, 0.0)
         self._mav.local_position_ned_send(0, *self.position_ned_m, *self.velocity_ned_mps)
+        if self.estimator_flags is not None:
+            self._mav.estimator_status_send(0, self.estimator_flags, *(0.1,) * 6, 0.3, 0.3)
+        if self.fix_type is not None:
+            self._mav.gps_raw_int_send(0, self.fix_type, 0, 0, 0, 70, 90, 0, 0, 10)
         if self.target_ned_m is not None:
             still = (0.0,) * 8
             self._mav.position_target_local_ned_send(0, 1, 0, *self.target_ned_m, *still)

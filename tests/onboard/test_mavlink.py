@@ -5,10 +5,12 @@ from typing import Any
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from pymavlink.dialects.v20 import common as mavlink
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
+from onboard.autopilot_facts import ARDUPILOT
 from onboard.contract import TICK_S
 from onboard.mavlink import COMPONENT_ID, MavlinkEndpoint, Setpoint
+from onboard.position_reports import GpsReport, HealthReport
 from onboard.status_text import CHUNK_BYTES, TEXT_BYTES_MAX, chunks
 from tests.status_texts import status_texts
 
@@ -50,6 +52,18 @@ class Autopilot:
 
     def target(self) -> bytes:
         self.mav.position_target_local_ned_send(0, mavlink.MAV_FRAME_LOCAL_NED, 0, *(0.0,) * 11)
+        return self.said()
+
+    def estimator(self, flags: int) -> bytes:
+        self.mav.estimator_status_send(0, flags, 0.25, 0.5, 0.75, 0.1, 0.0, 0.0, 2.0, 3.0)
+        return self.said()
+
+    def fix(self, fix_type: int) -> bytes:
+        self.mav.gps_raw_int_send(0, fix_type, 0, 0, 0, 70, 90, 0, 0, 10)
+        return self.said()
+
+    def health(self, health: int) -> bytes:
+        self.mav.sys_status_send(0x2F, 0x2F, health, *(0,) * 10)
         return self.said()
 
     def landed_state(self, state: int) -> bytes:
@@ -196,20 +210,103 @@ def test_heartbeat_goes_out_once_a_second(endpoint: MavlinkEndpoint, autopilot: 
     assert beats[0].type == mavlink.MAV_TYPE_ONBOARD_CONTROLLER
 
 
+COMMON_IDS = {1, 24, 30, 32, 85, 245}
+
+
+@pytest.mark.parametrize(
+    ("autopilot_type", "estimator_id"),
+    [(mavlink.MAV_AUTOPILOT_PX4, 230), (mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA, 193), (0, 230)],
+)
 def test_missing_telemetry_is_asked_for_until_it_comes(
+    endpoint: MavlinkEndpoint, autopilot: Autopilot, autopilot_type: int, estimator_id: int
+) -> None:
+    beat = autopilot.heartbeat(LOITER, armed=False, autopilot=autopilot_type)
+    asked = []
+    for tick in range(250):
+        endpoint.receive(beat, tick * 0.02)
+        endpoint.keep_alive(tick * 0.02, active=False)
+        asked += [
+            (message.command, int(message.param1), round(1e6 / message.param2))
+            for message in autopilot.heard(endpoint.bytes_to_send())
+            if message.get_type() == "COMMAND_LONG"
+        ]
+    assert {command for command, _, _ in asked} == {mavlink.MAV_CMD_SET_MESSAGE_INTERVAL}
+    assert {message_id for _, message_id, _ in asked} == COMMON_IDS | {estimator_id}
+    assert len(asked) == 3 * 7  # at once, and every two seconds
+    rates_hz = {message_id: rate_hz for _, message_id, rate_hz in asked}
+    assert (rates_hz[32], rates_hz[24], rates_hz[1], rates_hz[estimator_id]) == (50, 5, 2, 5)
+
+
+def test_position_that_px4_streams_unasked_at_30_hz_is_asked_for_at_50(
     endpoint: MavlinkEndpoint, autopilot: Autopilot
 ) -> None:
-    endpoint.receive(autopilot.heartbeat(LOITER, armed=False), 0.0)
-    endpoint.keep_alive(0.0, active=False)
-    asked = [m for m in autopilot.heard(endpoint.bytes_to_send()) if m.get_type() != "HEARTBEAT"]
-    assert {message.command for message in asked} == {mavlink.MAV_CMD_SET_MESSAGE_INTERVAL}
-    assert {int(message.param1) for message in asked} == {30, 32, 85, 245}
-    everything = autopilot.attitude() + autopilot.position(0.0) + autopilot.landed_state(1)
-    everything += autopilot.target()
-    endpoint.receive(everything, 2.5)
-    endpoint.keep_alive(2.6, active=False)
-    heard = autopilot.heard(endpoint.bytes_to_send())
-    assert [m.get_type() for m in heard] == ["HEARTBEAT"]
+    """PX4's onboard link: ATTITUDE at 100 Hz is left alone, others may need it."""
+    asked = []
+    for step in range(300):
+        now_s = step * 0.01
+        data = autopilot.attitude()
+        if step % 3 == 0:
+            data += autopilot.position(0.0)
+        if step % 20 == 0:
+            data += autopilot.landed_state(2) + autopilot.fix(3) + autopilot.health(0x2F)
+        if step % 100 == 0:
+            data += autopilot.heartbeat(LOITER, armed=True) + autopilot.estimator(0x37F)
+        if step % 10 == 0:
+            data += autopilot.target()
+        endpoint.receive(data, now_s)
+        if step % 2:
+            endpoint.keep_alive(now_s, active=False)
+            heard = autopilot.heard(endpoint.bytes_to_send())
+            asked += [int(m.param1) for m in heard if m.get_type() == "COMMAND_LONG"]
+    assert set(asked) == {32, 230}
+
+
+@pytest.mark.parametrize(
+    ("system_status", "failsafe"), [(3, False), (4, False), (5, True), (6, True)]
+)
+def test_failsafe_is_read(
+    endpoint: MavlinkEndpoint, autopilot: Autopilot, system_status: int, *, failsafe: bool
+) -> None:
+    autopilot.mav.heartbeat_send(mavlink.MAV_TYPE_QUADROTOR, 12, 128, LOITER, system_status)
+    endpoint.receive(autopilot.said(), 0.0)
+    assert endpoint.status.failsafe is failsafe
+
+
+def test_what_the_autopilot_says_of_its_position_is_read(
+    endpoint: MavlinkEndpoint, autopilot: Autopilot
+) -> None:
+    reports = endpoint.position_reports
+    assert (reports.estimator.report, reports.gps.report, reports.health.report) == (None,) * 3
+    endpoint.receive(autopilot.heartbeat(4, armed=True, autopilot=3), 1.0)
+    assert reports.facts is ARDUPILOT
+    endpoint.receive(autopilot.estimator(0x37F), 1.1)
+    assert reports.estimator.report is not None
+    assert reports.estimator.report.name == "ESTIMATOR_STATUS"
+    assert reports.estimator.report[1:] == pytest.approx((0x37F, 0.25, 0.5, 0.75, 2.0))
+    autopilot.mav.ekf_status_report_send(0x33F, 0.25, 0.5, 0.75, 0.1, 0.0)
+    endpoint.receive(autopilot.said(), 1.2)
+    assert reports.estimator.report.name == "EKF_STATUS_REPORT"
+    assert reports.estimator.report[1:5] == (0x33F, 0.25, 0.5, 0.75)
+    assert math.isnan(reports.estimator.report.accuracy_m)
+    assert reports.estimator.heard_s == 1.2
+    assert reports.estimator.interval_s == pytest.approx(0.1)
+    endpoint.receive(autopilot.fix(3), 1.3)
+    endpoint.receive(autopilot.fix(1), 1.5)
+    assert (reports.gps.report, reports.fix_s) == (GpsReport(1), 1.3)
+    endpoint.receive(autopilot.health(0x20), 1.6)
+    assert reports.health.report == HealthReport(0x2F, 0x2F, 0x20)
+    for severity in range(8):
+        autopilot.mav.statustext_send(severity, f"text {severity}".encode())
+    endpoint.receive(autopilot.said(), 1.7)
+    assert reports.texts == [(1.7, f"text {severity}") for severity in range(5)]
+
+
+def test_texts_are_bounded(endpoint: MavlinkEndpoint, autopilot: Autopilot) -> None:
+    for number in range(100):
+        autopilot.mav.statustext_send(2, f"{number}".encode())
+    endpoint.receive(autopilot.said(), 0.0)
+    assert [text for _, text in endpoint.position_reports.texts][-1] == "99"
+    assert len(endpoint.position_reports.texts) == 20
 
 
 def texts_heard(endpoint: MavlinkEndpoint, autopilot: Autopilot, seconds: float) -> list[Any]:

@@ -12,7 +12,7 @@ from onboard.autonomy import Autonomy
 from onboard.config import Contract, Mission, load_contract
 from onboard.frames import Vector
 from onboard.guidance import Phase
-from onboard.mavlink import TARGET_RATE_HZ
+from onboard.autopilot_facts import TARGET_RATE_HZ
 from onboard.trim import LEARNING_TIME_S
 from onboard.wind import CONFIRMATION_S
 from tests.onboard.conftest import CONFIG
