@@ -147,8 +147,14 @@ def copter_echo_tlog(path: Path) -> Path:
     return Tlog().fly(autopilot=ARDUPILOT, mode=GUIDED, told=False, echo_every=5).write(path)
 
 
-def ulog(path: Path, *, nav_state: int = 14) -> Path:
-    """Write the few records of PX4's format that carry a flight."""
+def ulog(path: Path, *, nav_state: int = 14, taken_s: float = 0.0) -> Path:
+    """Write the few records of PX4's format that carry a flight.
+
+    Args:
+        path: the file.
+        nav_state: what PX4 flies from ``taken_s`` on; before, it loiters 5 m beside.
+        taken_s: when that is.
+    """
     topics = {
         "vehicle_local_position": "float x;float y;float z;float vx;float vy;float vz;",
         "trajectory_setpoint": (
@@ -174,9 +180,12 @@ def ulog(path: Path, *, nav_state: int = 14) -> Path:
             file.write(record(b"D", head + values))
 
         for tick, time_s in enumerate(TIMES_S.tolist()):
-            if tick % 50 == 0:
-                sample(3, time_s, struct.pack("<B", nav_state))
-            sample(1, time_s, struct.pack("<10f", *reference(time_s), 0.0))
+            loiters = time_s < taken_s
+            if tick % 25 == 0:
+                sample(3, time_s, struct.pack("<B", 4 if loiters else nav_state))
+            x_m, *asked = reference(time_s + 0.015)
+            beside_m = 5.0 if loiters else 0.0
+            sample(1, time_s + 0.015, struct.pack("<10f", x_m + beside_m, *asked, 0.0))
             sample(2, time_s, struct.pack("<4f", *_quaternion(roll_rad(time_s), LOOK_RAD)))
             sample(0, time_s, struct.pack("<6f", *pose(time_s)))
     return path

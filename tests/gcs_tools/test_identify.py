@@ -41,6 +41,7 @@ from tests.gcs_tools.flight_logs import (
     dataflash,
     mavlink1_tlog,
     mcap,
+    reference,
     tlog,
     ulog,
 )
@@ -146,6 +147,32 @@ def test_a_hole_in_a_log_is_not_flown_over(tmp_path: Path) -> None:
     log = Tlog().fly()
     log.entries = [entry for entry in log.entries if not 7.0 < entry[0] < 11.0]
     check_flight(measure(read_recording(log.write(tmp_path / "hole.tlog"))))
+
+
+def test_a_pause_of_the_stream_is_not_interpolated_over(tmp_path: Path) -> None:
+    """What is asked for after a pause, far away, is no reference of before it."""
+    log, paused = Tlog().fly(), Tlog()
+    for time_s, frame in log.entries:
+        told = frame[6] == 196
+        if not (told and 7.0 < time_s < 9.0):
+            paused.entries.append((time_s, frame))
+    for time_s in TIMES_S[(TIMES_S >= 9.0) & (TIMES_S < 9.2)].tolist():
+        x_m, *rest = reference(time_s)
+        far = mavlink.MAVLink_set_position_target_local_ned_message(
+            0, 1, 1, 1, 0, x_m + 60.0, *rest, 0.0, 0.0
+        )
+        paused.entries = [e for e in paused.entries if e[0] != time_s or e[1][6] != 196]
+        paused.add(time_s, far, 1, 196)
+    paused.entries = [e for e in paused.entries if not (9.0 <= e[0] < 9.5 and _is_pose(e[1]))]
+    check_flight(measure(read_recording(paused.write(tmp_path / "pause.tlog"))))
+
+
+def _is_pose(frame: bytes) -> bool:
+    return int.from_bytes(frame[7:10], "little") == mavlink.MAVLINK_MSG_ID_LOCAL_POSITION_NED
+
+
+def test_what_px4_asked_of_itself_before_is_not_followed(tmp_path: Path) -> None:
+    check_flight(measure(read_recording(ulog(tmp_path / "taken.ulg", taken_s=3.0))))
 
 
 @given(st.lists(st.floats(-1e9, 1e9), min_size=1, max_size=50))
