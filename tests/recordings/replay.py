@@ -396,7 +396,11 @@ def main(arguments: list[str] | None = None) -> int:
             print(f"{path}: {error}", file=sys.stderr)
             return 2
         shown = [e for e in replayed.events if options.all or e.name in _SHOWN]
-        print(f"{path.name}: {recording.duration_s:.1f} s, {len(replayed.violations())} violations")
+        longest_s = max(replayed.plan_times_s, default=0.0)
+        print(
+            f"{path.name}: {recording.duration_s:.1f} s, {len(replayed.violations())} violations, "
+            f"longest plan {longest_s:.1f} s"
+        )
         for event in shown:
             print(f"  {event.time_s:7.2f} s  {event.name:<10} {event.text}")
     return 0

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import re
 import struct
+from dataclasses import replace
 from functools import cache
 from itertools import pairwise
 
@@ -12,13 +13,15 @@ import pytest
 
 from onboard.guidance import Phase
 from onboard.mavlink import COMPONENT_ID
-from tests.recordings.cut import SIZE_MAX_BYTES, synthetic_ardupilot_gps
+from tests.recordings.cut import SIZE_MAX_BYTES, excerpt, synthetic_ardupilot_gps
 from tests.recordings.flights import EXCERPTS, FLIGHTS
 from tests.recordings.replay import Recording, Replayed, main, replay_excerpt
 from tests.recordings.sightings import HullRow, Sightings
 from tests.recordings.tlog import Decoder, read_tlog
 
 REPORT_S = 1.0
+# From 2.8 m/s the vehicle stops within this, and a doubt of 2 s comes before.
+STOP_S, NOTICE_S = 1.5, 3.5
 # A plan around a box of 2 m at 2.8 m/s takes some 5 s; from rest and back to rest a few times that.
 PLAN_MAX_S = 60.0
 REFUSAL_PERIOD_S = 5.0
@@ -125,8 +128,8 @@ def test_a_heading_that_wanders_is_noticed_before_the_contact() -> None:
     contact_s = next(t for t, m in recording.messages("LOCAL_POSITION_NED") if m.x > 24.73 - 0.4)
     noticed = service.violations("detection_consistency", "heading_error")
     assert noticed
-    assert noticed[0].time_s < contact_s - 2.0
-    assert service.first_s(Phase.HOLD) < contact_s - 2.0
+    assert noticed[0].time_s < contact_s - NOTICE_S
+    assert service.first_s(Phase.HOLD) < contact_s - STOP_S
 
 
 # ---------------------------------------------------------------------- the harness itself
@@ -192,12 +195,28 @@ def test_the_synthetic_gps_is_silent_before_it_says_that_it_has_no_fix() -> None
     assert all(bool(absolute) == (t < 113.0) for t, absolute in flags)
 
 
+def test_an_excerpt_keeps_what_the_service_reads_and_when() -> None:
+    """Cut once more out of an excerpt: the same messages, of fewer seconds."""
+    whole = FLIGHTS["px4_gps_lost_contact"]
+    entries = list(read_tlog(whole.excerpt))
+    shorter = excerpt(replace(whole, window_s=(5.0, 8.0)), whole.excerpt)
+    begin_s = entries[0].time_unix_s
+    assert shorter == [e for e in entries if 5.0 <= e.time_unix_s - begin_s <= 8.0]
+    decoder = Decoder()
+    kinds = {message.get_type() for e in shorter if (message := decoder.decode(e)) is not None}
+    assert {"LOCAL_POSITION_NED", "ATTITUDE", "GPS_RAW_INT", "ESTIMATOR_STATUS"} <= kinds
+    lost = excerpt(replace(whole, window_s=(5.0, 14.0), gps_lost_s=6.0), whole.excerpt)
+    added = [e for e in lost if e not in entries]
+    assert {e.message_id for e in added} == {24, 193}
+
+
 def test_anyone_can_replay_a_recording(capsys: pytest.CaptureFixture[str]) -> None:
     path = FLIGHTS["ardupilot_second_commander_20hz"].excerpt
     assert main([str(path)]) == 0
     out = capsys.readouterr().out
     assert out.startswith(f"{path.name}: 14.0 s, ")
     assert "violation" in out
+    assert "cruise (control granted)" in out
 
 
 @pytest.mark.parametrize(
