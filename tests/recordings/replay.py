@@ -16,7 +16,7 @@ import bisect
 import json
 import math
 import sys
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -108,6 +108,27 @@ class Recording:
             self.sent.append(Sent(time_s, setpoint))
         elif message.get_type() == "STATUSTEXT":
             self.texts.append((time_s, message.text))
+
+    def changed(self, kind: str, change: Callable[[float, Any], None]) -> Recording:
+        """Return the recording as if the autopilot had said something else.
+
+        Args:
+            kind: of the messages to change.
+            change: takes the time and a message of that kind, and changes its fields.
+        """
+        decoder, codecs = Decoder(), dict[tuple[int, int], Any]()
+        changed = Recording(self.epoch_unix_s, self.duration_s, sent=self.sent, texts=self.texts)
+        for time_s, frame in self.received:
+            entry = Entry(time_s, frame)
+            message = decoder.decode(entry)
+            if message is not None and message.get_type() == kind:
+                change(time_s, message)
+                codec = codecs.setdefault(entry.sender, mavlink.MAVLink(None, *entry.sender))
+                frame = bytes(message.pack(codec))  # noqa: PLW2901  the same, changed
+            changed.received.append((time_s, frame))
+            if message is not None:
+                changed.heard.append((time_s, message))
+        return changed
 
     def messages(self, kind: str) -> Iterator[tuple[float, Any]]:
         """Yield the received messages of one kind, with their times."""
@@ -357,16 +378,26 @@ def replay_file(path: Path, *, following: bool = True) -> tuple[Recording, Repla
     """Replay a ``.tlog``; the log, or the hulls, beside it tell what the sensor saw."""
     recording = Recording.of(read_tlog(path))
     flight = FLIGHTS.get(path.stem) or _unknown_flight(path, recording)
-    replayed = replay(
+    return recording, replay_flight(flight, recording, _sightings_beside(path), following=following)
+
+
+def replay_flight(
+    flight: Flight,
+    recording: Recording,
+    sightings: Sightings | None = None,
+    *,
+    following: bool = True,
+) -> Replayed:
+    """Replay a recording as a flight was flown."""
+    return replay(
         recording,
         flight.contract,
         flight.mission,
-        sightings=_sightings_beside(path),
+        sightings=sightings,
         placed=flight.placed,
         body=flight.body,
         following=following,
     )
-    return recording, replayed
 
 
 def _sightings_beside(path: Path) -> Sightings | None:

@@ -8,6 +8,7 @@ import struct
 from dataclasses import replace
 from functools import cache
 from itertools import pairwise
+from typing import Any
 
 import pytest
 
@@ -15,7 +16,13 @@ from onboard.guidance import Phase
 from onboard.mavlink import COMPONENT_ID
 from tests.recordings.cut import SIZE_MAX_BYTES, excerpt, synthetic_ardupilot_gps
 from tests.recordings.flights import EXCERPTS, FLIGHTS
-from tests.recordings.replay import Recording, Replayed, main, replay_excerpt
+from tests.recordings.replay import (
+    Recording,
+    Replayed,
+    main,
+    replay_excerpt,
+    replay_flight,
+)
 from tests.recordings.sightings import HullRow, Sightings
 from tests.recordings.tlog import Decoder, read_tlog
 
@@ -27,6 +34,8 @@ PLAN_MAX_S = 60.0
 REFUSAL_PERIOD_S = 5.0
 # ArduPilot, rival at 20 Hz: the vehicle leaves its reference here, by its speed.
 RIVAL_BEGINS_S = 7.1
+# In cruise, in the nominal flights; what the tests change in a recording, they change from here on.
+BEGINS_S = 5.0
 
 
 @cache
@@ -75,6 +84,39 @@ def test_a_second_commander_at_20_hz_is_noticed() -> None:
     assert noticed
     assert RIVAL_BEGINS_S < noticed[0].time_s < RIVAL_BEGINS_S + 1.5
     assert service.first_s(Phase.HOLD) < RIVAL_BEGINS_S + 2.5
+
+
+@pytest.mark.parametrize("name", ["px4_nominal_tracking_1.2m", "ardupilot_nominal"])
+def test_a_target_that_is_not_ours_is_another_commanders(name: str) -> None:
+    """The recorded autopilot says that it goes 2 m beside what it was asked for."""
+
+    def change(time_s: float, message: Any) -> None:
+        if time_s >= BEGINS_S:
+            message.y += 2.0
+
+    recording, _ = replayed(name)
+    service = replay_flight(FLIGHTS[name], recording.changed("POSITION_TARGET_LOCAL_NED", change))
+    noticed = service.violations("second_commander")
+    assert noticed
+    assert BEGINS_S < noticed[0].time_s < BEGINS_S + 2.5
+    assert service.first_s(Phase.HOLD) == pytest.approx(noticed[0].time_s, abs=0.03)
+
+
+@pytest.mark.parametrize("jump_m", [-3.5, 3.5])
+@pytest.mark.parametrize("name", ["px4_nominal", "ardupilot_nominal"])
+def test_a_height_that_jumps_is_answered(name: str, jump_m: float) -> None:
+    """From one pose to the next, the recorded estimator says, the vehicle is higher, or lower."""
+
+    def change(time_s: float, message: Any) -> None:
+        if time_s >= BEGINS_S:
+            message.z += jump_m
+
+    recording, _ = replayed(name)
+    service = replay_flight(FLIGHTS[name], recording.changed("LOCAL_POSITION_NED", change))
+    noticed = service.violations("estimator_reset", "tracking_error_z")
+    assert noticed
+    assert BEGINS_S < noticed[0].time_s < BEGINS_S + 0.2
+    assert service.first_s(Phase.HOLD) < BEGINS_S + 0.2
 
 
 # ArduPilot says nothing of its GPS for 4 s after the last fix; that silence is a sign, too.
