@@ -41,6 +41,7 @@ from tests.recordings.sightings import (
     hulls_of_log,
     read_hulls,
 )
+from tests.recordings.synthetic import with_ardupilot_gps
 from tests.recordings.tlog import Decoder, Entry, read_tlog
 
 # A set-point older than this was the last before the stream paused.
@@ -376,8 +377,13 @@ def replay_excerpt(name: str, *, following: bool = True) -> tuple[Recording, Rep
 
 def replay_file(path: Path, *, following: bool = True) -> tuple[Recording, Replayed]:
     """Replay a ``.tlog``; the log, or the hulls, beside it tell what the sensor saw."""
-    recording = Recording.of(read_tlog(path))
-    flight = FLIGHTS.get(path.stem) or _unknown_flight(path, recording)
+    entries = list(read_tlog(path))
+    flight = FLIGHTS.get(path.stem)
+    if entries:
+        lost_s = flight.gps_lost_s if flight else None
+        entries = with_ardupilot_gps(entries, entries[0].time_unix_s, lost_s)
+    recording = Recording.of(entries)
+    flight = flight or _unknown_flight(path, recording)
     return recording, replay_flight(flight, recording, _sightings_beside(path), following=following)
 
 

@@ -11,10 +11,11 @@ from itertools import pairwise
 from typing import Any
 
 import pytest
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from onboard.guidance import Phase
 from onboard.mavlink import COMPONENT_ID
-from tests.recordings.cut import SIZE_MAX_BYTES, excerpt, synthetic_ardupilot_gps
+from tests.recordings.cut import SIZE_MAX_BYTES, excerpt
 from tests.recordings.flights import EXCERPTS, FLIGHTS
 from tests.recordings.replay import (
     Recording,
@@ -24,6 +25,7 @@ from tests.recordings.replay import (
     replay_flight,
 )
 from tests.recordings.sightings import HullRow, Sightings
+from tests.recordings.synthetic import synthetic_ardupilot_gps, with_ardupilot_gps
 from tests.recordings.tlog import Decoder, read_tlog
 
 REPORT_S = 1.0
@@ -247,9 +249,19 @@ def test_an_excerpt_keeps_what_the_service_reads_and_when() -> None:
     decoder = Decoder()
     kinds = {message.get_type() for e in shorter if (message := decoder.decode(e)) is not None}
     assert {"LOCAL_POSITION_NED", "ATTITUDE", "GPS_RAW_INT", "ESTIMATOR_STATUS"} <= kinds
-    lost = excerpt(replace(whole, window_s=(5.0, 14.0), gps_lost_s=6.0), whole.excerpt)
-    added = [e for e in lost if e not in entries]
-    assert {e.message_id for e in added} == {24, 193}
+
+
+def test_only_ardupilot_without_a_word_of_its_gps_is_given_one() -> None:
+    px4 = list(read_tlog(FLIGHTS["px4_nominal"].excerpt))
+    assert with_ardupilot_gps(px4, px4[0].time_unix_s, None) is px4
+    copter = list(read_tlog(FLIGHTS["ardupilot_nominal"].excerpt))
+    assert with_ardupilot_gps(copter, copter[0].time_unix_s, None) is copter
+    ids = {mavlink.MAVLINK_MSG_ID_GPS_RAW_INT, mavlink.MAVLINK_MSG_ID_EKF_STATUS_REPORT}
+    mute = [entry for entry in copter if entry.message_id not in ids]
+    given = with_ardupilot_gps(mute, mute[0].time_unix_s, None)
+    assert {entry.message_id for entry in given if entry not in mute} == ids
+    # Added again, it is what was there before.
+    assert len(given) == pytest.approx(len(copter), abs=2)
 
 
 def test_anyone_can_replay_a_recording(capsys: pytest.CaptureFixture[str]) -> None:
