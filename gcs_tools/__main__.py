@@ -168,10 +168,9 @@ def _add_watch(commands: Any) -> None:
 
 def _add_identify(commands: Any) -> None:
     parser = commands.add_parser("identify", help="contract values measured from flight logs")
-    parser.add_argument("logs", type=Path, nargs="+", metavar="LOG", help="MCAP, ULog or tlog")
-    parser.add_argument(
-        "--margin", type=positive, default=0.25, metavar="SHARE", help="default: 0.25"
-    )
+    parser.add_argument("logs", type=Path, nargs="+", metavar="LOG", help="file or directory")
+    parser.add_argument("--system-id", type=count, metavar="N", help="vehicle of a tlog")
+    parser.add_argument("--margin", type=positive, default=0.25, metavar="SHARE", help="0.25")
     _add_output_options(parser, "table", "json", "csv")
     parser.set_defaults(command=_identify)
 
@@ -342,7 +341,8 @@ def _watch(options: argparse.Namespace) -> int:
 def _identify(options: argparse.Namespace) -> int:
     from gcs_tools.identify import identify  # noqa: PLC0415
 
-    identify(options.logs, margin=options.margin, form=options.form, output=options.output)
+    paths, number = options.logs, options.system_id
+    identify(paths, number, margin=options.margin, form=options.form, output=options.output)
     return 0
 
 

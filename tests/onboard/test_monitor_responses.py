@@ -9,10 +9,10 @@ from pymavlink.dialects.v20 import common as mavlink
 
 from onboard.agility import GRAVITY_MPS2
 from onboard.autonomy import Autonomy
+from onboard.autopilot_facts import TARGET_RATE_HZ
 from onboard.config import Contract, Mission, load_contract
 from onboard.frames import Vector
 from onboard.guidance import Phase
-from onboard.autopilot_facts import TARGET_RATE_HZ
 from onboard.trim import LEARNING_TIME_S
 from onboard.wind import CONFIRMATION_S
 from tests.onboard.conftest import CONFIG
