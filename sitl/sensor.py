@@ -55,6 +55,8 @@ class SensorConfig(FileModel):
         uncertainty_m: what frames declare for each face.
         latency_s: measurement to publication.
         frame: frame of the reported boxes; ``body_frd`` is levelled, turned by yaw only.
+        placed_by: what of the autopilot's estimate places boxes in ``local_ned``: its ``pose``, as
+            a bridge on the vehicle does, or its ``position``, where bearings are known otherwise.
     """
 
     source: Annotated[str, Field(pattern=r"^[A-Za-z0-9_-]+$")] = "front"
@@ -66,6 +68,7 @@ class SensorConfig(FileModel):
     noise_m: Annotated[float, Field(ge=0.0)] = 0.0
     uncertainty_m: Annotated[float, Field(ge=0.0)] = 0.05
     frame: Literal["local_ned", "body_frd"] = "local_ned"
+    placed_by: Literal["pose", "position"] = "pose"
     scanner: ScannerConfig | None = None
     faults: Annotated[tuple[SensorFault, ...], Field(strict=False)] = ()
 
@@ -130,12 +133,21 @@ class ObstacleSensor:
         """When it measures next."""
         return self._frames_due / self.config.rate_hz
 
-    def sense(self, now_s: float, truth: VehicleTruth) -> tuple[bytes, ...]:
-        """Measure if it is time to, and return the payloads that leave the sensor by ``now_s``."""
+    def sense(
+        self, now_s: float, truth: VehicleTruth, estimate: VehicleTruth | None = None
+    ) -> tuple[bytes, ...]:
+        """Measure if it is time to, and return the payloads that leave the sensor by ``now_s``.
+
+        Args:
+            now_s: time.
+            truth: where the sensor is.
+            estimate: where the autopilot believes that it is, by which boxes are placed in local
+                NED, as a bridge between sensor and bus does; exact when None.
+        """
         # The epsilon keeps a frame from slipping by one call when now_s carries round-off.
         if now_s >= self.due_s - 1e-9:
             self._frames_due = math.floor(now_s * self.config.rate_hz + 1e-6) + 1
-            payload = self._measure(now_s, truth)
+            payload = self._measure(now_s, truth, truth if estimate is None else estimate)
             if payload is not None:
                 self._in_flight.append((now_s + self.config.latency_s, payload))
         leaving = []
@@ -143,7 +155,7 @@ class ObstacleSensor:
             leaving.append(self._in_flight.popleft()[1])
         return tuple(leaving)
 
-    def _measure(self, now_s: float, truth: VehicleTruth) -> bytes | None:
+    def _measure(self, now_s: float, truth: VehicleTruth, estimate: VehicleTruth) -> bytes | None:
         faults = {fault.kind: fault for fault in self.config.faults if fault.active(now_s)}
         if "silent" in faults:
             return None
@@ -159,7 +171,9 @@ class ObstacleSensor:
                 "frame": self.config.frame,
                 "range_m": range_m,
                 "field_of_view_deg": self.config.field_of_view_deg,
-                "obstacles": [self._reported(box, truth) for box in self._boxes(truth, range_m)],
+                "obstacles": [
+                    self._reported(box, truth, estimate) for box in self._boxes(truth, range_m)
+                ],
             }
         )
         self._sequence += 1
@@ -210,15 +224,23 @@ class ObstacleSensor:
         )
         return SeenBox(box.id, (north_m, east_m), box.size_m, box.yaw_rad)
 
-    def _reported(self, box: SeenBox, truth: VehicleTruth) -> dict[str, Any]:
+    def _reported(
+        self, box: SeenBox, truth: VehicleTruth, estimate: VehicleTruth
+    ) -> dict[str, Any]:
         center_m, yaw_rad = box.center_ned_m, box.yaw_rad
-        if self.config.frame == "body_frd":
+        if self.config.frame == "body_frd" or estimate is not truth:
+            # A sensor sees where things are from the body, whatever the autopilot believes.
             offset_m = (
                 center_m[0] - truth.position_ned_m[0],
                 center_m[1] - truth.position_ned_m[1],
             )
             center_m = _turned(offset_m, -truth.yaw_rad)
             yaw_rad -= truth.yaw_rad
+        if self.config.frame == "local_ned" and estimate is not truth:
+            heading_rad = (truth if self.config.placed_by == "position" else estimate).yaw_rad
+            north_m, east_m = _turned(center_m, heading_rad)
+            center_m = (estimate.position_ned_m[0] + north_m, estimate.position_ned_m[1] + east_m)
+            yaw_rad += heading_rad
         return {
             "id": box.id,
             "center_m": list(center_m),
