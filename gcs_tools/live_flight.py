@@ -43,6 +43,9 @@ STILL_MPS = 0.1
 # How long the vehicle hovers after its mission before it lands.
 LINGER_S = 1.0
 
+# The parameter of each flavour that says that there is no radio.
+_WITHOUT_RADIO = {"px4": ("COM_RC_IN_MODE", 4.0), "ardupilot": ("FS_THR_ENABLE", 0.0)}
+
 # How often it is said where the vehicle is.
 REPORT_PERIOD_S = 0.2
 
@@ -142,9 +145,10 @@ def write_configuration(
         seed=seed,
         truth_log="truth.mcap",
     )
-    if sitl.flavour == "px4":
-        # Nobody holds a radio here, so its loss is no failsafe.
-        sitl = sitl.model_copy(update={"parameters": {"COM_RC_IN_MODE": 4.0} | sitl.parameters})
+    # This flight has no radio, so its loss is no failsafe.
+    sitl = sitl.model_copy(
+        update={"parameters": dict([_WITHOUT_RADIO[sitl.flavour]]) | sitl.parameters}
+    )
     documents: dict[str, Any] = {
         name: _plain(model)
         for name, model in {

@@ -209,7 +209,9 @@ class Vehicle:
     def _hovers_at(self, altitude_m: float) -> bool:
         height_m = -self.state.position_ned_m[2]
         near = abs(height_m - altitude_m) < _HEIGHT_TOLERANCE_M
-        return near and self.state.speed_mps < _STEADY_MPS
+        # ArduPilot climbs in GUIDED: the daemon flies on as soon as it has climbed.
+        guided = self.autopilot is Autopilot.ARDUPILOT
+        return near and (guided or self.state.speed_mps < _STEADY_MPS)
 
     async def _done(self, call: Awaitable[T], what: str) -> T:
         try:

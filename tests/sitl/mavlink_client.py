@@ -105,7 +105,8 @@ class Client:
 
 
 def on_ground(**config: Any) -> Client:
-    client = Client(SimulatedVehicle(VehicleConfig(**config)))
+    """Return a client of a vehicle that stands; ideal unless the test is about the field."""
+    client = Client(SimulatedVehicle(VehicleConfig(**{"realism": "ideal", **config})))
     client.send(mavlink.MAVLink_heartbeat_message(mavlink.MAV_TYPE_GCS, 8, 0, 0, 0, 3))
     client.wait(1.5)
     return client
