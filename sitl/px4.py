@@ -314,6 +314,7 @@ class Px4(Flavour):
         timesync_misaddressed=True,
         tells_lost_position=True,
         levels_when_lost=True,
+        fix_when_lost=mavlink.GPS_FIX_TYPE_NO_GPS,
         drops_gps_after_s=7.3,
     )
     ideal = Realism(

@@ -9,6 +9,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from types import MappingProxyType
 
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
 from sitl.estimator import IDEAL as EXACT
 from sitl.estimator import EstimatorProfile
 
@@ -30,6 +32,7 @@ class Realism:
         timesync_misaddressed: answers to TIMESYNC go to a system that did not ask.
         tells_lost_position: LOCAL_POSITION_NED goes on when the position is not vouched for.
         levels_when_lost: without a position, the thrust axis is kept upright: nothing brakes.
+        fix_when_lost: GPS_RAW_INT.fix_type without GPS.
         drops_gps_after_s: without GPS it vanishes from SYS_STATUS after this, not at once.
     """
 
@@ -45,4 +48,5 @@ class Realism:
     timesync_misaddressed: bool = False
     tells_lost_position: bool = False
     levels_when_lost: bool = False
+    fix_when_lost: int = mavlink.GPS_FIX_TYPE_NO_FIX
     drops_gps_after_s: float = 0.0

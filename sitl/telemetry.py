@@ -229,7 +229,7 @@ def gps_raw_int(s: Snapshot) -> Any:
     north, east, _ = s.truth.velocity_ned_mps
     return mavlink.MAVLink_gps_raw_int_message(
         s.unix_us,
-        mavlink.GPS_FIX_TYPE_3D_FIX if fix else mavlink.GPS_FIX_TYPE_NO_FIX,
+        mavlink.GPS_FIX_TYPE_3D_FIX if fix else s.realism.fix_when_lost,
         round(place.latitude_deg * 1e7),
         round(place.longitude_deg * 1e7),
         round(place.altitude_m * 1e3),
