@@ -29,19 +29,16 @@ from gcs_tools.scenario import Scenario, obstacle_list
 from gcs_tools.vehicle import Vehicle, VehicleError, connected_vehicle
 from onboard.config import DaemonConfig, MavlinkLink, Mission, ZenohEndpoints
 from onboard.daemon import open_session
+from sitl.standstill import PATIENCE_S, Standstill
 
 VEHICLE_NAME = "vehicle"
 # Compiling the plant for the first time takes the longest.
 START_TIMEOUT_S = 60.0
 READY_TIMEOUT_S = 20.0
 DEPARTURE_TIMEOUT_S = 15.0
-STOP_TIMEOUT_S = 20.0
 # Turning and waiting; and slower than this on average is not flying the mission.
 MISSION_TIMEOUT_S = 60.0
 PROGRESS_MIN_MPS = 1.0
-STILL_MPS = 0.1
-# How long the vehicle hovers after its mission before it lands.
-LINGER_S = 1.0
 
 # The parameter of each flavour that says that there is no radio.
 _WITHOUT_RADIO = {"px4": ("COM_RC_IN_MODE", 4.0), "ardupilot": ("FS_THR_ENABLE", 0.0)}
@@ -299,11 +296,13 @@ class Operator:
 
     async def _come_down(self) -> None:
         """Land, but not while the vehicle still moves: it may be close to an obstacle."""
-        vehicle = self._vehicle
+        vehicle, standstill = self._vehicle, Standstill()
+        loop = asyncio.get_running_loop()
         await vehicle.until(
-            lambda: vehicle.state.speed_mps < STILL_MPS, STOP_TIMEOUT_S, lambda: "standing still"
+            lambda: standstill.reached(loop.time(), vehicle.state.speed_mps, stopping=True),
+            2.0 * PATIENCE_S,
+            lambda: "standing still",
         )
-        await asyncio.sleep(LINGER_S)
         self._report("landing")
         await vehicle.land()
 

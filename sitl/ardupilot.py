@@ -295,7 +295,7 @@ class Copter(Flavour):
         jerk_share=0.3,  # the rest is shaped away by ATC_INPUT_TC
         drag_share=0.0,
         trim_time_s=2.0,  # PSC_VELXY_P / PSC_VELXY_I
-        tells_lost_position=True,
+        tells_lost_position_s=15.0,
         levels_when_lost=True,
     )
     ideal = Realism(

@@ -312,7 +312,7 @@ class Px4(Flavour):
         echoes_controller=True,
         rest_is_constant_position=True,
         timesync_misaddressed=True,
-        tells_lost_position=True,
+        tells_lost_position_s=math.inf,
         levels_when_lost=True,
         fix_when_lost=mavlink.GPS_FIX_TYPE_NO_GPS,
         drops_gps_after_s=7.3,

@@ -30,7 +30,8 @@ class Realism:
         echoes_controller: POSITION_TARGET_LOCAL_NED is the position controller's output.
         rest_is_constant_position: ESTIMATOR_CONST_POS_MODE is set while the vehicle rests.
         timesync_misaddressed: answers to TIMESYNC go to a system that did not ask.
-        tells_lost_position: LOCAL_POSITION_NED goes on when the position is not vouched for.
+        tells_lost_position_s: without GPS, LOCAL_POSITION_NED goes on this long, vouched for or
+            not.
         levels_when_lost: without a position, the thrust axis is kept upright: nothing brakes.
         fix_when_lost: GPS_RAW_INT.fix_type without GPS.
         drops_gps_after_s: without GPS it vanishes from SYS_STATUS after this, not at once.
@@ -46,7 +47,7 @@ class Realism:
     echoes_controller: bool = False
     rest_is_constant_position: bool = False
     timesync_misaddressed: bool = False
-    tells_lost_position: bool = False
+    tells_lost_position_s: float = 0.0
     levels_when_lost: bool = False
     fix_when_lost: int = mavlink.GPS_FIX_TYPE_NO_FIX
     drops_gps_after_s: float = 0.0

@@ -54,8 +54,7 @@ class Snapshot(NamedTuple):
         """Whether LOCAL_POSITION_NED is sent: real autopilots send one that nothing measures."""
         if self.commander.estimator_ready:
             return True
-        lost_for_s, stops_s = self.estimator.lost_for_s, self.estimator.profile.aiding_stops_s
-        return self.realism.tells_lost_position and 0.0 < lost_for_s < stops_s
+        return 0.0 < self.estimator.lost_for_s < self.realism.tells_lost_position_s
 
     @property
     def boot_ms(self) -> int:
@@ -459,7 +458,7 @@ def _estimator_flags(s: Snapshot) -> int:
     if s.realism.rest_is_constant_position and s.commander.on_ground and not s.commander.armed:
         flags |= mavlink.ESTIMATOR_CONST_POS_MODE
     if lost_for_s >= profile.dead_reckoning_s:
-        if not s.realism.tells_lost_position:
+        if not s.realism.tells_lost_position_s:
             return 0
         flags &= ~_EKF_HORIZONTAL
     if lost_for_s >= profile.aiding_stops_s:
