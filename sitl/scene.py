@@ -49,7 +49,10 @@ class Scene:
         self.vehicle = SimulatedVehicle(config, config.seed, start_unix_s, ticks_per_decision)
         self.world = World(field, config.multirotor.radius_m)
         self._sensors = [
-            ObstacleSensor(sensor, field, config.seed, start_unix_s) for sensor in config.sensors
+            ObstacleSensor(
+                sensor, field, config.seed, start_unix_s, ideal=config.realism == "ideal"
+            )
+            for sensor in config.sensors
         ]
         self._detections: list[Detection] = []
         self._due_s = 0.0  # when a sensor measures next

@@ -52,6 +52,8 @@ class SensorConfig(FileModel):
         scanner: what makes it a scanning range finder; null for the ideal detector.
         yaw_deg: direction of its axis in the body, clockwise from forward.
         noise_m: centres are wrong by at most this much along each axis (uniform); ideal model only.
+        face_noise_m: each face is wrong by at most this, by itself (uniform); ideal model only.
+            Null: under ``realism: field`` what noise_m leaves of uncertainty_m, otherwise nothing.
         uncertainty_m: what frames declare for each face.
         latency_s: measurement to publication.
         frame: frame of the reported boxes; ``body_frd`` is levelled, turned by yaw only.
@@ -66,6 +68,7 @@ class SensorConfig(FileModel):
     rate_hz: Annotated[float, Field(gt=0.0, le=200.0)] = 20.0
     latency_s: Annotated[float, Field(ge=0.0, le=10.0)] = 0.03
     noise_m: Annotated[float, Field(ge=0.0)] = 0.0
+    face_noise_m: Annotated[float, Field(ge=0.0)] | None = None
     uncertainty_m: Annotated[float, Field(ge=0.0)] = 0.05
     frame: Literal["local_ned", "body_frd"] = "local_ned"
     placed_by: Literal["pose", "position"] = "pose"
@@ -113,8 +116,14 @@ class ObstacleSensor:
         field: ObstacleField,
         seed: int,
         start_unix_s: float = 0.0,
+        *,
+        ideal: bool = True,
     ) -> None:
+        """Set up; ``ideal`` says what a null ``face_noise_m`` means."""
         self.config = config
+        self._face_noise_m = config.face_noise_m
+        if self._face_noise_m is None:
+            self._face_noise_m = 0.0 if ideal else max(config.uncertainty_m - config.noise_m, 0.0)
         self._field = field
         self._neighbourhood = Neighbourhood(field)
         self._known: dict[int, _Known] = {}
@@ -222,7 +231,20 @@ class ObstacleSensor:
             coordinate_m + self._noise.uniform(-noise_m, noise_m)
             for coordinate_m in box.center_ned_m
         )
-        return SeenBox(box.id, (north_m, east_m), box.size_m, box.yaw_rad)
+        if not self._face_noise_m:
+            return SeenBox(box.id, (north_m, east_m), box.size_m, box.yaw_rad)
+        return self._with_faces_off(box, (north_m, east_m), self._face_noise_m)
+
+    def _with_faces_off(self, box: SeenBox, center_ned_m: Point, noise_m: float) -> SeenBox:
+        """Move each of the four faces outwards or inwards."""
+        front_m, back_m, right_m, left_m = (
+            self._noise.uniform(-noise_m, noise_m) for _ in range(4)
+        )
+        shift = _turned(((front_m - back_m) / 2.0, (right_m - left_m) / 2.0), box.yaw_rad)
+        length_m, width_m = box.size_m
+        size_m = (max(length_m + front_m + back_m, 0.0), max(width_m + right_m + left_m, 0.0))
+        center_m = (center_ned_m[0] + shift[0], center_ned_m[1] + shift[1])
+        return SeenBox(box.id, center_m, size_m, box.yaw_rad)
 
     def _reported(
         self, box: SeenBox, truth: VehicleTruth, estimate: VehicleTruth

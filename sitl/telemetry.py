@@ -477,9 +477,7 @@ _EKF_GOOD = (
     | mavlink.EKF_PRED_POS_HORIZ_REL
     | mavlink.EKF_PRED_POS_HORIZ_ABS
 )
-_EKF_HORIZONTAL = (
-    mavlink.EKF_VELOCITY_HORIZ | mavlink.EKF_POS_HORIZ_REL | mavlink.EKF_POS_HORIZ_ABS
-)
+_EKF_HORIZONTAL = mavlink.EKF_VELOCITY_HORIZ | mavlink.EKF_POS_HORIZ_REL | mavlink.EKF_POS_HORIZ_ABS
 _EKF_PREDICTED = mavlink.EKF_PRED_POS_HORIZ_REL | mavlink.EKF_PRED_POS_HORIZ_ABS
 
 BUILDERS: dict[int, Callable[[Snapshot], Any]] = {

@@ -13,7 +13,7 @@ _NOBODY: Final = bytes((0xA5, 0x5A))
 class MisaddressedTimesync(mavlink.MAVLink_timesync_message):  # type: ignore[misc]  # untyped
     """TIMESYNC with the target fields, which pymavlink's dialect lacks, that nobody goes by."""
 
-    def pack(self, mav: Any, force_mavlink1: bool = False) -> bytes:  # noqa: FBT001, FBT002
+    def pack(self, mav: Any, force_mavlink1: bool = False) -> bytes:
         """Return the frame; see pymavlink."""
         payload = self.unpacker.pack(self.tc1, self.ts1) + _NOBODY
         packed: bytes = self._pack(mav, self.crc_extra, payload, force_mavlink1=force_mavlink1)

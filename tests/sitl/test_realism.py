@@ -15,9 +15,7 @@ from tests.sitl.test_guided_reference import RUN_UP_S, greatest_error_m, run_up,
 
 TUNED = {"PSC_JERK_XY": 20.0, "WPNAV_ACCEL": 600.0}
 GPS, OFF = mavlink.FAILURE_UNIT_SENSOR_GPS, mavlink.FAILURE_TYPE_OFF
-EKF_HORIZONTAL = (
-    mavlink.EKF_VELOCITY_HORIZ | mavlink.EKF_POS_HORIZ_REL | mavlink.EKF_POS_HORIZ_ABS
-)
+EKF_HORIZONTAL = mavlink.EKF_VELOCITY_HORIZ | mavlink.EKF_POS_HORIZ_REL | mavlink.EKF_POS_HORIZ_ABS
 FIELD: dict[str, Any] = {"realism": "field"}
 
 
@@ -264,7 +262,7 @@ def test_the_signs_of_a_lost_gps_come_as_ardupilot_gave_them() -> None:
 
 
 def test_without_a_position_nothing_brakes() -> None:
-    """ArduPilot ran on for 8 m in 7 s after its failover: its attitude is level, drag alone acts."""
+    """ArduPilot ran on for 8 m in 7 s after its failover: the attitude is level, drag alone acts."""
     client = in_air(flavour="ardupilot", realism="field", parameters=TUNED)
     began_s = client.now_s
     cruise = lambda _: client.setpoint(  # noqa: E731

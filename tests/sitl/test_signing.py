@@ -23,7 +23,8 @@ ARM = mavlink.MAVLink_command_long_message(1, 1, 400, 0, 1, 0, 0, 0, 0, 0, 0)
 
 def vehicle(**config: Any) -> SimulatedVehicle:
     flown = SimulatedVehicle(
-        VehicleConfig(signing_passphrase=WORDS, realism="ideal", **config), start_unix_s=START_UNIX_S
+        VehicleConfig(signing_passphrase=WORDS, realism="ideal", **config),
+        start_unix_s=START_UNIX_S,
     )
     flown.advance(1.5)
     return flown

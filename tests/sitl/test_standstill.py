@@ -25,7 +25,10 @@ def landed_after_s(speed_mps: Callable[[float], float]) -> float:
         (lambda _: 0.0, STILL_FOR_S),
         (lambda now_s: max(2.8 - now_s, 0.0), 2.8 - STILL_MPS + STILL_FOR_S),
         (lambda _: 0.4, PATIENCE_S),  # drifts on and on
-        (lambda now_s: 0.5 * (round(now_s / STEP_S) % 8 == 0), PATIENCE_S),  # slow, but not for long
+        (
+            lambda now_s: 0.5 * (round(now_s / STEP_S) % 8 == 0),
+            PATIENCE_S,
+        ),  # slow, but not for long
     ],
 )
 def test_slowness_has_to_last_but_is_not_waited_for_for_ever(
