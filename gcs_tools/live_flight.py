@@ -30,18 +30,19 @@ from gcs_tools.vehicle_connection import connected_vehicle
 from onboard.config import DaemonConfig, MavlinkLink, Mission, ZenohEndpoints
 from onboard.daemon import open_session
 from onboard.yaml_file import dump_document
+from sitl.standstill import PATIENCE_S, Standstill
 
 VEHICLE_NAME = "vehicle"
 # Compiling the plant for the first time takes the longest.
 START_TIMEOUT_S = 60.0
 READY_TIMEOUT_S = 20.0
 DEPARTURE_TIMEOUT_S = 15.0
-STOP_TIMEOUT_S = 20.0
 # Turning and waiting; and slower than this on average is not flying the mission.
 MISSION_TIMEOUT_S = 60.0
 PROGRESS_MIN_MPS = 1.0
-# How long the vehicle hovers after its mission before it lands.
-LINGER_S = 1.0
+
+# The parameter of each flavour that says that there is no radio.
+_WITHOUT_RADIO = {"px4": ("COM_RC_IN_MODE", 4.0), "ardupilot": ("FS_THR_ENABLE", 0.0)}
 
 # How often it is said where the vehicle is.
 REPORT_PERIOD_S = 0.2
@@ -142,9 +143,10 @@ def write_configuration(
         seed=seed,
         truth_log="truth.mcap",
     )
-    if sitl.flavour == "px4":
-        # Nobody holds a radio here, so its loss is no failsafe.
-        sitl = sitl.model_copy(update={"parameters": {"COM_RC_IN_MODE": 4.0} | sitl.parameters})
+    # This flight has no radio, so its loss is no failsafe.
+    sitl = sitl.model_copy(
+        update={"parameters": dict([_WITHOUT_RADIO[sitl.flavour]]) | sitl.parameters}
+    )
     documents: dict[str, Any] = {
         name: _plain(model)
         for name, model in {
@@ -295,9 +297,13 @@ class Operator:
 
     async def _come_down(self) -> None:
         """Land, but not while the vehicle still moves: it may be close to an obstacle."""
-        vehicle = self._vehicle
-        await vehicle.until(lambda: vehicle.at_rest, STOP_TIMEOUT_S, lambda: "standing still")
-        await asyncio.sleep(LINGER_S)
+        vehicle, standstill = self._vehicle, Standstill()
+        loop = asyncio.get_running_loop()
+        await vehicle.until(
+            lambda: standstill.reached(loop.time(), vehicle.state.speed_mps, stopping=True),
+            2.0 * PATIENCE_S,
+            lambda: "standing still",
+        )
         self._report("landing")
         await vehicle.land()
 

@@ -100,15 +100,16 @@ class Scenario:
     def sitl_config(self, **live: Any) -> SitlConfig:
         """Return the SITL's configuration; ``live`` are the keys that the plant does not have.
 
-        Unless the scenario says otherwise, the autopilot has the mission's take-off altitude and
-        the contract's setpoint-loss timeout.
+        Unless the scenario says otherwise, the autopilot has the mission's take-off altitude, where
+        that is a parameter, and the contract's setpoint-loss timeout.
         """
         plant = self.plant.model_dump()
-        plant["parameters"] = {
-            "MIS_TAKEOFF_ALT": self.mission.altitude_m,
-            "COM_OF_LOSS_T": self.contract.vehicle.setpoint_loss_timeout_s,
-            **self.plant.parameters,
-        }
+        timeout_s = self.contract.vehicle.setpoint_loss_timeout_s
+        parameters = {"GUID_TIMEOUT": timeout_s}
+        if self.plant.flavour == "px4":
+            altitude_m = self.mission.altitude_m
+            parameters = {"MIS_TAKEOFF_ALT": altitude_m, "COM_OF_LOSS_T": timeout_s}
+        plant["parameters"] = parameters | self.plant.parameters
         return SitlConfig.model_validate({**plant, **live})
 
 

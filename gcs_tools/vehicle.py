@@ -200,7 +200,10 @@ class Vehicle:
 
     def _hovers_at(self, altitude_m: float) -> bool:
         height_m = -self.state.position_ned_m[2]
-        return self.at_rest and abs(height_m - altitude_m) < _HEIGHT_TOLERANCE_M
+        near = abs(height_m - altitude_m) < _HEIGHT_TOLERANCE_M
+        # ArduPilot climbs in GUIDED: the daemon flies on as soon as it has climbed.
+        guided = self.autopilot is Autopilot.ARDUPILOT
+        return near and (guided or self.at_rest)
 
     async def _done(self, call: Awaitable[T], what: str) -> T:
         try:

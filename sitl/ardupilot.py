@@ -16,12 +16,14 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from sitl.commander import Commander, Verdict
 from sitl.config import HomeConfig
 from sitl.controller import Setpoint
+from sitl.estimator import Estimator, EstimatorProfile
 from sitl.flavour import Flavour
 from sitl.guided_reference import GuidedReference, ReferenceLimits
 from sitl.modes import Mode
 from sitl.multirotor import GRAVITY_MPS2
 from sitl.offboard import OffboardStream
 from sitl.parameters import ParameterSpec, ParameterStore
+from sitl.realism import Realism
 from sitl.setpoint_message import MotionTarget, is_given, is_whole, read_target, turned
 from sitl.settings import FlightSettings, Reaction
 from sitl.truth import Vector, VehicleTruth
@@ -32,9 +34,8 @@ _ARM_MODES = {Mode.OFFBOARD, Mode.MISSION, Mode.STABILIZED, Mode.ALTCTL, Mode.PO
 _PARAMETERS = (
     ParameterSpec("ANGLE_MAX", 3000, 1000, 8000, "tilt limit [cdeg]"),
     ParameterSpec("ARMING_CHECK", 1, 0, 0x7FFFFF, "0: arm without checks"),
-    # Higher than ArduPilot's 4.5, to go with this controller's rate loop; pitch alike.
-    ParameterSpec("ATC_ANG_PIT_P", 11.0, 3.0, 12.0, "pitch feedback [1/s]"),
-    ParameterSpec("ATC_ANG_RLL_P", 11.0, 3.0, 12.0, "roll feedback [1/s]"),
+    ParameterSpec("ATC_ANG_PIT_P", 4.5, 3.0, 12.0, "pitch feedback [1/s]"),
+    ParameterSpec("ATC_ANG_RLL_P", 4.5, 3.0, 12.0, "roll feedback [1/s]"),
     ParameterSpec("ATC_RATE_P_MAX", 0.0, 0.0, 1080.0, "pitch rate limit [deg/s]; 0: none"),
     ParameterSpec("ATC_RATE_R_MAX", 0.0, 0.0, 1080.0, "roll rate limit [deg/s]; 0: none"),
     ParameterSpec("BATT_CAPACITY", 5000, 0, 100_000, "pack [mAh]"),
@@ -53,6 +54,8 @@ _PARAMETERS = (
     ParameterSpec(
         "PSC_ANGLE_MAX", 0.0, 0.0, 45.0, "tilt limit of autonomous flight; 0: ANGLE_MAX [deg]"
     ),
+    ParameterSpec("PSC_POSXY_P", 1.0, 0.5, 4.0, "horizontal position feedback [1/s]"),
+    ParameterSpec("PSC_VELXY_P", 2.0, 0.1, 6.0, "horizontal velocity feedback [1/s]"),
     ParameterSpec("PSC_JERK_XY", 5.0, 1.0, 20.0, "horizontal jerk limit [m/s^3]"),
     ParameterSpec("RTL_ALT", 1500, 30, 300_000, "least altitude of the return [cm]"),
     ParameterSpec("SCR_USER1", 0.0, -1e9, 1e9, "for scripts"),
@@ -99,9 +102,21 @@ class CopterCommander(Commander):
 
     refusal = Verdict.FAILED
     first_mode = Mode.STABILIZED
+    position_lost_texts = (
+        (mavlink.MAV_SEVERITY_CRITICAL, "EKF3 lane switch 1"),
+        (mavlink.MAV_SEVERITY_WARNING, "EKF primary changed:1"),
+        (mavlink.MAV_SEVERITY_CRITICAL, "EKF variance"),
+        (mavlink.MAV_SEVERITY_CRITICAL, "EKF Failsafe: changed to LAND Mode"),
+    )
 
-    def __init__(self, settings: FlightSettings, truth: VehicleTruth, origin: HomeConfig) -> None:
-        super().__init__(settings, truth, origin, Copter.mission_first_item)
+    def __init__(
+        self,
+        settings: FlightSettings,
+        truth: VehicleTruth,
+        origin: HomeConfig,
+        estimator: Estimator,
+    ) -> None:
+        super().__init__(settings, truth, origin, estimator, Copter.mission_first_item)
         self._origin = origin
         self._stream: OffboardStream | None = None
         self._reference = GuidedReference(truth, _reference_limits(settings))
@@ -261,6 +276,33 @@ class Copter(Flavour):
     integers_bytewise = False
     mission_first_item = 1
     take_off_above_sea = False
+    target_type_mask = (
+        mavlink.POSITION_TARGET_TYPEMASK_YAW_IGNORE
+        | mavlink.POSITION_TARGET_TYPEMASK_YAW_RATE_IGNORE
+    )
+    field = Realism(
+        estimator=EstimatorProfile(
+            position_m=0.06,
+            height_m=0.05,
+            velocity_mps=0.04,
+            climb_mps=0.01,
+            heading_rad=math.radians(1.1),
+            drift_mps2=0.03,
+            drift_max_mps=0.30,
+            dead_reckoning_s=7.9,
+            aiding_stops_s=15.0,
+        ),
+        jerk_share=0.3,  # the rest is shaped away by ATC_INPUT_TC
+        drag_share=0.0,
+        trim_time_s=2.0,  # PSC_VELXY_P / PSC_VELXY_I
+        tells_lost_position_s=15.0,
+        levels_when_lost=True,
+    )
+    ideal = Realism(
+        parameters=MappingProxyType(
+            {"ATC_ANG_PIT_P": 11.0, "ATC_ANG_RLL_P": 11.0, "PSC_POSXY_P": 1.3, "PSC_VELXY_P": 4.5}
+        )
+    )
 
     def parameter_specs(self, system_id: int) -> tuple[ParameterSpec, ...]:
         """Return all parameters with their defaults."""
@@ -280,6 +322,8 @@ class Copter(Flavour):
             body_rate_max_radps=math.radians(min(rates_degps)),
             roll_gain_per_s=p["ATC_ANG_RLL_P"],
             pitch_gain_per_s=p["ATC_ANG_PIT_P"],
+            position_gain_per_s=p["PSC_POSXY_P"],
+            velocity_gain_per_s=p["PSC_VELXY_P"],
             speed_max_mps=_SPEED_MAX_MPS,
             climb_max_mps=p["WPNAV_SPEED_UP"] / 100.0,
             sink_max_mps=p["WPNAV_SPEED_DN"] / 100.0,
@@ -314,10 +358,14 @@ class Copter(Flavour):
         )
 
     def commander(
-        self, settings: FlightSettings, truth: VehicleTruth, origin: HomeConfig
+        self,
+        settings: FlightSettings,
+        truth: VehicleTruth,
+        origin: HomeConfig,
+        estimator: Estimator,
     ) -> CopterCommander:
         """Return this autopilot's decisions."""
-        return CopterCommander(settings, truth, origin)
+        return CopterCommander(settings, truth, origin, estimator)
 
     def custom_mode(self, mode: Mode) -> int:
         """Return HEARTBEAT.custom_mode; a take-off is part of GUIDED."""

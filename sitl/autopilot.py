@@ -7,7 +7,7 @@ ground station, say) are forwarded to the other links, as PX4 and ArduPilot do.
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import Any
 
@@ -19,6 +19,7 @@ from sitl.battery import BatteryReading
 from sitl.commander import Actuation, Verdict
 from sitl.commands import Command, CommandContext, execute
 from sitl.config import VehicleConfig
+from sitl.estimator import Estimator
 from sitl.fence import FenceStore
 from sitl.flavour import Flavour
 from sitl.mavlink_link import MavlinkLink
@@ -28,6 +29,7 @@ from sitl.parameters import ParameterStore
 from sitl.px4 import Px4
 from sitl.signing import TIMESTAMP_MAX, Signing, key_of_passphrase
 from sitl.telemetry import BUILDERS, Snapshot, StreamSchedule, messages_of_data_stream
+from sitl.timesync import MisaddressedTimesync
 from sitl.truth import VehicleTruth
 
 logger = logging.getLogger(__name__)
@@ -41,10 +43,12 @@ _FTP_PAYLOAD, _FTP_NAK, _FTP_FILE_NOT_FOUND = 251, 129, 10
 class _Peer:
     """One link's codec, its streams, and whether a ground station speaks on it."""
 
-    def __init__(self, system_id: int, flavour: Flavour, signing: Signing | None) -> None:
+    def __init__(
+        self, system_id: int, rates_hz: Mapping[int, float], signing: Signing | None
+    ) -> None:
         self.link = MavlinkLink(system_id, COMPONENT_ID)
         self.link.sign_with(signing)
-        self.streams = StreamSchedule(flavour.default_rates_hz)
+        self.streams = StreamSchedule(rates_hz)
         self.has_ground_station = False
 
 
@@ -55,6 +59,8 @@ class Autopilot:
         flavour: which autopilot this is.
         commander: modes, arming and failsafes.
         parameters: the values behind the parameter protocol.
+        realism: how far it is from an ideal autopilot.
+        estimator: what it believes of its own motion.
         signing: what every link signs with and judges by; None while signing is off.
     """
 
@@ -64,18 +70,22 @@ class Autopilot:
         truth: VehicleTruth,
         battery: BatteryReading,
         start_unix_s: float = 0.0,
+        seed: int = 0,
     ) -> None:
-        """Start up.
+        """Start up; ``seed`` decides how the estimator is wrong.
 
         Raises:
             ParameterError: a configured parameter does not exist or is out of range.
         """
         self.flavour = FLAVOURS[config.flavour]()
+        self.realism = self.flavour.field if config.realism == "field" else self.flavour.ideal
         self.parameters = ParameterStore(
-            self.flavour.parameter_specs(config.system_id), config.parameters
+            self.flavour.parameter_specs(config.system_id),
+            {**self.realism.parameters, **config.parameters},
         )
+        self.estimator = Estimator(config.estimator.applied_to(self.realism.estimator), seed)
         self.commander = self.flavour.commander(
-            self.flavour.settings(self.parameters), truth, config.home
+            self.flavour.settings(self.parameters), truth, config.home, self.estimator
         )
         self._missions = MissionTransfer(self.commander.mission, FenceStore())
         self._arm_authorisation = ArmAuthorisation()
@@ -120,7 +130,8 @@ class Autopilot:
     def open_link(self, link: int) -> None:
         """Start to stream on a link; receiving on it does so too."""
         if link not in self._peers:
-            self._peers[link] = _Peer(self._system_id, self.flavour, self.signing)
+            rates_hz = {**self.flavour.default_rates_hz, **self.realism.rates_hz}
+            self._peers[link] = _Peer(self._system_id, rates_hz, self.signing)
 
     def close_link(self, link: int) -> None:
         """Forget a link and what was queued for it."""
@@ -158,13 +169,17 @@ class Autopilot:
         """Decide what the controller does for the next period, and queue the telemetry that is due.
 
         Args:
-            truth: state at this instant; the estimator is ideal but for injected failures.
+            truth: state at this instant, of which the estimator makes its own.
             battery: what the pack shows.
             thrust_share: rotor thrust over weight.
             period_s: time until the next call.
         """
         failures = self.commander.failures
-        estimate = failures.estimate(truth)
+        estimate = self.estimator.update(
+            truth,
+            failures.gps_lost_for_s(truth.time_s),
+            failures.gps_wrong_m,
+        )
         if failures.battery_failed:
             battery = replace(battery, remaining=0.0)
         actuation = self.commander.update(estimate, battery, thrust_share, period_s)
@@ -190,6 +205,8 @@ class Autopilot:
             self._home,
             self.flavour,
             self._start_unix_s,
+            self.realism,
+            self.estimator,
         )
 
     def _announce(self) -> None:
@@ -290,7 +307,11 @@ class Autopilot:
 
     def _on_timesync(self, message: Any, peer: _Peer, now_s: float) -> None:
         if message.tc1 == 0:
-            peer.link.send(mavlink.MAVLink_timesync_message(round(now_s * 1e9), message.ts1))
+            stamp_ns = round(now_s * 1e9)
+            if self.realism.timesync_misaddressed:
+                peer.link.send(MisaddressedTimesync(stamp_ns, message.ts1))
+            else:
+                peer.link.send(mavlink.MAVLink_timesync_message(stamp_ns, message.ts1))
 
     def _on_ping(self, message: Any, peer: _Peer, _: float) -> None:
         if message.target_system == 0:

@@ -16,6 +16,7 @@ from sitl.auto_flight import AutoFlight
 from sitl.battery import BatteryReading
 from sitl.config import HomeConfig
 from sitl.controller import Setpoint
+from sitl.estimator import Estimator
 from sitl.failsafe import FailsafeInputs, Failsafes
 from sitl.failures import Failures
 from sitl.land_detector import LandDetector
@@ -67,6 +68,7 @@ class Commander(ABC):
 
     Attributes:
         refusal: how this autopilot says that it cannot do something now.
+        position_lost_texts: what it says, gravest last, when it no longer knows its position.
         settings: what the parameters ask for; replaced when one of them changes.
         armed: whether the rotors may turn.
         mode: the mode flown, as HEARTBEAT shows it.
@@ -79,9 +81,17 @@ class Commander(ABC):
 
     refusal: ClassVar[Verdict]
     first_mode: ClassVar[Mode]
+    position_lost_texts: ClassVar[tuple[tuple[int, str], ...]] = (
+        (mavlink.MAV_SEVERITY_CRITICAL, "Position estimate lost: descending"),
+    )
 
     def __init__(
-        self, settings: FlightSettings, truth: VehicleTruth, origin: HomeConfig, first_item: int
+        self,
+        settings: FlightSettings,
+        truth: VehicleTruth,
+        origin: HomeConfig,
+        estimator: Estimator,
+        first_item: int,
     ) -> None:
         on_ground = truth.position_ned_m[2] >= 0.0
         self.settings = settings
@@ -90,6 +100,7 @@ class Commander(ABC):
         self.failsafe = False
         self.mission = MissionStore(origin, first_item)
         self.failures = Failures()
+        self._estimator = estimator
         self.sticks = ManualControl()
         self.announcements: list[tuple[int, str]] = []
         self._auto = AutoFlight(settings, truth, self.mission)
@@ -145,7 +156,8 @@ class Commander(ABC):
     @property
     def position_valid(self) -> bool:
         """Whether the estimator still vouches for its position."""
-        return self.failures.position_valid(self._truth.time_s)
+        estimator = self._estimator
+        return estimator.lost_for_s < estimator.profile.dead_reckoning_s
 
     def prearm_failures(self) -> list[str]:
         """Reasons not to arm now; empty if there are none."""
@@ -367,7 +379,9 @@ class Commander(ABC):
             position_valid=self.position_valid,
         )
         for trigger in self._failsafes.check(inputs, self.settings):
-            self.say(trigger.severity, trigger.text)
+            texts = ((trigger.severity, trigger.text),)
+            for severity, text in texts if trigger.text else self.position_lost_texts:
+                self.say(severity, text)
             self.react(trigger.reaction)
 
     def react(self, reaction: Reaction) -> None:

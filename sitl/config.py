@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -9,6 +11,7 @@ from pydantic import Field, model_validator
 
 from onboard.yaml_file import FileModel, load_yaml
 from sitl.battery import BatteryConfig
+from sitl.estimator import EstimatorProfile
 from sitl.multirotor import MultirotorParameters, quadrotor
 from sitl.sensor import SensorConfig
 from sitl.wind import WindConfig
@@ -84,6 +87,29 @@ class TrackingConfig(FileModel):
     toward_obstacle: bool = False
 
 
+class EstimatorConfig(FileModel):
+    """By how much the estimate wanders at most; what is null is as ``realism`` has it.
+
+    Attributes:
+        position_m, velocity_mps: along each horizontal axis.
+        height_m: of the height.
+        heading_deg: of the heading.
+    """
+
+    position_m: Annotated[float, Field(ge=0.0)] | None = None
+    velocity_mps: Annotated[float, Field(ge=0.0)] | None = None
+    height_m: Annotated[float, Field(ge=0.0)] | None = None
+    heading_deg: Annotated[float, Field(ge=0.0, le=180.0)] | None = None
+
+    def applied_to(self, profile: EstimatorProfile) -> EstimatorProfile:
+        """Return a profile with what is stated here."""
+        stated = self.model_dump(exclude_none=True)
+        heading_deg = stated.pop("heading_deg", None)
+        if heading_deg is not None:
+            stated["heading_rad"] = math.radians(heading_deg)
+        return replace(profile, **stated)
+
+
 class VehicleConfig(FileModel):
     """Body, autopilot and surroundings of one simulated vehicle.
 
@@ -93,6 +119,7 @@ class VehicleConfig(FileModel):
         parameters: autopilot parameters that differ from the defaults, by the flavour's names.
         signing_passphrase: sign every message with the key made of it, and obey no others.
         realism: ``field`` as measured on real autopilots, or ``ideal``: exact estimates and echoes.
+        estimator: how the autopilot's estimate deviates from the truth.
         tracking: how the plant deviates from its reference.
         physics_rate_hz: integration steps per second, a multiple of the vehicle's 100 ticks.
     """
@@ -107,6 +134,7 @@ class VehicleConfig(FileModel):
     parameters: dict[str, float] = Field(default_factory=dict)
     signing_passphrase: Annotated[str, Field(min_length=1)] | None = None
     realism: Literal["field", "ideal"] = "field"
+    estimator: EstimatorConfig = EstimatorConfig()
     tracking: TrackingConfig = TrackingConfig()
     physics_rate_hz: Annotated[int, Field(ge=400, le=4000, multiple_of=100)] = 400
 

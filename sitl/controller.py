@@ -95,10 +95,20 @@ class Setpoint(NamedTuple):
 
 
 class ControllerGains(NamedTuple):
-    """Feedback gains and limits; the limits follow the autopilot's parameters."""
+    """Feedback gains and limits, most of which follow the autopilot's parameters.
+
+    The defaults are those of an ideal controller.  A real one has lower gains (``position_per_s``
+    and ``velocity_per_s`` horizontally, ``height_per_s`` and ``climb_per_s`` vertically), trims out
+    disturbances more slowly, turns only a share of the wanted jerk into body rates, so that the
+    attitude lags (``jerk_share``), and does not know the drag (``drag_share``).
+    """
 
     position_per_s: float = 1.3
     velocity_per_s: float = 4.5
+    height_per_s: float = 1.3
+    climb_per_s: float = 4.5
+    jerk_share: float = 1.0
+    drag_share: float = 1.0
     trim_time_s: float = 0.3
     trim_max_mps2: float = 5.0
     roll_per_s: float = 11.0
@@ -137,7 +147,7 @@ def _wanted_velocity(
         setpoint.north_m, setpoint.velocity_north_mps, state.north_m, gains.position_per_s
     )
     east = _toward(setpoint.east_m, setpoint.velocity_east_mps, state.east_m, gains.position_per_s)
-    down = _toward(setpoint.down_m, setpoint.velocity_down_mps, state.down_m, gains.position_per_s)
+    down = _toward(setpoint.down_m, setpoint.velocity_down_mps, state.down_m, gains.height_per_s)
     speed = math.sqrt(north * north + east * east)
     if speed > gains.speed_max_mps:  # nan compares false: nothing to limit
         north *= gains.speed_max_mps / speed
@@ -158,12 +168,16 @@ def _toward(wanted_m: float, wanted_mps: float, actual_m: float, gain_per_s: flo
 
 @compiled
 def _feedback(
-    wanted_mps: float, actual_mps: float, trim_mps2: float, gains: ControllerGains
+    wanted_mps: float,
+    actual_mps: float,
+    trim_mps2: float,
+    gain_per_s: float,
+    gains: ControllerGains,
 ) -> float:
     """Acceleration [m/s^2] that closes the velocity error of one axis, without feed-forward."""
     if math.isnan(wanted_mps):
         return trim_mps2
-    error = gains.velocity_per_s * (wanted_mps - actual_mps)
+    error = gain_per_s * (wanted_mps - actual_mps)
     return _clipped(error, gains.feedback_max_mps2) + trim_mps2
 
 
@@ -201,9 +215,9 @@ def ahead(setpoint: Setpoint, age_s: float) -> Setpoint:
 
 @compiled
 def _drag_inverse(
-    state: MultirotorState, parameters: MultirotorParameters
+    state: MultirotorState, parameters: MultirotorParameters, share: float
 ) -> tuple[float, float, float]:
-    """Acceleration [m/s^2], NED, that cancels rotor drag in still air."""
+    """Acceleration [m/s^2], NED, that cancels this share of the rotor drag in still air."""
     u, v, _ = rotate_frd_from_ned(
         state.qw,
         state.qx,
@@ -213,10 +227,10 @@ def _drag_inverse(
         state.velocity_east_mps,
         state.velocity_down_mps,
     )
-    share = (state.rotor1_rpm + state.rotor2_rpm + state.rotor3_rpm + state.rotor4_rpm) / (
+    turning = (state.rotor1_rpm + state.rotor2_rpm + state.rotor3_rpm + state.rotor4_rpm) / (
         4.0 * parameters.rotor_speed_max_rpm
     )
-    gain = parameters.rotor_drag_n_per_mps * share / parameters.mass_kg
+    gain = share * parameters.rotor_drag_n_per_mps * turning / parameters.mass_kg
     return rotate_ned_from_frd(state.qw, state.qx, state.qy, state.qz, gain * u, gain * v, 0.0)
 
 
@@ -260,7 +274,9 @@ def _body_rates(
     yaw_error = math.atan2(-yx, yy)
 
     # Feed-forward: j = -(df/dt) z_b - f dz_b/dt, so dz_b/dt is the part of -j/f across z_b.
-    jn, je, jd = setpoint.jerk_north_mps3, setpoint.jerk_east_mps3, setpoint.jerk_down_mps3
+    jn = gains.jerk_share * setpoint.jerk_north_mps3
+    je = gains.jerk_share * setpoint.jerk_east_mps3
+    jd = gains.jerk_share * setpoint.jerk_down_mps3
     roll_rate = (jn * yn + je * ye + jd * yd) / force
     pitch_rate = -(jn * xn + je * xe + jd * xd) / force
     return (
@@ -320,16 +336,28 @@ def control(
     parameters: MultirotorParameters,
 ) -> RotorSpeeds:
     """Return the rotor speeds [rpm] that fly ``setpoint`` from ``state``."""
-    drag_north, drag_east, drag_down = _drag_inverse(state, parameters)
+    drag_north, drag_east, drag_down = _drag_inverse(state, parameters, gains.drag_share)
     velocity_north, velocity_east, velocity_down = _wanted_velocity(setpoint, state, gains)
     north = setpoint.acceleration_north_mps2 + _feedback(
-        velocity_north, state.velocity_north_mps, memory.trim_north_mps2, gains
+        velocity_north,
+        state.velocity_north_mps,
+        memory.trim_north_mps2,
+        gains.velocity_per_s,
+        gains,
     )
     east = setpoint.acceleration_east_mps2 + _feedback(
-        velocity_east, state.velocity_east_mps, memory.trim_east_mps2, gains
+        velocity_east,
+        state.velocity_east_mps,
+        memory.trim_east_mps2,
+        gains.velocity_per_s,
+        gains,
     )
     down = setpoint.acceleration_down_mps2 + _feedback(
-        velocity_down, state.velocity_down_mps, memory.trim_down_mps2, gains
+        velocity_down,
+        state.velocity_down_mps,
+        memory.trim_down_mps2,
+        gains.climb_per_s,
+        gains,
     )
     force_north, force_east, force_down = _tilt_limited(
         north + drag_north, east + drag_east, down + drag_down - GRAVITY_MPS2, gains.tilt_max_rad
@@ -379,7 +407,7 @@ def trimmed(
     force_north, force_east, force_down = rotate_ned_from_frd(
         before.qw, before.qx, before.qy, before.qz, 0.0, 0.0, -thrust
     )
-    drag_north, drag_east, drag_down = _drag_inverse(before, parameters)
+    drag_north, drag_east, drag_down = _drag_inverse(before, parameters, gains.drag_share)
     north = (after.velocity_north_mps - before.velocity_north_mps) / step_s
     east = (after.velocity_east_mps - before.velocity_east_mps) / step_s
     down = (after.velocity_down_mps - before.velocity_down_mps) / step_s - GRAVITY_MPS2

@@ -31,11 +31,11 @@ class FailsafeInputs:
 
 @dataclass(frozen=True)
 class Trigger:
-    """One failsafe at the moment when it sets in."""
+    """One failsafe at the moment when it sets in; without a text it is the autopilot's own."""
 
     reaction: Reaction
-    severity: int
-    text: str
+    severity: int = mavlink.MAV_SEVERITY_CRITICAL
+    text: str = ""
 
 
 class Failsafes:
@@ -63,9 +63,7 @@ class Failsafes:
         self._sticks_lost = sticks_lost
         yield from self._battery(inputs.battery_remaining, settings)
         if not inputs.position_valid and not self._position_lost:
-            yield Trigger(
-                Reaction.LAND, mavlink.MAV_SEVERITY_CRITICAL, "Position estimate lost: descending"
-            )
+            yield Trigger(Reaction.LAND)
         self._position_lost = not inputs.position_valid
 
     def _battery(self, remaining: float, settings: FlightSettings) -> Iterator[Trigger]:

@@ -1,8 +1,7 @@
 """Failures injected with MAV_CMD_INJECT_FAILURE: motors, GPS, sensors, battery, radio control.
 
-Simulation shortcuts: the estimator is ideal while it has GPS, dead-reckons without error for a few
-seconds when it has none, and then gives up its position; a wrong GPS shifts the estimate at once,
-which counts as a reset of the estimator.  Losing magnetometer or barometer shows in SYS_STATUS and
+Simulation shortcuts: a wrong GPS shifts the estimate at once, which counts as a reset of the
+estimator (`sitl.estimator` says what a lost one does).  Losing magnetometer or barometer shows in SYS_STATUS and
 keeps the vehicle from arming; losing gyroscopes or accelerometers in flight ends it.
 """
 
@@ -13,7 +12,6 @@ import math
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sitl.multirotor import INTACT, RotorSpeeds
-from sitl.truth import VehicleTruth
 
 _OK, _OFF, _STUCK, _WRONG = (
     mavlink.FAILURE_TYPE_OK,
@@ -42,7 +40,6 @@ _TYPES = {
     _STICKS: (_OK, _OFF),
 }
 _ROTORS = 4
-_DEAD_RECKONING_S = 5.0
 _WRONG_BY_M = 5.0
 
 
@@ -50,13 +47,11 @@ class Failures:
     """Which failures are present, and what they do.
 
     Attributes:
-        estimator_resets: how often the position estimate has jumped.
         rotor_shares: share of its commanded speed that each rotor obeys: 1 or 0.
         modes_refused: whether the autopilot turns down every change of mode that it is asked for.
     """
 
     def __init__(self) -> None:
-        self.estimator_resets = 0
         self.rotor_shares = INTACT
         self.modes_refused = False
         self._types: dict[int, int] = {}
@@ -78,9 +73,7 @@ class Failures:
         if not 0.0 <= instance <= 1.0:
             return False
         if unit == _GPS:
-            if (kind == _WRONG) != (self._types.get(_GPS, _OK) == _WRONG):
-                self.estimator_resets += 1
-            self._gps_lost_s = now_s if kind in {_OFF, _STUCK} else math.inf
+            self._gps_lost_s = min(self._gps_lost_s, now_s) if kind in {_OFF, _STUCK} else math.inf
         self._types[int(unit)] = int(kind)
         return True
 
@@ -120,23 +113,14 @@ class Failures:
         """Whether the receiver reports a fix."""
         return bool(self._types.get(_GPS, _OK) != _OFF)
 
-    def position_valid(self, now_s: float) -> bool:
-        """Whether the estimator still vouches for its position."""
-        return now_s - self._gps_lost_s < _DEAD_RECKONING_S
+    def gps_lost_for_s(self, now_s: float) -> float:
+        """For how long GPS has been missing; 0 while it is there."""
+        return max(now_s - self._gps_lost_s, 0.0)
 
     @property
-    def position_error_north_m(self) -> float:
-        """How far north of the truth the estimate is."""
+    def gps_wrong_m(self) -> float:
+        """How far north of the truth GPS says that the vehicle is."""
         return _WRONG_BY_M if self._types.get(_GPS, _OK) == _WRONG else 0.0
-
-    def estimate(self, truth: VehicleTruth) -> VehicleTruth:
-        """Return what the estimator believes."""
-        if self.position_error_north_m == 0.0:
-            return truth
-        north_m, east_m, down_m = truth.position_ned_m
-        return truth._replace(
-            position_ned_m=(north_m + self.position_error_north_m, east_m, down_m)
-        )
 
     def _failed(self, unit: int) -> bool:
         return bool(self._types.get(unit, _OK) != _OK)

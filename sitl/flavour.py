@@ -8,8 +8,10 @@ from typing import ClassVar
 
 from sitl.commander import Commander
 from sitl.config import HomeConfig
+from sitl.estimator import Estimator
 from sitl.modes import Mode
 from sitl.parameters import ParameterSpec, ParameterStore
+from sitl.realism import Realism
 from sitl.settings import FlightSettings
 from sitl.truth import VehicleTruth
 
@@ -26,6 +28,8 @@ class Flavour(ABC):
         integers_bytewise: whether integer parameters are copied into the float field bit by bit.
         mission_first_item: number of the first item flown.
         take_off_above_sea: whether MAV_CMD_NAV_TAKEOFF gives altitude above mean sea level.
+        field, ideal: what it does as measured, and what an ideal one of its kind would.
+        target_type_mask: POSITION_TARGET_LOCAL_NED.type_mask.
     """
 
     autopilot: ClassVar[int]
@@ -36,6 +40,9 @@ class Flavour(ABC):
     integers_bytewise: ClassVar[bool]
     mission_first_item: ClassVar[int]
     take_off_above_sea: ClassVar[bool]
+    field: ClassVar[Realism]
+    ideal: ClassVar[Realism]
+    target_type_mask: ClassVar[int] = 0
 
     @abstractmethod
     def parameter_specs(self, system_id: int) -> tuple[ParameterSpec, ...]:
@@ -47,7 +54,11 @@ class Flavour(ABC):
 
     @abstractmethod
     def commander(
-        self, settings: FlightSettings, truth: VehicleTruth, origin: HomeConfig
+        self,
+        settings: FlightSettings,
+        truth: VehicleTruth,
+        origin: HomeConfig,
+        estimator: Estimator,
     ) -> Commander:
         """Return this autopilot's decisions."""
 

@@ -7,6 +7,7 @@ the border.
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 from sitl.controller import (
@@ -17,6 +18,7 @@ from sitl.controller import (
     control,
     trimmed,
 )
+from sitl.estimator import EstimateError
 from sitl.jit import compiled
 from sitl.multirotor import (
     MultirotorParameters,
@@ -33,6 +35,7 @@ Plain = tuple[float, ...]
 STATE, MEMORY, ACCELERATION = slice(0, 17), slice(17, 20), slice(20, 23)
 UNTRIMMED = (0.0, 0.0, 0.0)
 _UNACCELERATED = (0.0, 0.0, 0.0)
+_EXACT = tuple(EstimateError())
 
 
 class Flight(NamedTuple):
@@ -71,12 +74,14 @@ def fly(
     step_s: float,
     steps: int,
     age_s: float = 0.0,
+    error: Plain = _EXACT,
 ) -> Flight:
     """Advance plant and controller by ``steps`` steps of ``step_s`` under one moving setpoint.
 
     ``age_s`` is how long the setpoint has been moving when the first step begins.
     ``rotor_shares`` is what each rotor makes of its command: 1, or 0 when it has failed, of which
-    the controller knows nothing.
+    the controller knows nothing.  ``error`` is that of the estimate that the controller is given
+    instead of the state: an `EstimateError`.
     """
     return Flight(
         _fly(
@@ -90,6 +95,7 @@ def fly(
             step_s,
             steps,
             age_s,
+            tuple(error),
         )
     )
 
@@ -112,6 +118,36 @@ _ahead = compiled(ahead)
 
 
 @compiled
+def _sensed(
+    state: MultirotorState, error: EstimateError, cosine: float, sine: float
+) -> MultirotorState:
+    """Return the state as the estimator has it; cosine and sine of half its error of the heading.
+
+    The body's axes, rates and rotors are as they are: only where they are thought to point changes.
+    """
+    w, x, y, z = state.qw, state.qx, state.qy, state.qz
+    return MultirotorState(
+        state.north_m + error.north_m,
+        state.east_m + error.east_m,
+        state.down_m + error.down_m,
+        state.velocity_north_mps + error.velocity_north_mps,
+        state.velocity_east_mps + error.velocity_east_mps,
+        state.velocity_down_mps + error.velocity_down_mps,
+        cosine * w - sine * z,
+        cosine * x - sine * y,
+        cosine * y + sine * x,
+        cosine * z + sine * w,
+        state.roll_rate_radps,
+        state.pitch_rate_radps,
+        state.yaw_rate_radps,
+        state.rotor1_rpm,
+        state.rotor2_rpm,
+        state.rotor3_rpm,
+        state.rotor4_rpm,
+    )
+
+
+@compiled
 def _fly(
     start: Plain,
     trim: Plain,
@@ -123,14 +159,17 @@ def _fly(
     step_s: float,
     steps: int,
     age_s: float,
+    wrong: Plain,
 ) -> Plain:
     state, memory, setpoint = MultirotorState(*start), ControllerMemory(*trim), Setpoint(*wanted)
     gains, parameters, wind = ControllerGains(*limits), MultirotorParameters(*body), Wind(*air)
-    shares = RotorSpeeds(*rotor_shares)
+    shares, error = RotorSpeeds(*rotor_shares), EstimateError(*wrong)
+    cosine, sine = math.cos(error.yaw_rad / 2.0), math.sin(error.yaw_rad / 2.0)
+    sensed = _sensed(state, error, cosine, sine)
     command = RotorSpeeds(0.0, 0.0, 0.0, 0.0)
     for index in range(steps):
         moved_on = _ahead(setpoint, age_s + index * step_s)
-        rotors = control(state, memory, moved_on, gains, parameters)
+        rotors = control(sensed, memory, moved_on, gains, parameters)
         command = RotorSpeeds(
             rotors.rotor1_rpm * shares.rotor1_rpm,
             rotors.rotor2_rpm * shares.rotor2_rpm,
@@ -138,7 +177,8 @@ def _fly(
             rotors.rotor4_rpm * shares.rotor4_rpm,
         )
         moved = step(state, command, wind, parameters, step_s)
-        memory = trimmed(memory, state, moved, gains, parameters, step_s)
+        sensed_before, sensed = sensed, _sensed(moved, error, cosine, sine)
+        memory = trimmed(memory, sensed_before, sensed, gains, parameters, step_s)
         state = moved
     return state[0:17] + memory[0:3] + derivative(state, command, wind, parameters)[3:6]
 

@@ -16,11 +16,13 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from sitl.commander import Commander, Verdict
 from sitl.config import HomeConfig
 from sitl.controller import Setpoint
+from sitl.estimator import Estimator, EstimatorProfile
 from sitl.flavour import Flavour
 from sitl.land_detector import climbs
 from sitl.modes import Mode
 from sitl.offboard import OffboardStream
 from sitl.parameters import ParameterSpec, ParameterStore
+from sitl.realism import Realism
 from sitl.setpoint_message import (
     NOTHING,
     MotionTarget,
@@ -52,10 +54,9 @@ _PARAMETERS = (
     ParameterSpec("COM_OF_LOSS_T", 1.0, 0.0, 60.0, "offboard setpoints missing to failsafe [s]"),
     ParameterSpec("COM_RC_IN_MODE", 3, 0, 4, "manual control: 0 radio only, 4 none, else MAVLink"),
     ParameterSpec("COM_RC_LOSS_T", 0.5, 0.0, 35.0, "manual control silent to lost [s]"),
-    # Higher than PX4's 6.5, to go with this controller's rate loop; pitch alike.
-    ParameterSpec("MC_PITCH_P", 11.0, 1.0, 12.0, "pitch feedback [1/s]"),
+    ParameterSpec("MC_PITCH_P", 6.5, 1.0, 12.0, "pitch feedback [1/s]"),
     ParameterSpec("MC_PITCHRATE_MAX", 400.0, 0.0, 1800.0, "pitch rate limit [deg/s]"),
-    ParameterSpec("MC_ROLL_P", 11.0, 1.0, 12.0, "roll feedback [1/s]"),
+    ParameterSpec("MC_ROLL_P", 6.5, 1.0, 12.0, "roll feedback [1/s]"),
     ParameterSpec("MC_ROLLRATE_MAX", 400.0, 0.0, 1800.0, "roll rate limit [deg/s]"),
     ParameterSpec("MIS_TAKEOFF_ALT", 2.5, 0.0, 80.0, "default take-off altitude [m]"),
     ParameterSpec("MPC_ACC_DOWN_MAX", 3.0, 2.0, 15.0, "autonomous acceleration downwards [m/s^2]"),
@@ -68,7 +69,9 @@ _PARAMETERS = (
     ParameterSpec("MPC_TKO_SPEED", 1.5, 1.0, 5.0, "climb rate at take-off [m/s]"),
     ParameterSpec("MPC_VEL_MANUAL", 10.0, 3.0, 20.0, "speed at full stick [m/s]"),
     ParameterSpec("MPC_XY_CRUISE", 5.0, 3.0, 20.0, "autonomous speed [m/s]"),
+    ParameterSpec("MPC_XY_P", 0.95, 0.0, 2.0, "horizontal position feedback [1/s]"),
     ParameterSpec("MPC_XY_VEL_MAX", 12.0, 0.0, 20.0, "speed limit in every mode [m/s]"),
+    ParameterSpec("MPC_XY_VEL_P_ACC", 1.8, 1.2, 5.0, "horizontal velocity feedback [1/s]"),
     ParameterSpec("MPC_Z_V_AUTO_DN", 1.5, 0.5, 4.0, "autonomous sink rate [m/s]"),
     ParameterSpec("MPC_Z_V_AUTO_UP", 3.0, 0.5, 8.0, "autonomous climb rate [m/s]"),
     ParameterSpec("MPC_Z_VEL_MAX_DN", 1.5, 0.5, 4.0, "sink rate limit in every mode [m/s]"),
@@ -127,8 +130,14 @@ class Px4Commander(Commander):
     refusal = Verdict.TEMPORARILY_REJECTED
     first_mode = Mode.HOLD
 
-    def __init__(self, settings: FlightSettings, truth: VehicleTruth, origin: HomeConfig) -> None:
-        super().__init__(settings, truth, origin, Px4.mission_first_item)
+    def __init__(
+        self,
+        settings: FlightSettings,
+        truth: VehicleTruth,
+        origin: HomeConfig,
+        estimator: Estimator,
+    ) -> None:
+        super().__init__(settings, truth, origin, estimator, Px4.mission_first_item)
         self.offboard = OffboardStream(_ACCELERATION_HOLD_S)
         self._origin = origin
         self._intention = Mode.HOLD
@@ -274,6 +283,45 @@ class Px4(Flavour):
     integers_bytewise = True
     mission_first_item = 0
     take_off_above_sea = True
+    field = Realism(
+        estimator=EstimatorProfile(
+            position_m=0.45,
+            height_m=0.30,
+            velocity_mps=0.60,
+            climb_mps=0.20,
+            heading_rad=math.radians(3.5),
+            drift_mps2=0.30,
+            drift_max_mps=1.0,
+            dead_reckoning_s=5.7,
+            aiding_stops_s=7.7,
+        ),
+        jerk_share=0.0,
+        drag_share=0.0,
+        trim_time_s=4.5,  # MPC_XY_VEL_P_ACC / MPC_XY_VEL_I_ACC
+        rate_per_s=15.0,
+        rates_hz=MappingProxyType(
+            {
+                mavlink.MAVLINK_MSG_ID_ATTITUDE: 100.0,
+                mavlink.MAVLINK_MSG_ID_LOCAL_POSITION_NED: 30.0,
+                mavlink.MAVLINK_MSG_ID_GPS_RAW_INT: 8.0,
+                mavlink.MAVLINK_MSG_ID_SYS_STATUS: 5.0,
+                mavlink.MAVLINK_MSG_ID_EXTENDED_SYS_STATE: 5.0,
+                mavlink.MAVLINK_MSG_ID_ESTIMATOR_STATUS: 0.5,
+            }
+        ),
+        echoes_controller=True,
+        rest_is_constant_position=True,
+        timesync_misaddressed=True,
+        tells_lost_position_s=math.inf,
+        levels_when_lost=True,
+        fix_when_lost=mavlink.GPS_FIX_TYPE_NO_GPS,
+        drops_gps_after_s=7.3,
+    )
+    ideal = Realism(
+        parameters=MappingProxyType(
+            {"MC_PITCH_P": 11.0, "MC_ROLL_P": 11.0, "MPC_XY_P": 1.3, "MPC_XY_VEL_P_ACC": 4.5}
+        )
+    )
 
     def parameter_specs(self, system_id: int) -> tuple[ParameterSpec, ...]:
         """Return all parameters with their defaults."""
@@ -290,6 +338,8 @@ class Px4(Flavour):
             body_rate_max_radps=math.radians(min(p["MC_ROLLRATE_MAX"], p["MC_PITCHRATE_MAX"])),
             roll_gain_per_s=p["MC_ROLL_P"],
             pitch_gain_per_s=p["MC_PITCH_P"],
+            position_gain_per_s=p["MPC_XY_P"],
+            velocity_gain_per_s=p["MPC_XY_VEL_P_ACC"],
             speed_max_mps=p["MPC_XY_VEL_MAX"],
             climb_max_mps=p["MPC_Z_VEL_MAX_UP"],
             sink_max_mps=p["MPC_Z_VEL_MAX_DN"],
@@ -326,10 +376,14 @@ class Px4(Flavour):
         )
 
     def commander(
-        self, settings: FlightSettings, truth: VehicleTruth, origin: HomeConfig
+        self,
+        settings: FlightSettings,
+        truth: VehicleTruth,
+        origin: HomeConfig,
+        estimator: Estimator,
     ) -> Px4Commander:
         """Return this autopilot's decisions."""
-        return Px4Commander(settings, truth, origin)
+        return Px4Commander(settings, truth, origin, estimator)
 
     def custom_mode(self, mode: Mode) -> int:
         """Return HEARTBEAT.custom_mode: main mode in the third byte, sub mode in the fourth."""

@@ -49,7 +49,10 @@ class Scene:
         self.vehicle = SimulatedVehicle(config, config.seed, start_unix_s, ticks_per_decision)
         self.world = World(field, config.multirotor.radius_m)
         self._sensors = [
-            ObstacleSensor(sensor, field, config.seed, start_unix_s) for sensor in config.sensors
+            ObstacleSensor(
+                sensor, field, config.seed, start_unix_s, ideal=config.realism == "ideal"
+            )
+            for sensor in config.sensors
         ]
         self._detections: list[Detection] = []
         self._due_s = 0.0  # when a sensor measures next
@@ -70,9 +73,9 @@ class Scene:
         return truth_record(self.vehicle.truth, self.world, self.start_unix_s)
 
     def _look(self) -> None:
-        truth = self.vehicle.truth
+        truth, estimate = self.vehicle.truth, self.vehicle.estimate
         self.world.observe(truth.position_ned_m)
         for sensor in self._sensors:
-            for payload in sensor.sense(truth.time_s, truth):
+            for payload in sensor.sense(truth.time_s, truth, estimate):
                 self._detections.append(Detection(sensor.config.source, payload))
         self._due_s = min((sensor.due_s for sensor in self._sensors), default=math.inf)

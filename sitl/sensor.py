@@ -52,9 +52,13 @@ class SensorConfig(FileModel):
         scanner: what makes it a scanning range finder; null for the ideal detector.
         yaw_deg: direction of its axis in the body, clockwise from forward.
         noise_m: centres are wrong by at most this much along each axis (uniform); ideal model only.
+        face_noise_m: each face is wrong by at most this, by itself (uniform); ideal model only.
+            Null: under ``realism: field`` what noise_m leaves of uncertainty_m, otherwise nothing.
         uncertainty_m: what frames declare for each face.
         latency_s: measurement to publication.
         frame: frame of the reported boxes; ``body_frd`` is levelled, turned by yaw only.
+        placed_by: what of the autopilot's estimate places boxes in ``local_ned``: its ``pose``, as
+            a bridge on the vehicle does, or its ``position``, where bearings are known otherwise.
     """
 
     source: Annotated[str, Field(pattern=r"^[A-Za-z0-9_-]+$")] = "front"
@@ -64,8 +68,10 @@ class SensorConfig(FileModel):
     rate_hz: Annotated[float, Field(gt=0.0, le=200.0)] = 20.0
     latency_s: Annotated[float, Field(ge=0.0, le=10.0)] = 0.03
     noise_m: Annotated[float, Field(ge=0.0)] = 0.0
+    face_noise_m: Annotated[float, Field(ge=0.0)] | None = None
     uncertainty_m: Annotated[float, Field(ge=0.0)] = 0.05
     frame: Literal["local_ned", "body_frd"] = "local_ned"
+    placed_by: Literal["pose", "position"] = "pose"
     scanner: ScannerConfig | None = None
     faults: Annotated[tuple[SensorFault, ...], Field(strict=False)] = ()
 
@@ -110,8 +116,14 @@ class ObstacleSensor:
         field: ObstacleField,
         seed: int,
         start_unix_s: float = 0.0,
+        *,
+        ideal: bool = True,
     ) -> None:
+        """Set up; ``ideal`` says what a null ``face_noise_m`` means."""
         self.config = config
+        self._face_noise_m = config.face_noise_m
+        if self._face_noise_m is None:
+            self._face_noise_m = 0.0 if ideal else max(config.uncertainty_m - config.noise_m, 0.0)
         self._field = field
         self._neighbourhood = Neighbourhood(field)
         self._known: dict[int, _Known] = {}
@@ -130,12 +142,21 @@ class ObstacleSensor:
         """When it measures next."""
         return self._frames_due / self.config.rate_hz
 
-    def sense(self, now_s: float, truth: VehicleTruth) -> tuple[bytes, ...]:
-        """Measure if it is time to, and return the payloads that leave the sensor by ``now_s``."""
+    def sense(
+        self, now_s: float, truth: VehicleTruth, estimate: VehicleTruth | None = None
+    ) -> tuple[bytes, ...]:
+        """Measure if it is time to, and return the payloads that leave the sensor by ``now_s``.
+
+        Args:
+            now_s: time.
+            truth: where the sensor is.
+            estimate: where the autopilot believes that it is, by which boxes are placed in local
+                NED, as a bridge between sensor and bus does; exact when None.
+        """
         # The epsilon keeps a frame from slipping by one call when now_s carries round-off.
         if now_s >= self.due_s - 1e-9:
             self._frames_due = math.floor(now_s * self.config.rate_hz + 1e-6) + 1
-            payload = self._measure(now_s, truth)
+            payload = self._measure(now_s, truth, truth if estimate is None else estimate)
             if payload is not None:
                 self._in_flight.append((now_s + self.config.latency_s, payload))
         leaving = []
@@ -143,7 +164,7 @@ class ObstacleSensor:
             leaving.append(self._in_flight.popleft()[1])
         return tuple(leaving)
 
-    def _measure(self, now_s: float, truth: VehicleTruth) -> bytes | None:
+    def _measure(self, now_s: float, truth: VehicleTruth, estimate: VehicleTruth) -> bytes | None:
         faults = {fault.kind: fault for fault in self.config.faults if fault.active(now_s)}
         if "silent" in faults:
             return None
@@ -159,7 +180,9 @@ class ObstacleSensor:
                 "frame": self.config.frame,
                 "range_m": range_m,
                 "field_of_view_deg": self.config.field_of_view_deg,
-                "obstacles": [self._reported(box, truth) for box in self._boxes(truth, range_m)],
+                "obstacles": [
+                    self._reported(box, truth, estimate) for box in self._boxes(truth, range_m)
+                ],
             }
         )
         self._sequence += 1
@@ -208,17 +231,38 @@ class ObstacleSensor:
             coordinate_m + self._noise.uniform(-noise_m, noise_m)
             for coordinate_m in box.center_ned_m
         )
-        return SeenBox(box.id, (north_m, east_m), box.size_m, box.yaw_rad)
+        if not self._face_noise_m:
+            return SeenBox(box.id, (north_m, east_m), box.size_m, box.yaw_rad)
+        return self._with_faces_off(box, (north_m, east_m), self._face_noise_m)
 
-    def _reported(self, box: SeenBox, truth: VehicleTruth) -> dict[str, Any]:
+    def _with_faces_off(self, box: SeenBox, center_ned_m: Point, noise_m: float) -> SeenBox:
+        """Move each of the four faces outwards or inwards."""
+        front_m, back_m, right_m, left_m = (
+            self._noise.uniform(-noise_m, noise_m) for _ in range(4)
+        )
+        shift = _turned(((front_m - back_m) / 2.0, (right_m - left_m) / 2.0), box.yaw_rad)
+        length_m, width_m = box.size_m
+        size_m = (max(length_m + front_m + back_m, 0.0), max(width_m + right_m + left_m, 0.0))
+        center_m = (center_ned_m[0] + shift[0], center_ned_m[1] + shift[1])
+        return SeenBox(box.id, center_m, size_m, box.yaw_rad)
+
+    def _reported(
+        self, box: SeenBox, truth: VehicleTruth, estimate: VehicleTruth
+    ) -> dict[str, Any]:
         center_m, yaw_rad = box.center_ned_m, box.yaw_rad
-        if self.config.frame == "body_frd":
+        if self.config.frame == "body_frd" or estimate is not truth:
+            # A sensor sees where things are from the body, whatever the autopilot believes.
             offset_m = (
                 center_m[0] - truth.position_ned_m[0],
                 center_m[1] - truth.position_ned_m[1],
             )
             center_m = _turned(offset_m, -truth.yaw_rad)
             yaw_rad -= truth.yaw_rad
+        if self.config.frame == "local_ned" and estimate is not truth:
+            heading_rad = (truth if self.config.placed_by == "position" else estimate).yaw_rad
+            north_m, east_m = _turned(center_m, heading_rad)
+            center_m = (estimate.position_ned_m[0] + north_m, estimate.position_ned_m[1] + east_m)
+            yaw_rad += heading_rad
         return {
             "id": box.id,
             "center_m": list(center_m),

@@ -27,6 +27,7 @@ class FlightSettings:
     Attributes:
         tilt_max_rad, body_rate_max_radps: attitude limits, in every mode.
         roll_gain_per_s, pitch_gain_per_s: attitude feedback.
+        position_gain_per_s, velocity_gain_per_s: horizontal feedback.
         speed_max_mps, climb_max_mps, sink_max_mps: velocity limits, in every mode.
         cruise_speed_mps, climb_speed_mps, sink_speed_mps: of the autonomous modes.
         take_off_speed_mps, landing_speed_mps: vertical speeds near the ground.
@@ -52,6 +53,8 @@ class FlightSettings:
     body_rate_max_radps: float
     roll_gain_per_s: float
     pitch_gain_per_s: float
+    position_gain_per_s: float
+    velocity_gain_per_s: float
     speed_max_mps: float
     climb_max_mps: float
     sink_max_mps: float

@@ -38,6 +38,7 @@ from sitl.field import ObstacleField
 from sitl.operator import Operator, Step
 from sitl.plant_faults import PlantFaults
 from sitl.scene import Scene
+from sitl.standstill import Standstill
 from sitl.truth_log import TruthLog
 from sitl.vehicle import TICK_RATE_HZ, warm_up
 
@@ -48,9 +49,8 @@ EPOCH_UNIX_S: Final = 1_790_000_000.0
 ONBOARD_LINK, OPERATOR_LINK = 0, 1
 # A file that Linux always finds full; where there is none, writing to it fails as well.
 FULL_DISK: Final = Path("/dev/full")
-# How long the operator waits after the mission, and where the service does not fly (it has died, it
-# refuses to depart, the autopilot does not obey it), before landing.
-LINGER_S: Final = 0.5
+# How long the operator waits before landing where the service does not fly: it has died, it refuses
+# to depart, the autopilot does not obey it.
 PATIENCE_S: Final = 8.0
 
 
@@ -124,7 +124,8 @@ class Simulation:
         self._steps = 0
         self._dead = False
         self._mission_changed = False
-        self._over_since_s = self._idle_since_s = math.inf
+        self._idle_since_s = math.inf
+        self._standstill = Standstill()
 
     @property
     def over(self) -> bool:
@@ -200,14 +201,15 @@ class Simulation:
         ended = phase in (Phase.ARRIVED, Phase.HOLD) and not self._dead
         handed_over = self.operator.step in (Step.HAND_OVER, Step.WATCH)
         idle = handed_over and (self._dead or phase is Phase.STANDBY)
-        self._over_since_s = _since(self._over_since_s, self.now_s, present=ended)
+        speed_mps = math.hypot(*self.scene.vehicle.estimate.velocity_ned_mps)
+        stands = self._standstill.reached(self.now_s, speed_mps, stopping=ended)
         self._idle_since_s = _since(self._idle_since_s, self.now_s, present=idle)
         if self._faults.present("operator_takes_over"):
             self.operator.take_over()
         else:
             self.operator.hand_back()
         # A vehicle without its service is left alone until it has come to rest by itself.
-        if self.now_s > min(self._over_since_s + LINGER_S, self._idle_since_s + PATIENCE_S):
+        if stands or self.now_s > self._idle_since_s + PATIENCE_S:
             self.operator.land()
         self.operator.advance(self.now_s)
         self.scene.vehicle.receive(self.operator.bytes_to_send(), OPERATOR_LINK)

@@ -11,11 +11,19 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from sitl.battery import BatteryReading
 from sitl.commander import Commander
 from sitl.config import HomeConfig
+from sitl.controller import Setpoint
+from sitl.estimator import Estimator
 from sitl.flavour import Flavour
 from sitl.geodesy import geographic_from_ned
 from sitl.modes import Mode
 from sitl.multirotor import rotate_frd_from_ned
+from sitl.realism import Realism
+from sitl.settings import FlightSettings
 from sitl.truth import Vector, VehicleTruth
+
+# Vertical feedback [1/s], which no parameter here changes: MPC_Z_P and MPC_Z_VEL_P_ACC.
+HEIGHT_GAIN_PER_S = 1.0
+CLIMB_GAIN_PER_S = 4.0
 
 _ESTIMATOR_SENSORS = (
     mavlink.MAV_SYS_STATUS_SENSOR_3D_GYRO
@@ -25,6 +33,7 @@ _ESTIMATOR_SENSORS = (
     | mavlink.MAV_SYS_STATUS_SENSOR_GPS
     | mavlink.MAV_SYS_STATUS_AHRS
 )
+_POSITION_CONTROL = mavlink.MAV_SYS_STATUS_SENSOR_XY_POSITION_CONTROL
 _OTHER_SENSORS = mavlink.MAV_SYS_STATUS_SENSOR_MOTOR_OUTPUTS | mavlink.MAV_SYS_STATUS_SENSOR_BATTERY
 
 
@@ -37,6 +46,15 @@ class Snapshot(NamedTuple):
     home: HomeConfig
     flavour: Flavour
     start_unix_s: float
+    realism: Realism
+    estimator: Estimator
+
+    @property
+    def tells_position(self) -> bool:
+        """Whether LOCAL_POSITION_NED is sent: real autopilots send one that nothing measures."""
+        if self.commander.estimator_ready:
+            return True
+        return 0.0 < self.estimator.lost_for_s < self.realism.tells_lost_position_s
 
     @property
     def boot_ms(self) -> int:
@@ -130,8 +148,8 @@ def attitude_quaternion(s: Snapshot) -> Any:
 
 
 def local_position_ned(s: Snapshot) -> Any:
-    """LOCAL_POSITION_NED; None while the estimator does not know the position."""
-    if not s.commander.estimator_ready:
+    """LOCAL_POSITION_NED; None while the autopilot does not tell the position."""
+    if not s.tells_position:
         return None
     return mavlink.MAVLink_local_position_ned_message(
         s.boot_ms, *s.truth.position_ned_m, *s.truth.velocity_ned_mps
@@ -143,13 +161,44 @@ def position_target_local_ned(s: Snapshot) -> Any:
     setpoint = s.commander.setpoint
     if setpoint is None:
         return None
+    if s.realism.echoes_controller:
+        setpoint = controlled(setpoint, s.truth, s.commander.settings)
     return mavlink.MAVLink_position_target_local_ned_message(
         s.boot_ms,
         mavlink.MAV_FRAME_LOCAL_NED,
-        0,
+        s.flavour.target_type_mask,
         *setpoint[:9],
         setpoint.yaw_rad,
         setpoint.yaw_rate_radps,
+    )
+
+
+def controlled(setpoint: Setpoint, estimate: VehicleTruth, settings: FlightSettings) -> Setpoint:
+    """Return what a position controller hands on of a setpoint, which is what PX4 reports.
+
+    The velocity is the wanted one plus gain times error of the position, the acceleration the
+    wanted one plus gain times error of that velocity.  Axes without a position or velocity stay so.
+    """
+    at_m, going_mps = estimate.position_ned_m, estimate.velocity_ned_mps
+    gains_per_s = (settings.position_gain_per_s,) * 2 + (HEIGHT_GAIN_PER_S,)
+    velocity_gains_per_s = (settings.velocity_gain_per_s,) * 2 + (CLIMB_GAIN_PER_S,)
+    wanted = []
+    for axis in range(3):
+        place_m, velocity_mps, push_mps2 = setpoint[axis : axis + 9 : 3]
+        if not math.isnan(place_m):
+            forward_mps = 0.0 if math.isnan(velocity_mps) else velocity_mps
+            velocity_mps = forward_mps + gains_per_s[axis] * (place_m - at_m[axis])
+        if not math.isnan(velocity_mps):
+            push_mps2 += velocity_gains_per_s[axis] * (velocity_mps - going_mps[axis])
+        wanted.append((velocity_mps, push_mps2))
+    (vn, an), (ve, ae), (vd, ad) = wanted
+    return setpoint._replace(
+        velocity_north_mps=vn,
+        velocity_east_mps=ve,
+        velocity_down_mps=vd,
+        acceleration_north_mps2=an,
+        acceleration_east_mps2=ae,
+        acceleration_down_mps2=ad,
     )
 
 
@@ -172,24 +221,25 @@ def global_position_int(s: Snapshot) -> Any:
 
 
 def gps_raw_int(s: Snapshot) -> Any:
-    """GPS_RAW_INT: a good three-dimensional fix, or none."""
+    """GPS_RAW_INT: a good three-dimensional fix, or none and accuracies of 100 m, as PX4 says."""
     fix = s.commander.failures.gps_has_fix
+    dilution, accuracy_mm, accuracy_mmps = (80, 900, 400) if fix else (10_000, 100_000, 100_000)
     place = geographic_from_ned(s.home, s.truth.position_ned_m)
     north, east, _ = s.truth.velocity_ned_mps
     return mavlink.MAVLink_gps_raw_int_message(
         s.unix_us,
-        mavlink.GPS_FIX_TYPE_3D_FIX if fix else mavlink.GPS_FIX_TYPE_NO_FIX,
+        mavlink.GPS_FIX_TYPE_3D_FIX if fix else s.realism.fix_when_lost,
         round(place.latitude_deg * 1e7),
         round(place.longitude_deg * 1e7),
         round(place.altitude_m * 1e3),
-        70,
-        90,
+        dilution,
+        dilution,
         min(round(s.truth.ground_speed_mps * 100.0), 65534),
         round(math.degrees(math.atan2(east, north)) * 100.0) % 36000,
         14 if fix else 0,
-        h_acc=300,
-        v_acc=500,
-        vel_acc=100,
+        h_acc=accuracy_mm,
+        v_acc=accuracy_mm,
+        vel_acc=accuracy_mmps,
     )
 
 
@@ -218,11 +268,19 @@ def altitude(s: Snapshot) -> Any:
 
 def sys_status(s: Snapshot) -> Any:
     """SYS_STATUS: health, battery, and in the pre-arm bit whether arming would succeed."""
-    present = _ESTIMATOR_SENSORS | _OTHER_SENSORS | mavlink.MAV_SYS_STATUS_PREARM_CHECK
+    present = _ESTIMATOR_SENSORS | _OTHER_SENSORS | _POSITION_CONTROL
+    present |= mavlink.MAV_SYS_STATUS_PREARM_CHECK
     # Nothing breaches a geofence that is not enforced; MAVProxy announces a breach without this.
     health = _OTHER_SENSORS | mavlink.MAV_SYS_STATUS_GEOFENCE
+    failed = s.commander.failures.failed_sensors
+    if s.estimator.lost_for_s < s.realism.drops_gps_after_s:
+        failed &= ~mavlink.MAV_SYS_STATUS_SENSOR_GPS
+    elif s.realism.drops_gps_after_s > 0.0:
+        present &= ~(failed & mavlink.MAV_SYS_STATUS_SENSOR_GPS)
+    if s.tells_position:
+        health |= _ESTIMATOR_SENSORS & ~failed
     if s.commander.estimator_ready:
-        health |= _ESTIMATOR_SENSORS & ~s.commander.failures.failed_sensors
+        health |= _POSITION_CONTROL
     if not s.commander.prearm_failures():
         health |= mavlink.MAV_SYS_STATUS_PREARM_CHECK
     battery = s.battery
@@ -306,7 +364,7 @@ def odometry(s: Snapshot) -> Any:
         *truth.body_rates_radps,
         unknown,
         unknown,
-        reset_counter=s.commander.failures.estimator_resets % 256,
+        reset_counter=s.estimator.resets % 256,
         estimator_type=mavlink.MAV_ESTIMATOR_TYPE_AUTOPILOT,
     )
 
@@ -346,19 +404,66 @@ def mission_current(s: Snapshot) -> Any:
 
 
 def ekf_status_report(s: Snapshot) -> Any:
-    """EKF_STATUS_REPORT: ArduPilot's way to say that the estimate is good."""
-    flags = _EKF_GOOD if s.commander.estimator_ready else mavlink.EKF_UNINITIALIZED
-    return mavlink.MAVLink_ekf_status_report_message(flags, 0.01, 0.01, 0.01, 0.01, 0.0)
+    """EKF_STATUS_REPORT: ArduPilot's way to say how good the estimate is.
+
+    Its variances rise at the failover; they are not measured, but the failsafe needs 0.8.
+    """
+    flags, variance = _estimator_flags(s), 0.02
+    if not flags:
+        flags = mavlink.EKF_UNINITIALIZED
+    elif s.estimator.lost_for_s >= s.estimator.profile.dead_reckoning_s:
+        variance = 1.0
+    return mavlink.MAVLink_ekf_status_report_message(flags, variance, variance, 0.02, 0.05, 0.0)
 
 
 def estimator_status(s: Snapshot) -> Any:
-    """ESTIMATOR_STATUS: PX4's way to say the same."""
-    lost = mavlink.ESTIMATOR_ATTITUDE | mavlink.ESTIMATOR_CONST_POS_MODE
-    flags = _EKF_GOOD if s.commander.estimator_ready else lost
-    ratios = (0.01, 0.01, 0.01, 0.01, math.nan, math.nan)  # no range finder, no air speed
+    """ESTIMATOR_STATUS: PX4's way to say the same.
+
+    Without GPS the ratios of innovations say nothing: only the accuracies grow, until the
+    horizontal flags go, and ratios with them.
+    """
+    estimator = s.estimator
+    lost_for_s, error = estimator.lost_for_s, estimator.error
+    ratios = (0.03 + 0.2 * abs(error.velocity_north_mps), 0.02 + 0.05 * abs(error.north_m))
+    accuracy_m = 0.29
+    if lost_for_s > 0.0:
+        ratios = (0.01, 0.05)
+        accuracy_m += 0.06 * lost_for_s + 0.045 * lost_for_s**2
+    if lost_for_s >= estimator.profile.dead_reckoning_s:
+        accuracy_m += 4.0
+    if lost_for_s >= estimator.profile.aiding_stops_s:
+        ratios = (math.nan, math.nan)
+    flags = _estimator_flags(s)
+    if not flags:
+        flags = mavlink.ESTIMATOR_ATTITUDE | mavlink.ESTIMATOR_CONST_POS_MODE
     return mavlink.MAVLink_estimator_status_message(
-        round(s.truth.time_s * 1e6), flags, *ratios, 0.1, 0.1
+        round(s.truth.time_s * 1e6),
+        flags,
+        *ratios,
+        0.02,
+        0.08,
+        math.nan,  # no range finder
+        math.nan,  # no air speed
+        accuracy_m,
+        0.3,
     )
+
+
+def _estimator_flags(s: Snapshot) -> int:
+    """What the filter vouches for; the flags mean the same in both messages.  0: nothing yet."""
+    profile, lost_for_s = s.estimator.profile, s.estimator.lost_for_s
+    if not s.tells_position and lost_for_s <= 0.0:
+        return 0
+    flags = _EKF_GOOD
+    if s.realism.rest_is_constant_position and s.commander.on_ground and not s.commander.armed:
+        flags |= mavlink.ESTIMATOR_CONST_POS_MODE
+    if lost_for_s >= profile.dead_reckoning_s:
+        if not s.realism.tells_lost_position_s:
+            return 0
+        flags &= ~_EKF_HORIZONTAL
+    if lost_for_s >= profile.aiding_stops_s:
+        flags &= ~_EKF_PREDICTED
+    return flags
 
 
 # These flags mean the same in both messages.
@@ -372,6 +477,8 @@ _EKF_GOOD = (
     | mavlink.EKF_PRED_POS_HORIZ_REL
     | mavlink.EKF_PRED_POS_HORIZ_ABS
 )
+_EKF_HORIZONTAL = mavlink.EKF_VELOCITY_HORIZ | mavlink.EKF_POS_HORIZ_REL | mavlink.EKF_POS_HORIZ_ABS
+_EKF_PREDICTED = mavlink.EKF_PRED_POS_HORIZ_REL | mavlink.EKF_PRED_POS_HORIZ_ABS
 
 BUILDERS: dict[int, Callable[[Snapshot], Any]] = {
     mavlink.MAVLINK_MSG_ID_HEARTBEAT: heartbeat,

@@ -74,7 +74,7 @@ class SimulatedVehicle:
         self._battery = Battery(config.battery)
         self._wind_model = WindModel(config.wind, random.Random(f"{seed} wind"))
         self.truth = self._observe()
-        self.autopilot = Autopilot(config, self.truth, self._battery.reading, start_unix_s)
+        self.autopilot = Autopilot(config, self.truth, self._battery.reading, start_unix_s, seed)
         self._actuation = Actuation(Drive.OFF)
         self._settings: FlightSettings | None = None
         self._controller_gains = ControllerGains()
@@ -140,19 +140,30 @@ class SimulatedVehicle:
         self.truth = self._observe()
 
     @property
+    def estimate(self) -> VehicleTruth:
+        """What the autopilot believes at the current instant."""
+        return self.autopilot.estimator.estimate(self.truth)
+
+    @property
+    def _lost(self) -> bool:
+        """Whether the autopilot flies without knowing where it is."""
+        commander = self.autopilot.commander
+        return self.autopilot.realism.levels_when_lost and not commander.position_valid
+
+    @property
     def _ticks_since_decision(self) -> int:
         return self._ticks % self._ticks_per_decision
 
     def _moved(self, actuation: Actuation, wind: Wind, steps: int) -> Flight:
         """Fly some steps of plant and controller."""
         state, memory = self._flight.values[STATE], self._flight.values[MEMORY]
-        if self.autopilot.commander.on_ground:
+        if self.autopilot.commander.on_ground or self._lost:
             memory = UNTRIMMED  # the ground's support is no disturbance to trim out
         if actuation.drive is Drive.FLY and actuation.setpoint is not None:
             return fly(
                 state,
                 memory,
-                self._in_truth(actuation.setpoint),
+                self._with_position(actuation.setpoint),
                 self._gains(),
                 self._parameters,
                 self.autopilot.commander.failures.rotor_shares,
@@ -160,28 +171,43 @@ class SimulatedVehicle:
                 self._step_s,
                 steps,
                 self._ticks_since_decision * _TICK_S,
+                self.autopilot.estimator.error,
             )
         # Idle rotors that have failed stand still, which makes no difference on the ground.
         idle_rpm = self._parameters.rotor_speed_min_rpm if actuation.drive is Drive.IDLE else 0.0
         command = RotorSpeeds(idle_rpm, idle_rpm, idle_rpm, idle_rpm)
         return spin(state, command, self._parameters, wind, self._step_s, steps)
 
-    def _in_truth(self, setpoint: Setpoint) -> Setpoint:
-        """Return a setpoint given where the estimator believes to be, as it acts in the world.
-
-        The controller is fed with the truth, so that an error of the estimate moves the target.
-        """
-        error_m = self.autopilot.commander.failures.position_error_north_m
-        return setpoint._replace(north_m=setpoint.north_m - error_m) if error_m else setpoint
+    def _with_position(self, setpoint: Setpoint) -> Setpoint:
+        """Return what can be flown of a setpoint: where no position is known, only heights."""
+        if not self._lost:
+            return setpoint
+        nan = math.nan
+        return setpoint._replace(
+            north_m=nan,
+            east_m=nan,
+            velocity_north_mps=nan,
+            velocity_east_mps=nan,
+            acceleration_north_mps2=0.0,
+            acceleration_east_mps2=0.0,
+            jerk_north_mps3=0.0,
+            jerk_east_mps3=0.0,
+        )
 
     def _gains(self) -> ControllerGains:
         """Controller gains and limits as the autopilot's settings have them now."""
         settings = self.autopilot.commander.settings
         if settings is not self._settings:
-            self._settings = settings
+            self._settings, realism = settings, self.autopilot.realism
             self._controller_gains = ControllerGains(
                 roll_per_s=settings.roll_gain_per_s,
                 pitch_per_s=settings.pitch_gain_per_s,
+                position_per_s=settings.position_gain_per_s,
+                velocity_per_s=settings.velocity_gain_per_s,
+                jerk_share=realism.jerk_share,
+                drag_share=realism.drag_share,
+                trim_time_s=realism.trim_time_s,
+                rate_per_s=realism.rate_per_s,
                 tilt_max_rad=settings.tilt_max_rad,
                 body_rate_max_radps=settings.body_rate_max_radps,
                 speed_max_mps=settings.speed_max_mps,

@@ -104,8 +104,9 @@ class Client:
         self.send(mavlink.MAVLink_param_set_message(1, 1, name.encode(), value, 9))
 
 
-def on_ground(**config: Any) -> Client:
-    client = Client(SimulatedVehicle(VehicleConfig(**config)))
+def on_ground(seed: int = 0, **config: Any) -> Client:
+    """Return a client of a vehicle that stands; ideal unless the test is about the field."""
+    client = Client(SimulatedVehicle(VehicleConfig(**{"realism": "ideal", **config}), seed))
     client.send(mavlink.MAVLink_heartbeat_message(mavlink.MAV_TYPE_GCS, 8, 0, 0, 0, 3))
     client.wait(1.5)
     return client

@@ -28,8 +28,8 @@ def on_ground(**parameters: float) -> Client:
     return px4_on_ground(flavour="ardupilot", parameters=parameters)
 
 
-def in_air(**parameters: float) -> Client:
-    client = px4_in_air(flavour="ardupilot", parameters=parameters)
+def in_air(realism: str = "ideal", **parameters: float) -> Client:
+    client = px4_in_air(flavour="ardupilot", realism=realism, parameters=parameters)
     assert client.set_mode(Mode.OFFBOARD) == mavlink.MAV_RESULT_ACCEPTED
     return client
 

@@ -90,9 +90,9 @@ def run_up(time_s: float) -> tuple[float, float, float]:
     )
 
 
-def greatest_error_m(roll_deg: float, **parameters: float) -> float:
+def greatest_error_m(roll_deg: float, realism: str = "ideal", **parameters: float) -> float:
     """Swerve by 3 m at 2.8 m/s, streaming at 50 Hz; return how far the vehicle is off."""
-    client = in_air(**parameters)
+    client = in_air(realism=realism, **parameters)
     north_m, east_m, down_m = client.vehicle.truth.position_ned_m
     push_mps2 = GRAVITY_MPS2 * math.tan(math.radians(roll_deg))
     errors_m, began_s = [], client.vehicle.truth.time_s

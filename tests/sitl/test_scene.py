@@ -20,7 +20,7 @@ REPOSITORY = Path(__file__).parents[2]
 
 
 def scene(**config: Any) -> Scene:
-    return Scene(SitlConfig(start=HOVER, **config), FIELD, start_unix_s=1000.0)
+    return Scene(SitlConfig(start=HOVER, realism="ideal", **config), FIELD, start_unix_s=1000.0)
 
 
 def test_vehicle_world_and_sensors_advance_together() -> None:
@@ -46,7 +46,7 @@ def test_vehicle_world_and_sensors_advance_together() -> None:
 # The last two are due a few nanoseconds after a tick, or before one.
 @pytest.mark.parametrize("rate_hz", [19.0, 20.0, 33.33333, 14.2857143])
 def test_a_sensor_measures_on_time_between_two_decisions_of_the_autopilot(rate_hz: float) -> None:
-    config = SitlConfig(start=HOVER, sensors=(SensorConfig(rate_hz=rate_hz),))
+    config = SitlConfig(start=HOVER, realism="ideal", sensors=(SensorConfig(rate_hz=rate_hz),))
     seldom = Scene(config, FIELD, ticks_per_decision=4)
     seldom.advance(1.5)
     assert seldom.vehicle.truth.time_s == pytest.approx(1.5)
@@ -58,7 +58,7 @@ def test_a_sensor_measures_on_time_between_two_decisions_of_the_autopilot(rate_h
 
 def test_time_passes_whatever_the_rate_of_a_sensor() -> None:
     # In a tick at 3.03 s this one is due at once again, if it were not for round-off.
-    config = SitlConfig(start=HOVER, sensors=(SensorConfig(rate_hz=133.333333),))
+    config = SitlConfig(start=HOVER, realism="ideal", sensors=(SensorConfig(rate_hz=133.333333),))
     endless = Scene(config, FIELD)
     endless.advance(3.2)
     assert endless.vehicle.truth.time_s == pytest.approx(3.2)

@@ -3,7 +3,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Iterator
-from typing import Any
+from typing import Any, Literal
 
 import pytest
 from hypothesis import assume, given, settings
@@ -212,3 +212,75 @@ def test_distance_in_view_agrees_with_sampling(
     if sampled_m < math.inf and half_view_rad > 0.3:
         coarse_m = 2.0 * math.hypot(along, across) / 40.0
         assert exact_m >= sampled_m - coarse_m / math.sin(min(half_view_rad, 1.5))
+
+
+@given(
+    st.tuples(st.floats(0.3, 4.0), st.floats(0.3, 4.0)),
+    st.sampled_from([(0.1, 0.0, None), (0.1, 0.03, None), (0.1, 0.0, 0.04)]),
+)
+def test_each_face_is_off_by_itself_and_by_no_more_than_is_declared(
+    size_m: tuple[float, float], noise: tuple[float, float, float | None]
+) -> None:
+    uncertainty_m, noise_m, face_noise_m = noise
+    bound_m = uncertainty_m if face_noise_m is None else face_noise_m
+    field = ObstacleField.of([Obstacle(id="a", center_ned_m=(6.0, 1.0), size_m=size_m, yaw_deg=0)])
+    config = SensorConfig(uncertainty_m=uncertainty_m, noise_m=noise_m, face_noise_m=face_noise_m)
+    device = ObstacleSensor(config, field, 3, ideal=False)
+    faces_m = []
+    for index in range(60):
+        for payload in device.sense(index / 20.0, looking()):
+            (box,) = json.loads(payload)["obstacles"]
+            (north_m, east_m), (along_m, across_m) = box["center_m"], box["size_m"]
+            faces_m.append(
+                (
+                    north_m + along_m / 2.0 - 6.0 - size_m[0] / 2.0,
+                    6.0 - size_m[0] / 2.0 - north_m + along_m / 2.0,
+                    east_m + across_m / 2.0 - 1.0 - size_m[1] / 2.0,
+                    1.0 - size_m[1] / 2.0 - east_m + across_m / 2.0,
+                )
+            )
+    for each in zip(*faces_m, strict=True):
+        assert 0.6 * bound_m < max(each) <= bound_m + 1e-9
+        assert -bound_m - 1e-9 <= min(each) < -0.6 * bound_m
+    sums_m = [front_m + back_m for front_m, back_m, *_ in faces_m]
+    assert max(sums_m) - min(sums_m) > bound_m  # the box is not only displaced, it changes its size
+
+
+def test_an_ideal_sensor_leaves_faces_alone_unless_told_otherwise() -> None:
+    field = ObstacleField.of([Obstacle(id="a", center_ned_m=(6.0, 1.0), size_m=(1, 2), yaw_deg=0)])
+    device = ObstacleSensor(SensorConfig(), field, 3)
+    (payload,) = [each for now_s in (0.0, 0.04) for each in device.sense(now_s, looking())]
+    assert json.loads(payload)["obstacles"][0]["size_m"] == [1.0, 2.0]
+
+
+@pytest.mark.parametrize(
+    ("frame", "placed_by", "expected_m"),
+    [
+        (
+            "local_ned",
+            "pose",
+            (
+                0.5 + 6.0 * math.cos(0.1) - 1.0 * math.sin(0.1),
+                -0.2 + 6.0 * math.sin(0.1) + 1.0 * math.cos(0.1),
+            ),
+        ),
+        ("local_ned", "position", (6.5, 0.8)),
+        ("body_frd", "pose", (6.0, 1.0)),
+    ],
+)
+def test_boxes_in_local_ned_are_placed_by_the_autopilots_own_estimate(
+    frame: Literal["local_ned", "body_frd"],
+    placed_by: Literal["pose", "position"],
+    expected_m: tuple[float, float],
+) -> None:
+    field = ObstacleField.of([Obstacle(id="a", center_ned_m=(6.0, 1.0), size_m=(1, 1), yaw_deg=0)])
+    device = ObstacleSensor(SensorConfig(frame=frame, placed_by=placed_by, latency_s=0.0), field, 1)
+    here = looking()
+    half_rad = 0.05
+    believed = here._replace(
+        position_ned_m=(0.5, -0.2, here.position_ned_m[2]),
+        attitude_quaternion=(math.cos(half_rad), 0.0, 0.0, math.sin(half_rad)),
+    )
+    (payload,) = device.sense(0.0, here, believed)
+    north_m, east_m = json.loads(payload)["obstacles"][0]["center_m"]
+    assert (north_m, east_m) == pytest.approx(expected_m)

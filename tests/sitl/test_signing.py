@@ -23,7 +23,8 @@ ARM = mavlink.MAVLink_command_long_message(1, 1, 400, 0, 1, 0, 0, 0, 0, 0, 0)
 
 def vehicle(**config: Any) -> SimulatedVehicle:
     flown = SimulatedVehicle(
-        VehicleConfig(signing_passphrase=WORDS, **config), start_unix_s=START_UNIX_S
+        VehicleConfig(signing_passphrase=WORDS, realism="ideal", **config),
+        start_unix_s=START_UNIX_S,
     )
     flown.advance(1.5)
     return flown
@@ -114,7 +115,7 @@ def setup_signing(key: bytes) -> Any:
 
 
 def test_signing_is_set_up_and_ended_over_mavlink() -> None:
-    flown = SimulatedVehicle(VehicleConfig(), start_unix_s=START_UNIX_S)
+    flown = SimulatedVehicle(VehicleConfig(realism="ideal"), start_unix_s=START_UNIX_S)
     flown.advance(1.5)
     assert obeys(flown, frame(key=None))
     flown.receive(frame(setup_signing(KEY), key=None))

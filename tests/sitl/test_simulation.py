@@ -11,7 +11,9 @@ from mcap.reader import make_reader
 
 from gcs_tools.scenario import load_scenario
 from onboard.guidance import Phase
+from sitl.operator import Step
 from sitl.simulation import SimulatedFlight, Simulation, fly
+from sitl.standstill import STILL_FOR_S, STILL_MPS
 
 CONFIG = Path(__file__).parents[2] / "config"
 
@@ -91,6 +93,17 @@ def test_intersecting_regions_end_in_hold(tmp_path: Path) -> None:
     assert violation["assumption"] == "roi_intersection"
     *_, last = messages(tmp_path / "truth.mcap", "/truth")
     assert last["collisions"] == 0
+
+
+def test_a_hold_is_flown_to_standstill_before_the_operator_lands() -> None:
+    simulation = Simulation(flight_of("intersecting_rois.yaml"))
+    speeds_mps = []
+    while simulation.operator.step is not Step.LAND:
+        simulation.advance()
+        if simulation.autonomy.navigator.phase is Phase.HOLD:
+            speeds_mps.append(simulation.scene.vehicle.truth.ground_speed_mps)
+    assert speeds_mps[0] > 1.0
+    assert max(speeds_mps[-round(0.9 * STILL_FOR_S / 0.02) :]) < STILL_MPS
 
 
 def test_daemon_that_dies_in_cruise_is_stopped_by_the_autopilot() -> None:

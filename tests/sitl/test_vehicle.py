@@ -16,7 +16,9 @@ SPEED_MPS, RAMP_S = 4.0, 3.0
 
 def flying(ticks_per_decision: int) -> Client:
     start = StartConfig(position_ned_m=(0.0, 0.0, -4.0))
-    vehicle = SimulatedVehicle(VehicleConfig(start=start), ticks_per_decision=ticks_per_decision)
+    vehicle = SimulatedVehicle(
+        VehicleConfig(start=start, realism="ideal"), ticks_per_decision=ticks_per_decision
+    )
     client = Client(vehicle)
     client.send(mavlink.MAVLink_heartbeat_message(mavlink.MAV_TYPE_GCS, 8, 0, 0, 0, 3))
     client.wait(1.5)

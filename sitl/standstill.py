@@ -1,0 +1,38 @@
+"""Whether a vehicle that was told to stop has come to rest, so that it may be landed."""
+
+from __future__ import annotations
+
+import math
+from typing import Final
+
+# Real PX4 hovers at 0.2 to 0.6 m/s by its own estimate, so slowness has to last, but is not waited
+# for beyond all measure: a full stop takes a few seconds.
+STILL_MPS: Final = 0.3
+STILL_FOR_S: Final = 1.0
+PATIENCE_S: Final = 10.0
+
+
+class Standstill:
+    """Waits for the vehicle that an operator watches to stand still."""
+
+    def __init__(self) -> None:
+        self._stopping_since_s = math.inf
+        self._still_since_s = math.inf
+
+    def reached(self, now_s: float, speed_mps: float, *, stopping: bool) -> bool:
+        """Tell whether it stands, or has had all the time that it may take to.
+
+        Args:
+            now_s: time.
+            speed_mps: of the vehicle, as it is told.
+            stopping: whether it should stand by now.
+        """
+        if not stopping:
+            self._stopping_since_s = self._still_since_s = math.inf
+            return False
+        self._stopping_since_s = min(self._stopping_since_s, now_s)
+        still = speed_mps < STILL_MPS
+        self._still_since_s = min(self._still_since_s, now_s) if still else math.inf
+        return now_s - self._still_since_s >= STILL_FOR_S or (
+            now_s - self._stopping_since_s >= PATIENCE_S
+        )
