@@ -15,7 +15,7 @@ import numpy as np
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from gcs_tools.errors import CommandError
-from gcs_tools.identify_streams import POSES_MIN, REFERENCE_COLUMNS, Streams, Timeline, in_order
+from gcs_tools.identify_streams import POSES_MIN, Streams, Timeline, in_order, reference_in_order
 from onboard.frames import FloatArray
 from onboard.mavlink_frames import frame_length
 
@@ -120,13 +120,13 @@ class _Vehicle:
         if len(most) >= POSES_MIN:
             several = f"several sent set-points; measured against those of {sender}"
             notes = (several,) if len(self.told) > 1 else ()
-            return in_order(most, REFERENCE_COLUMNS), "SET_POSITION_TARGET_LOCAL_NED", notes
+            return reference_in_order(most), "SET_POSITION_TARGET_LOCAL_NED", notes
         name = (
             "SET_POSITION_TARGET_LOCAL_NED with position, velocity and acceleration, and no "
             "POSITION_TARGET_LOCAL_NED with a position"
         )
         px4 = self.autopilot == mavlink.MAV_AUTOPILOT_PX4
-        return in_order(self.echoes, REFERENCE_COLUMNS), name, (_PX4_ECHO,) if px4 else ()
+        return reference_in_order(self.echoes), name, (_PX4_ECHO,) if px4 else ()
 
 
 def _vehicles(data: bytearray) -> dict[int, _Vehicle]:
@@ -159,11 +159,11 @@ def _ignore(_vehicle: _Vehicle, _time_s: float, _message: Any) -> None:
 
 
 def _on_pose(vehicle: _Vehicle, time_s: float, m: Any) -> None:
-    _add(vehicle.poses, time_s, (m.x, m.y, m.z, m.vx, m.vy, m.vz))
+    vehicle.poses.append((time_s, m.x, m.y, m.z, m.vx, m.vy, m.vz))
 
 
 def _on_attitude(vehicle: _Vehicle, time_s: float, m: Any) -> None:
-    _add(vehicle.attitudes, time_s, (m.roll, m.pitch, m.yaw))
+    vehicle.attitudes.append((time_s, m.roll, m.pitch, m.yaw))
 
 
 def _on_heartbeat(vehicle: _Vehicle, time_s: float, m: Any) -> None:
@@ -172,12 +172,11 @@ def _on_heartbeat(vehicle: _Vehicle, time_s: float, m: Any) -> None:
 
 
 def _on_echo(vehicle: _Vehicle, time_s: float, m: Any) -> None:
-    """Take what the autopilot says of its target, while that has a position."""
+    """Take what the autopilot says of its target; it is of use while that has a position."""
     row = _reference_row(m)
     if vehicle.autopilot == mavlink.MAV_AUTOPILOT_PX4:
         row = (*row[:3], *(_UNKNOWN,) * 6, row[9])
-    if np.isfinite(row[:3]).all():
-        vehicle.echoes.append((time_s, *row))
+    vehicle.echoes.append((time_s, *row))
 
 
 def _on_told(vehicle: _Vehicle, time_s: float, m: Any) -> None:
@@ -196,11 +195,6 @@ def _reference_row(m: Any) -> tuple[float, ...]:
         _UNKNOWN if m.type_mask >> bit & 1 else value
         for bit, value in zip(bits, values, strict=True)
     )
-
-
-def _add(rows: list[tuple[float, ...]], time_s: float, values: tuple[float, ...]) -> None:
-    if np.isfinite(values).all():
-        rows.append((time_s, *values))
 
 
 _ON_HEARD: Final[dict[str, Callable[[_Vehicle, float, Any], None]]] = {

@@ -256,8 +256,16 @@ def centimetres(path: Path) -> Path:
     return dataflash(path, unit_m=0.01)
 
 
-def mcap(path: Path, stamp: Stamp = lambda time_s: time_s) -> Path:
-    """Write what the daemon logs: the reference of a tick, and the pose known at it."""
+def mcap(
+    path: Path, stamp: Stamp = lambda time_s: time_s, said: dict[str, Any] | None = None
+) -> Path:
+    """Write what the daemon logs: the reference of a tick, and the pose known at it.
+
+    Args:
+        path: the file.
+        stamp: the clock of the daemon.
+        said: what each state says instead.
+    """
     with FlightLog(path, {}) as log:
         for time_s in TIMES_S.tolist():
             north_m, east_m, down_m, vn, ve, vd = pose(time_s)
@@ -280,5 +288,5 @@ def mcap(path: Path, stamp: Stamp = lambda time_s: time_s) -> Path:
                 "detection_age_s": 0.05,
                 "telemetry_age_s": 0.01,
             }
-            log.write([Record("state", EPOCH_UNIX_S + now_s, state)])
+            log.write([Record("state", EPOCH_UNIX_S + now_s, state | (said or {}))])
     return path
