@@ -75,6 +75,7 @@ class Tlog:
         told: bool = True,
         echo_every: int = 0,
         offset_m: float = 0.0,
+        target: int | None = None,
     ) -> Tlog:
         """Add the flight of one vehicle.
 
@@ -85,16 +86,25 @@ class Tlog:
             told: whether the set-points are in the log.
             echo_every: ticks between the autopilot's own words on them; 0 for none.
             offset_m: how far north of the others it flies.
+            target: system that the set-points are for; it itself without.
         """
         for tick, time_s in enumerate(TIMES_S.tolist()):
             if tick % 50 == 0:
                 self.add(time_s, _heartbeat(autopilot, mode), system)
             x, *rest = reference(time_s)
             if told:
-                target = mavlink.MAVLink_set_position_target_local_ned_message(
-                    0, system, 1, 1, mask, x + offset_m, *rest, 0.0, 0.0
+                asked = mavlink.MAVLink_set_position_target_local_ned_message(
+                    0,
+                    system if target is None else target,
+                    1,
+                    1,
+                    mask,
+                    x + offset_m,
+                    *rest,
+                    0.0,
+                    0.0,
                 )
-                self.add(time_s, target, system, 196)
+                self.add(time_s, asked, system, 196)
             north_m, *moved = pose(time_s)
             attitude = (roll_rad(time_s), 0.0, LOOK_RAD, 0.0, 0.0, 0.0)
             self.add(time_s, mavlink.MAVLink_attitude_message(0, *attitude), system)

@@ -207,7 +207,7 @@ def test_of_two_that_fly_one_has_to_be_asked_for(clearway: Clearway, tmp_path: P
     ran = clearway("identify", path)
     assert ran.code == 2
     assert ran.err.count("\n") == 1
-    assert "vehicles 1 and 7" in ran.err
+    assert "vehicles 1, 7 fly" in ran.err
     assert "--system-id" in ran.err
     ran = clearway("identify", path, "--system-id", "7", "--format", "json")
     assert ran.code == 0
@@ -217,7 +217,7 @@ def test_of_two_that_fly_one_has_to_be_asked_for(clearway: Clearway, tmp_path: P
 
 
 @pytest.mark.parametrize(
-    ("asked", "words"), [("3", "no vehicle 3, only 1 and 2"), ("0", "0"), ("x", "x")]
+    ("asked", "words"), [("3", "no vehicle 3, only 1, 2"), ("0", "0"), ("x", "x")]
 )
 def test_a_vehicle_that_is_not_there(
     clearway: Clearway, tmp_path: Path, asked: str, words: str
@@ -226,6 +226,11 @@ def test_a_vehicle_that_is_not_there(
     ran = clearway("identify", path, "--system-id", asked)
     assert ran.code == 2
     assert words in ran.err
+
+
+def test_a_set_point_for_all_is_one_for_each(tmp_path: Path) -> None:
+    log = Tlog().fly(target=0)
+    check_flight(measure(read_recording(log.write(tmp_path / "all.tlog"))))
 
 
 def test_other_components_are_not_the_vehicle(tmp_path: Path) -> None:
