@@ -13,7 +13,7 @@ from typing import Any, Final
 from pymavlink import DFReader
 
 from gcs_tools.errors import CommandError
-from gcs_tools.identify_streams import REFERENCE_COLUMNS, Streams, Timeline, in_order
+from gcs_tools.identify_streams import Streams, Timeline, in_order, reference_in_order
 
 BINARY_MAGIC: Final = b"\xa3\x95\x80"
 _COPTER_MODE_GUIDED: Final = 4
@@ -48,7 +48,7 @@ def streams_of_dataflash(path: Path) -> Streams:
     return Streams(
         source=str(path),
         pose=in_order(rows["PSC"], 6),
-        reference=in_order(rows["GUIP"], REFERENCE_COLUMNS),
+        reference=reference_in_order(rows["GUIP"]),
         attitude=in_order(rows["ATT"], 3),
         control=in_order(rows["MODE"], 1),
         names=(

@@ -11,7 +11,7 @@ from gcs_tools.errors import CommandError
 from gcs_tools.flight_log import Log, read_log
 from gcs_tools.identify_dataflash import BINARY_MAGIC, streams_of_dataflash
 from gcs_tools.identify_recording import Recording
-from gcs_tools.identify_streams import REFERENCE_COLUMNS, Streams, Timeline, in_order
+from gcs_tools.identify_streams import Streams, Timeline, in_order, reference_in_order
 from gcs_tools.identify_tlog import is_raw_capture, is_tlog, streams_of_tlog
 from onboard.contract import TICK_S
 from onboard.frames import FloatArray
@@ -57,7 +57,7 @@ def read_recording(path: Path, system_id: int | None = None) -> Recording:
     if not start:
         raise NotALogError(f"{path}: the file is empty, {_EXPECTED}")
     if start.startswith(_MCAP_MAGIC):
-        return _streams_of_ours(path, read_log(path)).recording()
+        return _recording_of_ours(path)
     if start.startswith(_ULOG_MAGIC):
         return _streams_of_ulog(path).recording()
     if start.startswith(BINARY_MAGIC):
@@ -71,6 +71,18 @@ def read_recording(path: Path, system_id: int | None = None) -> Recording:
     if not is_tlog(data):
         raise NotALogError(f"{path}: not a log, {_EXPECTED}")
     return streams_of_tlog(data, str(path), system_id).recording()
+
+
+def _recording_of_ours(path: Path) -> Recording:
+    log = read_log(path)
+    try:
+        streams = _streams_of_ours(path, log)
+    except (KeyError, TypeError, ValueError) as error:
+        raise CommandError(
+            f"{path}: the states in this log cannot be read ({error}): another version of "
+            "Clearway wrote them"
+        ) from error
+    return streams.recording()
 
 
 def _streams_of_ours(path: Path, log: Log) -> Streams:
@@ -93,7 +105,7 @@ def _streams_of_ours(path: Path, log: Log) -> Streams:
         pose=in_order(
             [(t, *s["position_ned_m"], *s["velocity_ned_mps"]) for t, s in posed.items()], 6
         ),
-        reference=in_order([(t, *_reference_row(s)) for t, s in asked], REFERENCE_COLUMNS),
+        reference=reference_in_order([(t, *_reference_row(s)) for t, s in asked]),
         attitude=in_order(
             [(t, s["roll_rad"], s["pitch_rad"], s["yaw_rad"]) for t, s in posed.items()], 3
         ),

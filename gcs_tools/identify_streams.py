@@ -16,7 +16,8 @@ POSES_MIN: Final = 50
 # A set-point older than this, or than three of its periods, was the last before the stream stopped.
 _REFERENCE_AGE_MIN_S: Final = 0.1
 # Slower set-points cannot be interpolated: at 5 m/s² two that are 0.25 s apart leave 0.04 m open.
-_REFERENCE_PERIOD_MAX_S: Final = 0.25
+# A stream asked for at this rate may arrive a tenth slower.
+_REFERENCE_RATE_MIN_HZ: Final = 4.0
 # Entries are written in the order of time but for this much; a hole is this long or longer.
 _REORDERED_S: Final = 0.02
 _HOLE_S: Final = 1.0
@@ -26,7 +27,7 @@ _APART_S: Final = 10.0
 _MOVING_MPS: Final = 0.5
 
 # Columns of a reference after its time.
-REFERENCE_COLUMNS: Final = 10
+_REFERENCE_COLUMNS: Final = 10
 _POSITION, _VELOCITY, _ACCELERATION, _YAW = slice(0, 3), slice(3, 6), slice(6, 9), 9
 
 
@@ -120,11 +121,11 @@ class Streams:
         missing = [name for name, table in zip(self.names, tables, strict=True) if not len(table)]
         if missing:
             raise CommandError(f"{self.source}: no flight to measure: no {', no '.join(missing)}")
-        if self._reference_period_s > _REFERENCE_PERIOD_MAX_S:
+        if self._reference_period_s > 1.1 / _REFERENCE_RATE_MIN_HZ:
             rate_hz = 1.0 / self._reference_period_s
             raise CommandError(
                 f"{self.source}: {self.names[1]} at {rate_hz:.1f} Hz, expected at least "
-                f"{1.0 / _REFERENCE_PERIOD_MAX_S:.0f} Hz"
+                f"{_REFERENCE_RATE_MIN_HZ:g} Hz"
             )
 
     @property
@@ -143,7 +144,7 @@ class Streams:
         age_max_s = max(_REFERENCE_AGE_MIN_S, 3.0 * self._reference_period_s)
         following = np.minimum(latest + 1, len(reference_s) - 1)
         # The next one must be near, too: nothing is interpolated over a pause of the stream.
-        wait_s = reference_s[following] - time_s
+        wait_s = np.where(time_s <= reference_s[-1], reference_s[following] - time_s, np.inf)
         # And what an autopilot asked of itself before it was told otherwise is not followed.
         ours = (latest >= 0) & (reference_s[np.maximum(latest, 0)] >= since_s)
         followed: BoolArray = ours & (age_s <= age_max_s) & (wait_s <= age_max_s)
@@ -164,11 +165,24 @@ def _taken_s(control: FloatArray) -> FloatArray:
     return taken_s
 
 
-def in_order(rows: list[tuple[float, ...]], columns: int) -> FloatArray:
-    """Return rows that begin with their time as a table in the order of time, (N, 1 + columns)."""
+def in_order(rows: list[tuple[float, ...]], columns: int, needed: int | None = None) -> FloatArray:
+    """Return rows that begin with their time as a table in the order of time, (N, 1 + columns).
+
+    Args:
+        rows: in any order.
+        columns: of each row, after its time.
+        needed: of these, from the first, must be numbers, or the row is dropped; None for all.
+    """
     table = np.array(rows, dtype=np.float64).reshape(-1, 1 + columns)
+    whole = np.isfinite(table[:, : 1 + (columns if needed is None else needed)]).all(axis=1)
+    table = table[whole]
     ordered: FloatArray = table[np.argsort(table[:, 0], kind="stable")]
     return ordered
+
+
+def reference_in_order(rows: list[tuple[float, ...]]) -> FloatArray:
+    """Return a reference's rows alike; only the position must be there, (N, 11)."""
+    return in_order(rows, _REFERENCE_COLUMNS, _POSITION.stop)
 
 
 def _sampled(time_s: FloatArray, table: FloatArray) -> FloatArray:

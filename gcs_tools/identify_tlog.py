@@ -6,8 +6,8 @@ A sequence of entries: Unix time in microseconds, eight bytes, big-endian; then 
 from __future__ import annotations
 
 import struct
-from collections import Counter, defaultdict
-from collections.abc import Callable, Iterator
+from collections import defaultdict
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from typing import Any, Final
 
@@ -15,7 +15,7 @@ import numpy as np
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from gcs_tools.errors import CommandError
-from gcs_tools.identify_streams import POSES_MIN, REFERENCE_COLUMNS, Streams, Timeline, in_order
+from gcs_tools.identify_streams import POSES_MIN, Streams, Timeline, in_order, reference_in_order
 from onboard.frames import FloatArray
 from onboard.mavlink_frames import frame_length
 
@@ -27,6 +27,10 @@ _OFFBOARD_MODES: Final = {
 _MARKERS: Final = (mavlink.PROTOCOL_MARKER_V1, mavlink.PROTOCOL_MARKER_V2)
 # Of a set-point's mask, after nine bits for position, velocity and acceleration.
 _YAW_BIT: Final = 10
+# Target system of a message for all.
+_EVERYBODY: Final = 0
+# Columns of a reference, after time and position, that PX4's controller has written over.
+_CONTROLLERS: Final = slice(4, 10)
 _UNKNOWN: Final = float("nan")
 _PX4_ECHO: Final = (
     "velocity error, attitude lag and tilt asked for are not in this log: PX4's "
@@ -74,20 +78,29 @@ def streams_of_tlog(data: bytearray, source: str, system_id: int | None) -> Stre
     return vehicles[system_id].streams(source)
 
 
-def _listed(numbers: Any) -> str:
-    return " and ".join(map(str, sorted(numbers)))
+def _listed(numbers: Iterable[int]) -> str:
+    return ", ".join(map(str, sorted(numbers)))
+
+
+_Rows = list[tuple[float, ...]]
 
 
 @dataclass
 class _Vehicle:
-    """What one vehicle said, and what it was told."""
+    """What one system said of itself, and what it was told; rows begin with their time.
 
-    autopilot: int
-    poses: list[tuple[float, ...]] = field(default_factory=list)
-    attitudes: list[tuple[float, ...]] = field(default_factory=list)
-    echoes: list[tuple[float, ...]] = field(default_factory=list)
-    modes: list[tuple[float, ...]] = field(default_factory=list)
-    told: dict[tuple[int, int], list[tuple[float, ...]]] = field(default_factory=dict)
+    Attributes:
+        poses, attitudes: as `Streams` wants them.
+        echoes: the target that the autopilot says it has.
+        beats: autopilot and mode of each HEARTBEAT of a known autopilot.
+        told: whole set-points, by the commander's system and component.
+    """
+
+    poses: _Rows = field(default_factory=list)
+    attitudes: _Rows = field(default_factory=list)
+    echoes: _Rows = field(default_factory=list)
+    beats: list[tuple[float, int, int]] = field(default_factory=list)
+    told: defaultdict[tuple[int, int], _Rows] = field(default_factory=lambda: defaultdict(list))
 
     @property
     def flies(self) -> bool:
@@ -98,14 +111,38 @@ class _Vehicle:
             return False
         return True
 
+    def hear(self, time_s: float, m: Any) -> None:
+        """Take a message of the system's autopilot."""
+        match m.get_type():
+            case "LOCAL_POSITION_NED":
+                self.poses.append((time_s, m.x, m.y, m.z, m.vx, m.vy, m.vz))
+            case "ATTITUDE":
+                self.attitudes.append((time_s, m.roll, m.pitch, m.yaw))
+            case "POSITION_TARGET_LOCAL_NED":
+                self.echoes.append((time_s, *_reference_row(m)))
+            case "HEARTBEAT" if m.autopilot in _OFFBOARD_MODES:
+                self.beats.append((time_s, m.autopilot, m.custom_mode))
+            case _:
+                pass
+
+    def tell(self, time_s: float, m: Any) -> None:
+        """Take a set-point of position, velocity and acceleration; others are tracked worse."""
+        row = _reference_row(m)
+        if m.coordinate_frame == mavlink.MAV_FRAME_LOCAL_NED and np.isfinite(row[:9]).all():
+            self.told[m.get_srcSystem(), m.get_srcComponent()].append((time_s, *row))
+
     def streams(self, source: str) -> Streams:
         reference, name, notes = self._reference()
+        followed: _Rows = [
+            (time_s, float(mode == _OFFBOARD_MODES[autopilot]))
+            for time_s, autopilot, mode in self.beats
+        ]
         return Streams(
             source=source,
             pose=in_order(self.poses, 6),
             reference=reference,
             attitude=in_order(self.attitudes, 3),
-            control=in_order(self.modes, 1),
+            control=in_order(followed, 1),
             names=("LOCAL_POSITION_NED", name, "ATTITUDE", "HEARTBEAT"),
             notes=notes,
         )
@@ -120,72 +157,36 @@ class _Vehicle:
         if len(most) >= POSES_MIN:
             several = f"several sent set-points; measured against those of {sender}"
             notes = (several,) if len(self.told) > 1 else ()
-            return in_order(most, REFERENCE_COLUMNS), "SET_POSITION_TARGET_LOCAL_NED", notes
+            return reference_in_order(most), "SET_POSITION_TARGET_LOCAL_NED", notes
         name = (
             "SET_POSITION_TARGET_LOCAL_NED with position, velocity and acceleration, and no "
             "POSITION_TARGET_LOCAL_NED with a position"
         )
-        px4 = self.autopilot == mavlink.MAV_AUTOPILOT_PX4
-        return in_order(self.echoes, REFERENCE_COLUMNS), name, (_PX4_ECHO,) if px4 else ()
+        echoes = reference_in_order(self.echoes)
+        if all(autopilot == mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA for _, autopilot, _ in self.beats):
+            return echoes, name, ()
+        echoes[:, _CONTROLLERS] = _UNKNOWN
+        return echoes, name, (_PX4_ECHO,)
 
 
 def _vehicles(data: bytearray) -> dict[int, _Vehicle]:
     """Return what is in a log, by system id of each vehicle with a known autopilot."""
-    timeline = Timeline()
-    heard: dict[int, list[tuple[float, Any]]] = defaultdict(list)
-    told: dict[int, list[tuple[float, Any]]] = defaultdict(list)
-    pilots: dict[int, Counter[int]] = defaultdict(Counter)
+    timeline, systems = Timeline(), defaultdict[int, _Vehicle](_Vehicle)
+    told: list[tuple[float, Any]] = []
     for stamp_s, message in _messages(data):
-        time_s, kind = timeline.at(stamp_s), message.get_type()
-        if kind == "SET_POSITION_TARGET_LOCAL_NED":
-            told[message.target_system].append((time_s, message))
+        time_s = timeline.at(stamp_s)
+        if message.get_type() == "SET_POSITION_TARGET_LOCAL_NED":
+            if message.target_system == _EVERYBODY:
+                told.append((time_s, message))
+            else:
+                systems[message.target_system].tell(time_s, message)
         elif message.get_srcComponent() == mavlink.MAV_COMP_ID_AUTOPILOT1:
-            heard[message.get_srcSystem()].append((time_s, message))
-            if kind == "HEARTBEAT" and message.autopilot in _OFFBOARD_MODES:
-                pilots[message.get_srcSystem()][message.autopilot] += 1
-    vehicles = {}
-    for number, seen in pilots.items():
-        vehicle = vehicles[number] = _Vehicle(seen.most_common(1)[0][0])
-        for time_s, message in heard[number]:
-            _ON_HEARD.get(message.get_type(), _ignore)(vehicle, time_s, message)
-        # A set-point for system 0 is for all.
-        for time_s, message in told[number] + told[0]:
-            _on_told(vehicle, time_s, message)
+            systems[message.get_srcSystem()].hear(time_s, message)
+    vehicles = {number: system for number, system in systems.items() if system.beats}
+    for time_s, message in told:
+        for vehicle in vehicles.values():
+            vehicle.tell(time_s, message)
     return vehicles
-
-
-def _ignore(_vehicle: _Vehicle, _time_s: float, _message: Any) -> None:
-    """Pass over what is not measured."""
-
-
-def _on_pose(vehicle: _Vehicle, time_s: float, m: Any) -> None:
-    _add(vehicle.poses, time_s, (m.x, m.y, m.z, m.vx, m.vy, m.vz))
-
-
-def _on_attitude(vehicle: _Vehicle, time_s: float, m: Any) -> None:
-    _add(vehicle.attitudes, time_s, (m.roll, m.pitch, m.yaw))
-
-
-def _on_heartbeat(vehicle: _Vehicle, time_s: float, m: Any) -> None:
-    if m.autopilot == vehicle.autopilot:
-        vehicle.modes.append((time_s, float(m.custom_mode == _OFFBOARD_MODES[m.autopilot])))
-
-
-def _on_echo(vehicle: _Vehicle, time_s: float, m: Any) -> None:
-    """Take what the autopilot says of its target, while that has a position."""
-    row = _reference_row(m)
-    if vehicle.autopilot == mavlink.MAV_AUTOPILOT_PX4:
-        row = (*row[:3], *(_UNKNOWN,) * 6, row[9])
-    if np.isfinite(row[:3]).all():
-        vehicle.echoes.append((time_s, *row))
-
-
-def _on_told(vehicle: _Vehicle, time_s: float, m: Any) -> None:
-    """Take a set-point of position, velocity and acceleration; others are tracked worse."""
-    row = _reference_row(m)
-    if m.coordinate_frame == mavlink.MAV_FRAME_LOCAL_NED and np.isfinite(row[:9]).all():
-        sender = (m.get_srcSystem(), m.get_srcComponent())
-        vehicle.told.setdefault(sender, []).append((time_s, *row))
 
 
 def _reference_row(m: Any) -> tuple[float, ...]:
@@ -198,17 +199,6 @@ def _reference_row(m: Any) -> tuple[float, ...]:
     )
 
 
-def _add(rows: list[tuple[float, ...]], time_s: float, values: tuple[float, ...]) -> None:
-    if np.isfinite(values).all():
-        rows.append((time_s, *values))
-
-
-_ON_HEARD: Final[dict[str, Callable[[_Vehicle, float, Any], None]]] = {
-    "LOCAL_POSITION_NED": _on_pose,
-    "ATTITUDE": _on_attitude,
-    "POSITION_TARGET_LOCAL_NED": _on_echo,
-    "HEARTBEAT": _on_heartbeat,
-}
 _WANTED: Final = frozenset(
     (
         mavlink.MAVLINK_MSG_ID_HEARTBEAT,

@@ -75,6 +75,7 @@ class Tlog:
         told: bool = True,
         echo_every: int = 0,
         offset_m: float = 0.0,
+        target: int | None = None,
     ) -> Tlog:
         """Add the flight of one vehicle.
 
@@ -85,16 +86,25 @@ class Tlog:
             told: whether the set-points are in the log.
             echo_every: ticks between the autopilot's own words on them; 0 for none.
             offset_m: how far north of the others it flies.
+            target: system that the set-points are for; it itself without.
         """
         for tick, time_s in enumerate(TIMES_S.tolist()):
             if tick % 50 == 0:
                 self.add(time_s, _heartbeat(autopilot, mode), system)
             x, *rest = reference(time_s)
             if told:
-                target = mavlink.MAVLink_set_position_target_local_ned_message(
-                    0, system, 1, 1, mask, x + offset_m, *rest, 0.0, 0.0
+                asked = mavlink.MAVLink_set_position_target_local_ned_message(
+                    0,
+                    system if target is None else target,
+                    1,
+                    1,
+                    mask,
+                    x + offset_m,
+                    *rest,
+                    0.0,
+                    0.0,
                 )
-                self.add(time_s, target, system, 196)
+                self.add(time_s, asked, system, 196)
             north_m, *moved = pose(time_s)
             attitude = (roll_rad(time_s), 0.0, LOOK_RAD, 0.0, 0.0, 0.0)
             self.add(time_s, mavlink.MAVLink_attitude_message(0, *attitude), system)
@@ -256,8 +266,16 @@ def centimetres(path: Path) -> Path:
     return dataflash(path, unit_m=0.01)
 
 
-def mcap(path: Path, stamp: Stamp = lambda time_s: time_s) -> Path:
-    """Write what the daemon logs: the reference of a tick, and the pose known at it."""
+def mcap(
+    path: Path, stamp: Stamp = lambda time_s: time_s, said: dict[str, Any] | None = None
+) -> Path:
+    """Write what the daemon logs: the reference of a tick, and the pose known at it.
+
+    Args:
+        path: the file.
+        stamp: the clock of the daemon.
+        said: what each state says instead.
+    """
     with FlightLog(path, {}) as log:
         for time_s in TIMES_S.tolist():
             north_m, east_m, down_m, vn, ve, vd = pose(time_s)
@@ -280,5 +298,5 @@ def mcap(path: Path, stamp: Stamp = lambda time_s: time_s) -> Path:
                 "detection_age_s": 0.05,
                 "telemetry_age_s": 0.01,
             }
-            log.write([Record("state", EPOCH_UNIX_S + now_s, state)])
+            log.write([Record("state", EPOCH_UNIX_S + now_s, state | (said or {}))])
     return path

@@ -168,7 +168,8 @@ def test_a_pause_of_the_stream_is_not_interpolated_over(tmp_path: Path) -> None:
 
 
 def _is_pose(frame: bytes) -> bool:
-    return int.from_bytes(frame[7:10], "little") == mavlink.MAVLINK_MSG_ID_LOCAL_POSITION_NED
+    number = int.from_bytes(frame[7:10], "little")
+    return bool(number == mavlink.MAVLINK_MSG_ID_LOCAL_POSITION_NED)
 
 
 def test_what_px4_asked_of_itself_before_is_not_followed(tmp_path: Path) -> None:
@@ -206,7 +207,7 @@ def test_of_two_that_fly_one_has_to_be_asked_for(clearway: Clearway, tmp_path: P
     ran = clearway("identify", path)
     assert ran.code == 2
     assert ran.err.count("\n") == 1
-    assert "vehicles 1 and 7" in ran.err
+    assert "vehicles 1, 7 fly" in ran.err
     assert "--system-id" in ran.err
     ran = clearway("identify", path, "--system-id", "7", "--format", "json")
     assert ran.code == 0
@@ -216,7 +217,7 @@ def test_of_two_that_fly_one_has_to_be_asked_for(clearway: Clearway, tmp_path: P
 
 
 @pytest.mark.parametrize(
-    ("asked", "words"), [("3", "no vehicle 3, only 1 and 2"), ("0", "0"), ("x", "x")]
+    ("asked", "words"), [("3", "no vehicle 3, only 1, 2"), ("0", "0"), ("x", "x")]
 )
 def test_a_vehicle_that_is_not_there(
     clearway: Clearway, tmp_path: Path, asked: str, words: str
@@ -225,6 +226,11 @@ def test_a_vehicle_that_is_not_there(
     ran = clearway("identify", path, "--system-id", asked)
     assert ran.code == 2
     assert words in ran.err
+
+
+def test_a_set_point_for_all_is_one_for_each(tmp_path: Path) -> None:
+    log = Tlog().fly(target=0)
+    check_flight(measure(read_recording(log.write(tmp_path / "all.tlog"))))
 
 
 def test_other_components_are_not_the_vehicle(tmp_path: Path) -> None:
@@ -286,6 +292,15 @@ def test_set_points_that_come_too_slowly(tmp_path: Path, autopilot: int) -> None
         read_recording(log.write(tmp_path / "slow.tlog"))
 
 
+@pytest.mark.parametrize("every", [2, 5, 12, 13])
+def test_what_ardupilot_repeats_is_usable_down_to_4_hz(tmp_path: Path, every: int) -> None:
+    log = Tlog().fly(autopilot=ARDUPILOT, mode=GUIDED, told=False, echo_every=every)
+    found = measure(read_recording(log.write(tmp_path / "station.tlog")))
+    # A parabola of 2.25 m/s² is so far off its chord.
+    chord_m = SWAY_M * SWAY_RADPS**2 * (0.02 * every) ** 2 / 8.0
+    assert found.tracking_error_m == pytest.approx(BESIDE_M, abs=chord_m + 2e-3)
+
+
 def test_set_points_are_preferred_to_what_the_autopilot_says_of_them(tmp_path: Path) -> None:
     found = measure(read_recording(Tlog().fly(echo_every=5).write(tmp_path / "both.tlog")))
     check_flight(found)
@@ -316,6 +331,25 @@ def test_our_own_log_reproduces_the_result_of_the_flight(
     assert "50 % above" in table
     assert "vehicle.tracking_error_z_m" in table
     assert "vehicle.heading_error_deg" in table
+
+
+@pytest.mark.parametrize(
+    ("said", "words"),
+    [
+        ({"phase": "standby"}, "0 poses"),
+        ({"reference_position_ned_m": None}, "the daemon did not fly in it"),
+        ({"position_ned_m": None}, "no position"),
+        ({"position_ned_m": [1.0, None, 2.0]}, "no position"),
+        ({"leg_heading_rad": "north"}, "another version"),
+        ({"velocity_ned_mps": [1.0]}, "another version"),
+    ],
+)
+def test_states_that_are_not_of_a_flight(
+    clearway: Clearway, tmp_path: Path, said: dict[str, Any], words: str
+) -> None:
+    ran = clearway("identify", mcap(tmp_path / "flight.mcap", said=said))
+    assert (ran.code, ran.err.count("\n")) == (2, 1)
+    assert words in ran.err
 
 
 def weaving(asked_mps2: FloatArray, rolled_rad: FloatArray, time_s: FloatArray) -> Recording:
@@ -411,7 +445,7 @@ DATAFLASH_FORMAT = b"\xa3\x95\x80\x80YFMT\x00BBnNZ".ljust(89, b"\x00")
         (DATAFLASH_FORMAT + b"\xa3\x95\x07" * 500, "no GUIP"),
     ],
 )
-def test_what_is_no_log(clearway: Clearway, tmp_path: Path, content: Any, words: str) -> None:
+def test_what_is_not_a_log(clearway: Clearway, tmp_path: Path, content: Any, words: str) -> None:
     path = tmp_path / "log"
     if content is not None:
         path.write_bytes(content)
