@@ -128,6 +128,7 @@ class Autonomy:
         self._tracking_monitor, self._heading_monitor = TrackingMonitor(), HeadingMonitor()
         self._bearings = BearingMemory()
         self._second_commander_monitor = SecondCommanderMonitor()
+        self._wind: Violation | None = None
         self._poses = PoseHistory()
         self._pending: deque[bytes] = deque()
         self._pending_mission: bytes | None = None
@@ -366,6 +367,8 @@ class Autonomy:
             failures.append("no fresh detection frames")
         if self._position_watch.check_age(pose, now_s) is not None:
             failures.append("no fresh telemetry")
+        if self._wind is not None:
+            failures.append(f"more wind than {self.assessment.terms.wind_max_mps:g} m/s")
         failures += self.navigator.departure_failures(pose)
         if not self._fly_outside_contract:
             failures += map(str, self._environment_violations(now_s))
@@ -379,6 +382,7 @@ class Autonomy:
             jump, tilt = self._position_watch.check_jump(pose), self._check_tilt(pose)
         if jump is not None:
             self._bearings.forget()
+        self._wind = self._wind_monitor.check(now_s, self.assessment.terms)
         if not self.navigator.flying:
             if jump is not None:
                 self._hold = _hold_at(pose)
@@ -390,19 +394,9 @@ class Autonomy:
             self._broken(jump, now_s, measured=pose)
         silent = self._detection_watch.check(now_s, self.assessment.terms)
         stale = self._position_watch.check_age(pose, now_s)
-        rival, wind = (
-            self._rival(pose, now_s),
-            self._wind_monitor.check(now_s, self.assessment.terms),
-        )
-        heading = self._heading_violations(pose, now_s) if moved else []
-        for violation in (
-            silent,
-            stale,
-            rival,
-            wind,
-            *heading,
-            *self._environment_violations(now_s),
-        ):
+        found = [silent, stale, self._rival(pose, now_s), self._wind]
+        found += self._heading_violations(pose, now_s) if moved else []
+        for violation in (*found, *self._environment_violations(now_s)):
             if violation is not None:
                 self._broken(violation, now_s)
         if moved:
@@ -413,7 +407,7 @@ class Autonomy:
         monitor = self._heading_monitor
         compass = monitor.check_compass(self.link.compass_ratio, now_s)
         leg_heading_rad = self.navigator.leg.heading_rad
-        return [compass, monitor.check_pointing(pose, leg_heading_rad) if self._moving else None]
+        return [compass, monitor.check_pointing(pose, leg_heading_rad if self._moving else None)]
 
     def _check_tilt(self, pose: Pose) -> Violation | None:
         """Learn the trim, and check the tilt against what was asked for one attitude lag ago.
