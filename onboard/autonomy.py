@@ -109,6 +109,7 @@ class Autonomy:
         self._wind_monitor = WindMonitor(self._trim)
         self._tracking_monitor, self._heading_monitor = TrackingMonitor(), HeadingMonitor()
         self._second_commander_monitor = SecondCommanderMonitor()
+        self._wind: Violation | None = None
         self._poses = PoseHistory()
         self._intake = DetectionIntake(self.navigator, self._poses, self._resets.placements_m)
         self._pending_mission: bytes | None = None
@@ -311,6 +312,9 @@ class Autonomy:
             Refusal(RefusalKind.POSITION, text)
             for text in self._quality_monitor.departure_failures(now_s)
         ]
+        if self._wind is not None:
+            text = f"more wind than {self.assessment.terms.wind_max_mps:g} m/s"
+            found.append(Refusal(RefusalKind.WIND, text))
         found += self.navigator.departure_refusals(pose)
         if not self._fly_outside_contract:
             found += [
@@ -337,6 +341,7 @@ class Autonomy:
         self._watched_pose = pose
         tilt = self._check_tilt(pose) if moved else None
         doubted = None if self._doubt is None else self._doubt.violation()
+        self._wind = self._wind_monitor.check(now_s, self.assessment.terms)
         if not self.navigator.flying:
             if doubted is not None and self.navigator.phase is not Phase.STANDBY:
                 self._report(doubted, now_s)
@@ -350,7 +355,7 @@ class Autonomy:
             self._intake.monitor.check(now_s, terms),
             self._pose_monitor.check_age(pose, now_s),
             self._rival(pose, now_s),
-            self._wind_monitor.check(now_s, terms),
+            self._wind,
             *heading,
             *self._environment_violations(now_s),
         ):
@@ -388,10 +393,8 @@ class Autonomy:
         monitor = self._heading_monitor
         compass = monitor.check_compass(self.link.compass_ratio, now_s)
         leg_heading_rad = self.navigator.leg.heading_rad
-        return [
-            compass,
-            monitor.check_pointing(pose, leg_heading_rad) if self.navigator.moving else None,
-        ]
+        pointed_at_rad = leg_heading_rad if self.navigator.moving else None
+        return [compass, monitor.check_pointing(pose, pointed_at_rad)]
 
     def _check_tilt(self, pose: Pose) -> Violation | None:
         """Learn the trim, and check the tilt against what was asked for one attitude lag ago.

@@ -25,6 +25,7 @@ class RefusalKind(StrEnum):
     CONTRADICTION = "contradiction"
     TELEMETRY = "telemetry"
     POSITION = "position"
+    WIND = "wind"
     BEFORE_LEG = "before_leg"
     LEG_FLOWN = "leg_flown"
     BESIDE_LEG = "beside_leg"

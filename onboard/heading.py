@@ -57,9 +57,14 @@ class HeadingMonitor:
         self._turned = _Lasting(SIGHTING_CONFIRMATION_S)
         self._sighted_s = -math.inf
 
-    def check_pointing(self, pose: Pose, commanded_rad: float) -> Violation | None:
-        """Tell whether the nose has been off its command: the sensor looks elsewhere."""
-        error_rad = abs(wrap_angle(pose.yaw_rad - commanded_rad))
+    def check_pointing(self, pose: Pose, commanded_rad: float | None) -> Violation | None:
+        """Tell whether the nose has been off its command: the sensor looks elsewhere.
+
+        Args:
+            pose: heading, and when.
+            commanded_rad: where it has to point; None while the vehicle turns there.
+        """
+        error_rad = 0.0 if commanded_rad is None else abs(wrap_angle(pose.yaw_rad - commanded_rad))
         if not self._astray.note(pose.time_s, exceeded=error_rad > POINTING_TOLERANCE_RAD):
             return None
         return _violation(error_rad, POINTING_TOLERANCE_RAD, "pointing")
@@ -72,7 +77,7 @@ class HeadingMonitor:
             now_s: the time.
         """
         exceeded = ratio is not None and ratio > COMPASS_RATIO_MAX
-        if ratio is None or not self._rejected.note(now_s, exceeded=exceeded):
+        if not self._rejected.note(now_s, exceeded=exceeded) or ratio is None:
             return None
         return Violation(Assumption.HEADING_ERROR, ratio, COMPASS_RATIO_MAX, "of gate", "compass")
 

@@ -44,6 +44,16 @@ def test_a_nose_off_its_command_is_noticed(
     assert all(each.assumption is Assumption.HEADING_ERROR for each in found if each is not None)
 
 
+def test_a_nose_that_was_off_before_it_turned_begins_anew() -> None:
+    monitor = HeadingMonitor()
+    for n in range(15):
+        assert monitor.check_pointing(pose(n / RATE_HZ, 8.0), 0.0) is None
+    for n in range(15, 60):
+        assert monitor.check_pointing(pose(n / RATE_HZ, 60.0), None) is None
+    for n in range(60, 75):
+        assert monitor.check_pointing(pose(n / RATE_HZ, 8.0), 0.0) is None
+
+
 def test_a_nose_that_swings_back_is_none() -> None:
     monitor = HeadingMonitor()
     for n in range(200):
@@ -63,8 +73,9 @@ def test_a_rejected_magnetometer_is_noticed(ratio: float | None, *, noticed: boo
 
 def test_a_magnetometer_that_is_heard_again_begins_anew() -> None:
     monitor = HeadingMonitor()
-    ratios = ([1.5] * 30 + [0.2] + [None] * 3) * 5
-    assert not any(monitor.check_compass(r, n / RATE_HZ) for n, r in enumerate(ratios))
+    for quiet in (0.2, None):
+        ratios = ([1.5] * 30 + [quiet]) * 5
+        assert not any(monitor.check_compass(r, n / RATE_HZ) for n, r in enumerate(ratios))
 
 
 def sight(

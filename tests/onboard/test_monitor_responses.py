@@ -272,6 +272,22 @@ def test_a_wind_beyond_the_declared_one_ends_in_a_stop(
     assert violation is None or violation.startswith("wind")
 
 
+def test_it_does_not_depart_in_more_wind_than_declared(
+    contract: Contract, mission: Mission
+) -> None:
+    environment = contract.environment.model_copy(update={"wind_max_mps": 3.0})
+    declared = contract.model_copy(update={"environment": environment})
+    rig = rig_of(declared, mission, trim_ned_mps2=(-4.5, 0.0))
+    rig.run(LEARNING_TIME_S + CONFIRMATION_S + 0.2)
+    rig.mode = OFFBOARD
+    rig.run(1.0)
+    phases = [rig.phase]
+    assert rig.texts("refused") == ["not leaving standby: more wind than 3 m/s"]
+    rig.trim_ned_mps2 = (0.0, 0.0)
+    rig.run(4.0)
+    assert [*phases, rig.phase] == [Phase.STANDBY, Phase.CRUISE]
+
+
 # ---------------------------------------------------------------------- second commander
 
 

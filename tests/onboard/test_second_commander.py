@@ -124,7 +124,7 @@ def test_pilot_who_has_just_taken_over_is_no_second_commander(gain_max_per_s: fl
         lambda _: True,
         lambda number: number % 2 == 1,
         lambda number: number % 4 == 3,
-        lambda number: number % 12 == 5,  # as rarely as ArduPilot showed it
+        lambda number: number % 12 == 5,
     ],
 )
 def test_target_that_keeps_being_anothers_is_a_second_commander(
