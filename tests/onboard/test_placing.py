@@ -16,6 +16,9 @@ from onboard.detection_consistency import SETTLED_AFTER_S
 from onboard.frames import heading_displacement_m
 from onboard.guidance import Phase
 from onboard.journal import Journal
+from onboard.manoeuvre import brake_to_hover
+from onboard.monitor import Assumption, Violation
+from onboard.room import least_room_m
 from tests.onboard.test_autonomy import EPOCH_UNIX_S, OFFBOARD, POSCTL, Rig, box
 
 
@@ -280,3 +283,33 @@ def test_hovering_inside_a_region_with_the_speed_of_a_real_estimate_is_refused_o
     texts = len(rig.texts("refused"))
     assert rig.phase is Phase.STANDBY
     assert 1 <= texts <= 80.0 / REFUSAL_PERIOD_S + 1
+
+
+# ------------------------------------------------------------------ where nothing certifies
+
+
+def test_where_nothing_certifies_what_keeps_farther_away_is_flown(
+    contract: Contract, mission: Mission, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    finished = []
+    for seconds in (0.5, 1.0, 1.5, 2.0, 2.5, 3.0):
+        rig = Rig(Autonomy(contract, mission, epoch_unix_s=EPOCH_UNIX_S), mode=OFFBOARD)
+        rig.obstacles = [box((20.0, 0.1))]
+        rig.run(30.0, until=lambda rig=rig: rig.phase is Phase.AVOID)
+        rig.run(seconds)
+        navigator = rig.autonomy.navigator
+        if rig.phase is not Phase.AVOID or navigator.avoidance is None:
+            continue
+        state = navigator.reference(rig.now_s)
+        assert state is not None
+        planned = navigator.avoidance.plan.trajectory.from_time(rig.now_s)
+        boxes = [obstacle.region.obstacle for obstacle in navigator.obstacles]
+        brake = brake_to_hover(state, rig.now_s, navigator._envelope)
+        farther = least_room_m(planned, boxes) > least_room_m(brake, boxes)
+        monkeypatch.setattr(navigator, "_clear", lambda *_: False)
+        navigator.fail(Violation(Assumption.SELF_CHECK, 1.0, 0.0, "exceptions"), rig.now_s)
+        text = navigator.events[-1].text
+        assert "although no way to stop is certified" in text
+        assert ("keeps farther away" in text) is farther
+        finished.append(farther)
+    assert len(finished) >= 4
