@@ -3,7 +3,8 @@
 Each `Assumption` names one thing that the guarantee rests on.  A check returns a `Violation` with
 what was seen and what was allowed; `onboard.navigator` answers it.  What cannot be confirmed counts
 as failed: no frame is a blind sensor, no telemetry is an unknown position.  The checks here need
-one observation; those that need a history are in `onboard.watches`.
+one observation; those that need a history are in `onboard.watches`, `onboard.detection_monitor` and
+`onboard.detection_consistency`.
 """
 
 from __future__ import annotations

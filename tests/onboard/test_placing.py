@@ -155,6 +155,19 @@ def test_places_kept_apart_in_flight_may_be_one_obstacle_once_the_pilot_has_take
     assert one.measured.size_m == pytest.approx((0.6, 1.6))
 
 
+@pytest.mark.parametrize("follows", [True, False])
+def test_what_moves_with_the_estimate_does_not_contradict(cruising: Rig, *, follows: bool) -> None:
+    north_m = cruising.position_ned_m[0] + 9.0
+    cruising.obstacles = [box((north_m, 3.0), side_m=0.6)]
+    cruising.run(0.3)
+    if follows:
+        cruising.autonomy.navigator.obstacles.shift(0.0, 0.5)
+    cruising.obstacles = [box((north_m, 3.5), side_m=0.6)]
+    cruising.run(0.3)
+    assert held(cruising) is not follows
+    assert bool(cruising.texts("violation")) is not follows
+
+
 # ------------------------------------------------------------------ clocks and names
 
 
@@ -313,3 +326,18 @@ def test_where_nothing_certifies_what_keeps_farther_away_is_flown(
         assert ("keeps farther away" in text) is farther
         finished.append(farther)
     assert len(finished) >= 4
+    assert set(finished) == {False, True}
+
+
+def test_neighbours_with_new_names_in_every_frame_are_said_to_be_merged_every_five_seconds(
+    cruising: Rig,
+) -> None:
+    cruising.seeing = False
+    north_m = cruising.position_ned_m[0] + 28.0
+    for number in range(150):
+        boxes = [box((north_m, 0.2), name=f"a{number}"), box((north_m + 1.5, 0.2), name="b")]
+        seen = cruising.frame(obstacles=boxes, sequence=number)
+        cruising.autonomy.receive_detection(seen, cruising.now_s)
+        cruising.run(0.04)
+    assert cruising.now_s > 11.0
+    assert 1 <= len(cruising.texts("merged")) <= 3
