@@ -188,6 +188,7 @@ def test_a_clock_set_after_the_start_is_named_and_can_be_read_anew_on_the_ground
     rig.armed, rig.mode, rig.landed_state = False, POSCTL, 1
     rig.run(0.2)
     assert autonomy.set_epoch(EPOCH_UNIX_S)
+    assert autonomy.snapshot(rig.now_s)["detection_age_s"] is None  # by which clock?
     rig.armed, rig.mode, rig.landed_state = True, OFFBOARD, 2
     rig.run(3.0)
     assert rig.phase is Phase.CRUISE
