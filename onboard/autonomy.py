@@ -23,6 +23,7 @@ from onboard.contract import Assessment, assess
 from onboard.departure import Refusal, RefusalKind, RefusalReport
 from onboard.detection_intake import DetectionCounters, DetectionIntake
 from onboard.estimator_reset import EstimatorReset, PoseMonitor, ResetLedger
+from onboard.event_limiter import EventLimiter
 from onboard.events import Event, Severity
 from onboard.guidance import Phase
 from onboard.heading import HeadingMonitor
@@ -120,7 +121,7 @@ class Autonomy:
         self._events: deque[Event] = deque(maxlen=MAX_EVENTS)
         self._reported: set[tuple[Assumption, str]] = set()
         self._hold: Setpoint | None = None
-        self._refusals = RefusalReport()
+        self._refusals, self._limiter = RefusalReport(), EventLimiter()
         self._watched_pose: Pose | None = None
         self._sent: deque[tuple[float, Setpoint]] = deque()
         self._left = False
@@ -463,7 +464,9 @@ class Autonomy:
     def _report_merger(self, obstacle: Obstacle, now_s: float) -> None:
         """Say that regions intersect; avoiding the obstacles as one has answered it already."""
         key = (Assumption.ROI_INTERSECTION, obstacle.id)
-        if self.navigator.flying and key not in self._reported:
+        if not self.navigator.flying or key in self._reported:
+            return
+        if self._limiter.allows("merged", now_s):
             self._reported.add(key)
             limit_m = self.assessment.terms.obstacle_separation_min_m
             broken = Violation(key[0], 0.0, limit_m, "m", obstacle.id)

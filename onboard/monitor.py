@@ -4,7 +4,8 @@ Each `Assumption` names one thing that the guarantee rests on.  A check returns 
 what was seen and what was allowed; `onboard.navigator` answers it.  What cannot be confirmed counts
 as failed: no frame is a blind sensor, no telemetry is an unknown position.  The checks here need
 one observation; those that need a history have a module each: `loop_overrun`, `tracking`,
-`tilt_response`, `second_commander`, `heading`, `wind`.
+`tilt_response`, `second_commander`, `heading`, `wind`, `detection_monitor`,
+`detection_consistency`, `estimator_reset`, `position_quality`.
 """
 
 from __future__ import annotations

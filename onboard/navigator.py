@@ -20,6 +20,7 @@ from onboard.certify import certify_clear
 from onboard.config import Mission
 from onboard.contract import TICK_S, Assessment
 from onboard.departure import Refusal, RefusalKind
+from onboard.event_limiter import EventLimiter
 from onboard.events import Event, Severity
 from onboard.frames import LegFrame, wrap_angle
 from onboard.guidance import (
@@ -36,6 +37,7 @@ from onboard.monitor import Assumption, Violation, measured_size_max
 from onboard.obstacles import Obstacle, ObstacleMap
 from onboard.planner import Plan, Planner
 from onboard.profile import coasting_speed
+from onboard.room import least_room_m
 from onboard.trajectory import State, Trajectory, Vector, X
 
 # A leg starts once the nose points along it, at rest, and the sensor has looked there since.
@@ -97,6 +99,7 @@ class Navigator:
         self._planned: list[PlannedStep] = []
         self.plan_times_s: list[float] = []
         self.events: list[Event] = []
+        self._limiter = EventLimiter()
         self._adaptive = adaptive
         self._planner = planner
         self._stopwatch = stopwatch
@@ -242,7 +245,7 @@ class Navigator:
         """
         if self._reference is not None and mission.altitude_m != self._itinerary.mission.altitude_m:
             text = f"mission refused: in flight it has to stay at {-self.leg.origin_ned_m[2]:g} m"
-            self._note(Event(now_s, "mission_refused", Severity.WARNING, text))
+            self._note_rarely(Event(now_s, "mission_refused", Severity.WARNING, text), "altitude")
             return
         self._itinerary.successor = mission
         self.assessment = self.assessment.at_altitude(mission.altitude_m)
@@ -282,7 +285,7 @@ class Navigator:
             return False
         speed_mps = self.assessment.terms.cruise_speed_mps
         text = f"contract solved again for {violation}: flying on at {speed_mps:.2f} m/s"
-        self._note(Event(now_s, "adapted", Severity.WARNING, text))
+        self._note_rarely(Event(now_s, "adapted", Severity.WARNING, text), violation.key)
         if self.avoidance is not None:
             self._recheck_avoided(now_s)
         return True
@@ -401,7 +404,7 @@ class Navigator:
             if of_interest:
                 self._fly_past(obstacle, as_planned, now_s)
             text = f"{obstacle.id} is seen to reach farther, within the error of its position"
-            self._note(Event(now_s, "plan_kept", Severity.NOTICE, text))
+            self._note_rarely(Event(now_s, "plan_kept", Severity.NOTICE, text), obstacle.id)
             return
         self._break(Violation(Assumption.PLAN_EXISTS, 0.0, 1.0, "plans", obstacle.id), now_s)
 
@@ -438,7 +441,7 @@ class Navigator:
         if not self._clear(self._reference.from_time(now_s), [obstacle]):
             self._reference, how = self._way_to_hover(now_s)
             text = f"{obstacle.id} is in the way to hover: {how}"
-            self._note(Event(now_s, "hold_replanned", Severity.ERROR, text))
+            self._note_rarely(Event(now_s, "hold_replanned", Severity.ERROR, text), text)
 
     # ------------------------------------------------------------------ cruise
 
@@ -672,18 +675,31 @@ class Navigator:
     # ------------------------------------------------------------------ hover
 
     def _way_to_hover(self, now_s: float) -> tuple[Trajectory, str]:
-        """Brake now if that is clear; else after the plan if that is; else brake all the same."""
+        """Brake now if that is clear; else after the plan if that is; else what keeps farther off.
+
+        Where obstacles are seen to be elsewhere than before, neither may be clear of all places.
+        """
         state = self.reference(now_s)
         assert state is not None  # noqa: S101  the caller checked
         brake = brake_to_hover(state, now_s, self._envelope)
         if self._clear(brake):
             return brake, "braking to hover"
+        finish = None
         if self.avoidance is not None and now_s < self.avoidance.plan.trajectory.end_s:
-            planned = self.avoidance.plan.trajectory
+            planned = self.avoidance.plan.trajectory.from_time(now_s)
             after = brake_to_hover(planned.final, planned.end_s, self._envelope)
+            finish = planned.followed_by(after)
             if self._clear(planned) and self._clear(after):
-                return planned.followed_by(after), "finishing the avoidance, then braking to hover"
-        return brake, "braking to hover, although no way to stop is certified"
+                return finish, "finishing the avoidance, then braking to hover"
+        uncertain = ", although no way to stop is certified"
+        if finish is not None and self._room_m(finish) > self._room_m(brake):
+            way = "finishing the avoidance, which keeps farther away, then braking to hover"
+            return finish, way + uncertain
+        return brake, "braking to hover" + uncertain
+
+    def _room_m(self, trajectory: Trajectory) -> float:
+        near = self.obstacles.between(*trajectory.position_range_m(X))
+        return least_room_m(trajectory, [obstacle.region.obstacle for obstacle in near])
 
     def _clear(self, trajectory: Trajectory, obstacles: Iterable[Obstacle] | None = None) -> bool:
         """Tell whether a trajectory certifies; by default against every obstacle in its way."""
@@ -741,6 +757,11 @@ class Navigator:
 
     def _note(self, event: Event) -> None:
         self.events.append(event)
+
+    def _note_rarely(self, event: Event, kind: str) -> None:
+        """Say what may repeat in every tick."""
+        if self._limiter.allows(f"{event.name} {kind}", event.time_s):
+            self._note(event)
 
     def _break(self, violation: Violation, now_s: float) -> None:
         """Report an assumption that failed in planning, and answer it."""

@@ -1,7 +1,8 @@
 """Detection frames -> remembered obstacles -> Regions of Influence -> the obstacle of interest.
 
 Obstacles are static, so what has been seen is remembered: a frame that no longer mentions an
-obstacle does not remove it.  A box only ever grows, to enclose every measurement of its obstacle.
+obstacle does not remove it.  A box only ever grows, to enclose every measurement of its obstacle;
+measurements that contradict each other are kept as boxes of their own.
 """
 
 from __future__ import annotations

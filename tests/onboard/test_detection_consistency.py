@@ -183,3 +183,30 @@ def test_bounds_of_a_turned_box_are_off_by_both_components_of_a_face(yaw_deg: fl
     exact, grown = Sighting.of(corners(0.0), ERROR_M, 0.0), Sighting.of(corners(ERROR_M), 0.0, 0.0)
     assert grown.north_max_m == pytest.approx(exact.north_max_m + exact.error_m)
     assert grown.east_min_m == pytest.approx(exact.east_min_m - exact.error_m)
+
+
+# Vehicle north, and south and west face of one box [m], as a PX4 with wandering heading saw it
+# from the body in flight; the sensor declared 0.10 m.
+RECORDED = [
+    (10.27, 24.73, -2.40),
+    (10.82, 24.72, -2.43),
+    (11.43, 24.71, -2.52),
+    (12.01, 24.66, -2.59),
+    (12.59, 24.65, -2.65),
+    (13.18, 24.63, -2.71),
+    (13.74, 24.58, -2.79),
+    (14.42, 24.52, -2.84),
+    (15.00, 24.49, -2.89),
+]
+
+
+def test_the_recorded_heading_wander_is_noticed_before_the_avoidance_begins() -> None:
+    """The vehicle then flew on, and came into contact: boxes had grown until no plan was left."""
+    monitor = DetectionConsistencyMonitor()
+    noticed_m = []
+    for step, (vehicle_m, south_m, west_m) in enumerate(RECORDED):
+        sighting = Sighting(south_m, south_m + 1.98, west_m, west_m + 1.95, ERROR_M)
+        if monitor.take("front/o1", sighting, 0.2 * step).violation is not None:
+            noticed_m.append(vehicle_m)
+    assert noticed_m
+    assert noticed_m[0] < 13.5

@@ -16,6 +16,9 @@ from onboard.detection_consistency import SETTLED_AFTER_S
 from onboard.frames import heading_displacement_m
 from onboard.guidance import Phase
 from onboard.journal import Journal
+from onboard.manoeuvre import brake_to_hover
+from onboard.monitor import Assumption, Violation
+from onboard.room import least_room_m
 from tests.onboard.test_autonomy import EPOCH_UNIX_S, OFFBOARD, POSCTL, Rig, box
 
 
@@ -152,6 +155,19 @@ def test_places_kept_apart_in_flight_may_be_one_obstacle_once_the_pilot_has_take
     assert one.measured.size_m == pytest.approx((0.6, 1.6))
 
 
+@pytest.mark.parametrize("follows", [True, False])
+def test_what_moves_with_the_estimate_does_not_contradict(cruising: Rig, *, follows: bool) -> None:
+    north_m = cruising.position_ned_m[0] + 9.0
+    cruising.obstacles = [box((north_m, 3.0), side_m=0.6)]
+    cruising.run(0.3)
+    if follows:
+        cruising.autonomy.navigator.obstacles.shift(0.0, 0.5)
+    cruising.obstacles = [box((north_m, 3.5), side_m=0.6)]
+    cruising.run(0.3)
+    assert held(cruising) is not follows
+    assert bool(cruising.texts("violation")) is not follows
+
+
 # ------------------------------------------------------------------ clocks and names
 
 
@@ -172,6 +188,7 @@ def test_a_clock_set_after_the_start_is_named_and_can_be_read_anew_on_the_ground
     rig.armed, rig.mode, rig.landed_state = False, POSCTL, 1
     rig.run(0.2)
     assert autonomy.set_epoch(EPOCH_UNIX_S)
+    assert autonomy.snapshot(rig.now_s)["detection_age_s"] is None  # by which clock?
     rig.armed, rig.mode, rig.landed_state = True, OFFBOARD, 2
     rig.run(3.0)
     assert rig.phase is Phase.CRUISE
@@ -280,3 +297,48 @@ def test_hovering_inside_a_region_with_the_speed_of_a_real_estimate_is_refused_o
     texts = len(rig.texts("refused"))
     assert rig.phase is Phase.STANDBY
     assert 1 <= texts <= 80.0 / REFUSAL_PERIOD_S + 1
+
+
+# ------------------------------------------------------------------ where nothing certifies
+
+
+def test_where_nothing_certifies_what_keeps_farther_away_is_flown(
+    contract: Contract, mission: Mission, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    finished = []
+    for seconds in (0.5, 1.0, 1.5, 2.0, 2.5, 3.0):
+        rig = Rig(Autonomy(contract, mission, epoch_unix_s=EPOCH_UNIX_S), mode=OFFBOARD)
+        rig.obstacles = [box((20.0, 0.1))]
+        rig.run(30.0, until=lambda rig=rig: rig.phase is Phase.AVOID)
+        rig.run(seconds)
+        navigator = rig.autonomy.navigator
+        if rig.phase is not Phase.AVOID or navigator.avoidance is None:
+            continue
+        state = navigator.reference(rig.now_s)
+        assert state is not None
+        planned = navigator.avoidance.plan.trajectory.from_time(rig.now_s)
+        boxes = [obstacle.region.obstacle for obstacle in navigator.obstacles]
+        brake = brake_to_hover(state, rig.now_s, navigator._envelope)
+        farther = least_room_m(planned, boxes) > least_room_m(brake, boxes)
+        monkeypatch.setattr(navigator, "_clear", lambda *_: False)
+        navigator.fail(Violation(Assumption.SELF_CHECK, 1.0, 0.0, "exceptions"), rig.now_s)
+        text = navigator.events[-1].text
+        assert "although no way to stop is certified" in text
+        assert ("keeps farther away" in text) is farther
+        finished.append(farther)
+    assert len(finished) >= 4
+    assert set(finished) == {False, True}
+
+
+def test_neighbours_with_new_names_in_every_frame_are_said_to_be_merged_every_five_seconds(
+    cruising: Rig,
+) -> None:
+    cruising.seeing = False
+    north_m = cruising.position_ned_m[0] + 28.0
+    for number in range(150):
+        boxes = [box((north_m, 0.2), name=f"a{number}"), box((north_m + 1.5, 0.2), name="b")]
+        seen = cruising.frame(obstacles=boxes, sequence=number)
+        cruising.autonomy.receive_detection(seen, cruising.now_s)
+        cruising.run(0.04)
+    assert cruising.now_s > 11.0
+    assert 1 <= len(cruising.texts("merged")) <= 3
