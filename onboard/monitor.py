@@ -68,7 +68,7 @@ class Violation:
 
     def __str__(self) -> str:
         if self.sentence:
-            return self.sentence
+            return f"{self.assumption}: {self.sentence}"
         where = f" ({self.subject})" if self.subject else ""
         return f"{self.assumption}{where}: {self.measured:.2f}, limit {self.limit:.2f} {self.unit}"
 

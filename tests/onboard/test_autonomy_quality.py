@@ -43,8 +43,8 @@ def test_gps_loss_is_answered_by_a_stop_and_then_left_to_the_autopilot(
     rig.run(1.0, until=lambda: rig.phase is Phase.HOLD)
     assert rig.phase is Phase.HOLD
     assert rig.now_s - lost_s < 1.0
-    assert rig.texts("violation") == [GPS_LOST]
-    assert rig.texts("phase")[-1].startswith(f"holding: {GPS_LOST}; ")
+    assert rig.texts("violation") == [f"position_quality: {GPS_LOST}"]
+    assert rig.texts("phase")[-1].startswith(f"holding: position_quality: {GPS_LOST}; ")
     assert "no way to stop" not in rig.texts("phase")[-1]
     # The stop is flown to its end while dead reckoning is good ...
     rig.run(5.0, until=lambda: bool(rig.texts("handed_over")))

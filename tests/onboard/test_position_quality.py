@@ -207,7 +207,7 @@ def test_sign_is_noticed_within_a_second_and_said_in_a_sentence(
     assert words in sign.sentence
     violation = sign.violation()
     assert violation.assumption is Assumption.POSITION_QUALITY
-    assert str(violation) == violation.event(0.0).text == sign.sentence
+    assert str(violation) == violation.event(0.0).text == f"position_quality: {sign.sentence}"
     assert "\n" not in sign.sentence
 
 
