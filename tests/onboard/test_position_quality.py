@@ -68,7 +68,8 @@ class Flight:
     def _say(self) -> None:
         if self.flags is not None:
             name = "EKF_STATUS_REPORT" if self.facts is ARDUPILOT else "ESTIMATOR_STATUS"
-            report = EstimatorReport(name, self.flags, *self.ratios, self.accuracy_m)
+            velocity, position, height = self.ratios
+            report = EstimatorReport(name, self.flags, velocity, position, height, self.accuracy_m)
             self.reports.estimator.hear(report, self.now_s)
         if self.fix_type is not None:
             self.reports.hear_gps(GpsReport(self.fix_type), self.now_s)
