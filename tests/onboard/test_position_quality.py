@@ -131,7 +131,7 @@ SIGNS: list[tuple[str, Change, tuple[AutopilotFacts, ...], Worth | None, Worth |
     ("no gps", changed(fix_type=0), BOTH, DEAD_RECKONED, NONE, "GPS fix lost (fix type 0)"),
     ("2d fix", changed(fix_type=2), BOTH, DEAD_RECKONED, NONE, "GPS fix lost (fix type 2)"),
     ("gps silent", changed(fix_type=None), BOTH, DEAD_RECKONED, NONE, "GPS_RAW_INT silent"),
-    ("absolute gone", without(ABSOLUTE), BOTH, MADE_UP, NONE, "horizontal position lost"),
+    ("absolute gone", without(ABSOLUTE), BOTH, DEAD_RECKONED, NONE, "absolute horizontal pos"),
     ("horizontal gone", without(ABSOLUTE | RELATIVE), BOTH, MADE_UP, MADE_UP, "horizontal pos"),
     ("velocity gone", without(0x02), BOTH, MADE_UP, MADE_UP, "horizontal velocity lost"),
     ("vertical velocity gone", without(0x04), BOTH, MADE_UP, MADE_UP, "vertical velocity lost"),
@@ -335,6 +335,8 @@ DEPARTURES: list[tuple[Change, tuple[AutopilotFacts, ...], str]] = [
     (with_flag(0x80), BOTH, "constant position mode"),
     (changed(ratios=[1.5] * 3), BOTH, "test ratio 1.50"),
     (changed(flags=None), BOTH, "silent for"),
+    (unhealthy(XY_BIT), (PX4,), "position estimate unhealthy"),
+    (unhealthy(AHRS_BIT), (ARDUPILOT,), "position estimate unhealthy"),
     (text("EKF variance"), (ARDUPILOT,), "EKF variance"),
 ]
 
