@@ -521,6 +521,10 @@ class Autonomy:
         if self._left and not left and self.navigator.phase is not Phase.STANDBY:
             text = f"{reason}: leaving the vehicle to the autopilot"
             self._news.append(Event(now_s, "handed_over", Severity.CRITICAL, text))
+        if left and not self._left and self.link.pose is not None:
+            # Where the autopilot has taken the vehicle meanwhile, rather than back in one step.
+            self._hold = _hold_at(self.link.pose)
+            self.navigator.hover_at(self.link.pose, now_s)
         return self._left
 
     def _blindness(self, now_s: float) -> str | None:

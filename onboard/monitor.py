@@ -79,7 +79,7 @@ class Violation:
 
     def __str__(self) -> str:
         if self.sentence:
-            return self.sentence
+            return f"{self.assumption}: {self.sentence}"
         where = f" ({self.subject})" if self.subject else ""
         note = f"; {self.note}" if self.note else ""
         numbers = f"{self.measured:.2f}, limit {self.limit:.2f} {self.unit}"

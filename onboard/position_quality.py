@@ -120,6 +120,10 @@ class PositionQualityMonitor:
             for time_s, text in reports.texts
             if now_s - time_s <= TEXT_MEMORY_S and self._is_alarming(text)
         ]
+        health_report = reports.health.report
+        if health and health_report is not None:
+            failed = reports.facts.position_health & health_report.failed
+            failures += [_unhealthy(failed).sentence] if failed else []
         if not estimated and reports.estimator.report is not None:
             silence = self._silence(reports.estimator.report.name, reports.estimator, now_s)
             failures += [] if silence is None else [silence.sentence]
@@ -226,12 +230,13 @@ class PositionQualityMonitor:
             return
         where = f"{report.name}, flags {report.flags:#x}"
         for flags, what in _NEEDED_FLAGS:
-            # An absolute position that is taken back is lost, although a relative one goes on.
-            taken_back = absolute and flags == _HORIZONTAL
-            needed = mavlink.ESTIMATOR_POS_HORIZ_ABS if taken_back else flags
-            if not report.flags & needed:
+            if not report.flags & flags:
                 sentence = f"{what} lost ({where}): position is made up"
                 yield Sign("estimator_flags", sentence, Worth.MADE_UP, 0.0, 1.0, "flags")
+        # One that is taken back is lost, although a relative position goes on.
+        if absolute and not report.flags & mavlink.ESTIMATOR_POS_HORIZ_ABS:
+            sentence = f"absolute horizontal position lost ({where}): position is dead-reckoned"
+            yield Sign("absolute_position", sentence, Worth.DEAD_RECKONED, 0.0, 1.0, "flags")
         for flag, what in facts.made_up_flags.items():
             if report.flags & flag:
                 sentence = f"{what} ({where}): position is made up"
@@ -290,14 +295,11 @@ class PositionQualityMonitor:
         failed = self._health_bits & ~report.working
         if failed & mavlink.MAV_SYS_STATUS_SENSOR_GPS:
             sentence = "GPS unhealthy (SYS_STATUS): position is dead-reckoned"
-            yield self._health_sign("gps_health", sentence, Worth.DEAD_RECKONED, failed)
+            yield _unhealthy(failed)._replace(
+                subject="gps_health", sentence=sentence, worth=Worth.DEAD_RECKONED
+            )
         if failed & self._reports.facts.position_health:
-            sentence = f"position estimate unhealthy (SYS_STATUS, {failed:#x}): it is doubtful"
-            yield self._health_sign("estimate_health", sentence, Worth.DOUBTED, failed)
-
-    @staticmethod
-    def _health_sign(subject: str, sentence: str, worth: Worth, failed: int) -> Sign:
-        return Sign(subject, sentence, worth, float(failed), 0.0, "bits", HEALTH_CONFIRMED_S)
+            yield _unhealthy(failed)
 
     @staticmethod
     def _silence(
@@ -316,3 +318,11 @@ class PositionQualityMonitor:
         return any(words in lower for words in facts.texts) and not any(
             words in lower for words in facts.cleared
         )
+
+
+def _unhealthy(failed: int) -> Sign:
+    sentence = f"position estimate unhealthy (SYS_STATUS, {failed:#x}): position is doubtful"
+    measured, limit = float(failed), 0.0
+    return Sign(
+        "estimate_health", sentence, Worth.DOUBTED, measured, limit, "bits", HEALTH_CONFIRMED_S
+    )

@@ -56,6 +56,11 @@ class HealthReport(NamedTuple):
         """Sensors that are there, in use and healthy."""
         return self.present & self.enabled & self.health
 
+    @property
+    def failed(self) -> int:
+        """Sensors that are there, in use, but not healthy."""
+        return self.present & self.enabled & ~self.health
+
 
 Report = TypeVar("Report", EstimatorReport, GpsReport, HealthReport)
 

@@ -68,7 +68,8 @@ class Flight:
     def _say(self) -> None:
         if self.flags is not None:
             name = "EKF_STATUS_REPORT" if self.facts is ARDUPILOT else "ESTIMATOR_STATUS"
-            report = EstimatorReport(name, self.flags, *self.ratios, self.accuracy_m)
+            velocity, position, height = self.ratios
+            report = EstimatorReport(name, self.flags, velocity, position, height, self.accuracy_m)
             self.reports.estimator.hear(report, self.now_s)
         if self.fix_type is not None:
             self.reports.hear_gps(GpsReport(self.fix_type), self.now_s)
@@ -130,7 +131,7 @@ SIGNS: list[tuple[str, Change, tuple[AutopilotFacts, ...], Worth | None, Worth |
     ("no gps", changed(fix_type=0), BOTH, DEAD_RECKONED, NONE, "GPS fix lost (fix type 0)"),
     ("2d fix", changed(fix_type=2), BOTH, DEAD_RECKONED, NONE, "GPS fix lost (fix type 2)"),
     ("gps silent", changed(fix_type=None), BOTH, DEAD_RECKONED, NONE, "GPS_RAW_INT silent"),
-    ("absolute gone", without(ABSOLUTE), BOTH, MADE_UP, NONE, "horizontal position lost"),
+    ("absolute gone", without(ABSOLUTE), BOTH, DEAD_RECKONED, NONE, "absolute horizontal pos"),
     ("horizontal gone", without(ABSOLUTE | RELATIVE), BOTH, MADE_UP, MADE_UP, "horizontal pos"),
     ("velocity gone", without(0x02), BOTH, MADE_UP, MADE_UP, "horizontal velocity lost"),
     ("vertical velocity gone", without(0x04), BOTH, MADE_UP, MADE_UP, "vertical velocity lost"),
@@ -207,7 +208,7 @@ def test_sign_is_noticed_within_a_second_and_said_in_a_sentence(
     assert words in sign.sentence
     violation = sign.violation()
     assert violation.assumption is Assumption.POSITION_QUALITY
-    assert str(violation) == violation.event(0.0).text == sign.sentence
+    assert str(violation) == violation.event(0.0).text == f"position_quality: {sign.sentence}"
     assert "\n" not in sign.sentence
 
 
@@ -334,6 +335,8 @@ DEPARTURES: list[tuple[Change, tuple[AutopilotFacts, ...], str]] = [
     (with_flag(0x80), BOTH, "constant position mode"),
     (changed(ratios=[1.5] * 3), BOTH, "test ratio 1.50"),
     (changed(flags=None), BOTH, "silent for"),
+    (unhealthy(XY_BIT), (PX4,), "position estimate unhealthy"),
+    (unhealthy(AHRS_BIT), (ARDUPILOT,), "position estimate unhealthy"),
     (text("EKF variance"), (ARDUPILOT,), "EKF variance"),
 ]
 
