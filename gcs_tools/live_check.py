@@ -18,7 +18,7 @@ from gcs_tools.vehicle import CONNECT_TIMEOUT_S, UrlError, Vehicle, VehicleError
 from gcs_tools.vehicle_survey import survey
 from onboard.config import Mission
 from onboard.contract import Assessment
-from onboard.daemon import open_session
+from onboard.zenoh_session import open_session
 
 # Of a look at everything: nine of `survey`, and connecting, the bus, clearing the daemon.
 STEPS = 12

@@ -26,9 +26,10 @@ from gcs_tools.processes import Children, free_ports
 from gcs_tools.progress import Report
 from gcs_tools.scenario import Scenario, obstacle_list
 from gcs_tools.vehicle import Vehicle, VehicleError, connected_vehicle
-from onboard.config import DaemonConfig, MavlinkLink, Mission, ZenohEndpoints
-from onboard.daemon import open_session
+from onboard.config import DaemonConfig, MavlinkLink, Mission
 from onboard.yaml_file import dump_document
+from onboard.zenoh_endpoints import ZenohEndpoints
+from onboard.zenoh_session import open_session
 
 VEHICLE_NAME = "vehicle"
 # Compiling the plant for the first time takes the longest.

@@ -180,9 +180,9 @@ def _look(
 ) -> tuple[Finding, ...]:
     # MAVSDK and Zenoh are large native libraries: load them for those who have a vehicle.
     from gcs_tools.live_check import STEPS, LiveRequest, check_live  # noqa: PLC0415
-    from gcs_tools.live_check_bus import BusConfig  # noqa: PLC0415
+    from gcs_tools.live_check_bus import load_bus  # noqa: PLC0415
 
-    bus = None if zenoh_config is None else load_yaml(zenoh_config, BusConfig)
+    bus = None if zenoh_config is None else load_bus(zenoh_config)
     request = LiveRequest(vehicle_url, bus, endurance_s)
     done = itertools.count()
     with progress_bar("looking", STEPS) as bar:
