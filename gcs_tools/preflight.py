@@ -14,6 +14,7 @@ from gcs_tools import preflight_report
 from gcs_tools.contract_document import contract_document
 from gcs_tools.errors import CommandError
 from gcs_tools.field_check import FieldRule, check_field, legs_of
+from gcs_tools.field_placement import check_placement
 from gcs_tools.output import Format, write_document
 from gcs_tools.preflight_finding import Finding, Verdict
 from gcs_tools.preflight_remedy import Remedy, remedies
@@ -103,6 +104,8 @@ def check(
     """Check what can be checked on paper."""
     assessment = assess(contract, input_set)
     rules = () if obstacles is None else check_field(assessment, obstacles, mission)
+    if obstacles is not None and mission is not None:
+        rules += (check_placement(obstacles, mission, contract.sensor.detection_range_m),)
     return Preflight(assessment, rules)
 
 
