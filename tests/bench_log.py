@@ -159,7 +159,7 @@ def _ten_minutes() -> SimulatedFlight:
     leg = Leg(end_ned_m=(length_m, 0.0), target_half_width_m=12.0)
     return SimulatedFlight(
         scenario.contract,
-        Mission(altitude_m=4.0, legs=(leg,)),
+        Mission(altitude_m=scenario.mission.altitude_m, legs=(leg,)),
         scenario.sitl_config(seed=1),
         ObstacleField.of(obstacles),
         time_limit_s=1.2 * TEN_MINUTES_S,
