@@ -6,10 +6,12 @@ import shlex
 import socket
 import subprocess
 import sys
+from functools import partial
 from pathlib import Path
 
 import pytest
 import yaml
+import zenoh
 
 from onboard.config import DaemonConfig, load_contract
 from onboard.contract import assess
@@ -111,6 +113,9 @@ def test_the_sensor_of_the_vehicle_page_meets_the_shipped_daemon_and_its_operato
     def moved(text: str) -> str:
         return re.sub("|".join(ports), lambda found: ports[found[0]], text)
 
+    def receive(received: queue.Queue[bytes], sample: zenoh.Sample) -> None:
+        received.put(sample.payload.to_bytes())
+
     daemon = ZenohEndpoints(
         connect=tuple(map(moved, shipped.zenoh.connect)),
         listen=tuple(map(moved, shipped.zenoh.listen)),
@@ -119,7 +124,7 @@ def test_the_sensor_of_the_vehicle_page_meets_the_shipped_daemon_and_its_operato
     with open_session(daemon) as onboard, open_session(operator) as ground:
         heard: list[queue.Queue[bytes]] = [queue.Queue(), queue.Queue()]
         for session, received in zip((onboard, ground), heard, strict=True):
-            session.declare_subscriber(key, lambda s, r=received: r.put(s.payload.to_bytes()))
+            session.declare_subscriber(key, partial(receive, received))
         sensor = subprocess.Popen([sys.executable, "-c", moved(program)])
         try:
             for received in heard:

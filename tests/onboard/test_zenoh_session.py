@@ -8,6 +8,7 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -46,13 +47,17 @@ def router(where: str, **settings: Any) -> Iterator[None]:
         session.close()  # type: ignore[no-untyped-call]
 
 
+def hear(heard: set[int], number: int, _: zenoh.Sample) -> None:
+    heard.add(number)
+
+
 def meet(*joining: ZenohEndpoints, patience_s: float = 10.0) -> bool:
     """Tell whether what the first says reaches all others."""
     with ExitStack() as stack:
         speaker, *listeners = [stack.enter_context(open_session(each)) for each in joining]
         heard: set[int] = set()
         for number, session in enumerate(listeners):
-            session.declare_subscriber(KEY, lambda _, number=number: heard.add(number))
+            session.declare_subscriber(KEY, partial(hear, heard, number))
         publisher = speaker.declare_publisher(KEY)
         deadline_s = time.monotonic() + patience_s
         while len(heard) < len(listeners) and time.monotonic() < deadline_s:
