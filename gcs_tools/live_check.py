@@ -19,7 +19,7 @@ from gcs_tools.vehicle_connection import CONNECT_TIMEOUT_S, UrlError, connected_
 from gcs_tools.vehicle_survey import survey
 from onboard.config import Mission
 from onboard.contract import Assessment
-from onboard.daemon import open_session
+from onboard.zenoh_session import open_session
 
 # Of a look at everything: ten of `survey`, and connecting, the bus, clearing the daemon.
 STEPS = 13

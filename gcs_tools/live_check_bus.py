@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import time
 from collections.abc import Callable
+from pathlib import Path
 from typing import Annotated
 
 import zenoh
@@ -21,8 +22,10 @@ from gcs_tools.live_check_daemon import (
 from gcs_tools.live_check_detections import Sample, check_detections
 from gcs_tools.preflight_finding import Finding, Verdict
 from onboard.clearance import Clearance
-from onboard.config import Contract, ZenohEndpoints
+from onboard.config import Contract
 from onboard.contract import Assessment
+from onboard.yaml_file import load_yaml
+from onboard.zenoh_endpoints import ZenohEndpoints
 
 # How long detections are counted.
 LISTEN_S = 3.0
@@ -34,6 +37,15 @@ class BusConfig(ZenohEndpoints):
     """``--zenoh-config F``: how to join Zenoh, and which vehicle to look at."""
 
     vehicle: Annotated[str, Field(pattern=r"^[A-Za-z0-9_-]+$")] = "vehicle"
+
+
+def load_bus(path: Path) -> BusConfig:
+    """Read a ``--zenoh-config``; paths in it are relative to it.
+
+    Raises:
+        FileError: the file is not usable.
+    """
+    return load_yaml(path, BusConfig).relative_to(path.parent)
 
 
 class BusCheck:

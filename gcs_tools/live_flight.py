@@ -27,9 +27,10 @@ from gcs_tools.progress import Report
 from gcs_tools.scenario import Scenario, obstacle_list
 from gcs_tools.vehicle import Vehicle, VehicleError
 from gcs_tools.vehicle_connection import connected_vehicle
-from onboard.config import DaemonConfig, MavlinkLink, Mission, ZenohEndpoints
-from onboard.daemon import open_session
+from onboard.config import DaemonConfig, MavlinkLink, Mission
 from onboard.yaml_file import dump_document
+from onboard.zenoh_endpoints import ZenohEndpoints
+from onboard.zenoh_session import open_session
 from sitl.standstill import PATIENCE_S, Standstill
 
 VEHICLE_NAME = "vehicle"

@@ -14,6 +14,7 @@ from gcs_tools import preflight_report
 from gcs_tools.contract_document import contract_document
 from gcs_tools.errors import CommandError
 from gcs_tools.field_check import FieldRule, check_field, legs_of
+from gcs_tools.field_placement import check_placement
 from gcs_tools.output import Format, write_document
 from gcs_tools.preflight_finding import VEHICLE_IDENTITY, Finding, Verdict
 from gcs_tools.preflight_remedy import Remedy, remedies
@@ -113,6 +114,8 @@ def check(
     altitude_m = None if mission is None else mission.altitude_m
     assessment = assess(contract, input_set, mission_altitude_m=altitude_m)
     rules = () if obstacles is None else check_field(assessment, obstacles, mission)
+    if obstacles is not None and mission is not None:
+        rules += (check_placement(obstacles, mission, contract.sensor.detection_range_m),)
     return Preflight(assessment, rules)
 
 
@@ -207,12 +210,12 @@ class _LookedAt(NamedTuple):
 def _look(result: Preflight, mission: Mission | None, looked_at: _LookedAt) -> tuple[Finding, ...]:
     # MAVSDK and Zenoh are large native libraries: load them for those who have a vehicle.
     from gcs_tools.live_check import STEPS, LiveRequest, check_live  # noqa: PLC0415
-    from gcs_tools.live_check_bus import BusConfig  # noqa: PLC0415
+    from gcs_tools.live_check_bus import load_bus  # noqa: PLC0415
 
     path = looked_at.zenoh_config
     request = LiveRequest(
         looked_at.vehicle_url,
-        None if path is None else load_yaml(path, BusConfig),
+        None if path is None else load_bus(path),
         looked_at.endurance_s,
         system_id=looked_at.system_id,
     )

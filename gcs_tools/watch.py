@@ -12,12 +12,12 @@ import zenoh
 
 from gcs_tools.errors import CommandError, Interrupted
 from gcs_tools.interruption import Interruption, interruptible
-from gcs_tools.live_check_bus import BusConfig
+from gcs_tools.live_check_bus import BusConfig, load_bus
 from gcs_tools.watch_feed import KEYS, Feed
 from gcs_tools.watch_server import serving
 from onboard.config import DaemonConfig
-from onboard.daemon import open_session
-from onboard.yaml_file import load_yaml
+from onboard.yaml_file import FileError, load_yaml
+from onboard.zenoh_session import open_session
 
 _POLL_S = 0.1
 
@@ -33,12 +33,18 @@ def bus_of(zenoh_config: Path | None, daemon_config: Path | None) -> BusConfig:
         FileError: a file is not usable.
     """
     if zenoh_config is not None:
-        return load_yaml(zenoh_config, BusConfig)
+        return load_bus(zenoh_config)
     if daemon_config is None:
         return BusConfig(connect=(), listen=())
     daemon = load_yaml(daemon_config, DaemonConfig)
+    if daemon.zenoh.config_file is not None:
+        # It may hold the daemon's own certificate and password, and the port that it listens on.
+        raise FileError(
+            f"{daemon_config}: zenoh.config_file is the daemon's own: give yours by --zenoh-config"
+        )
     endpoints = daemon.zenoh.listen or daemon.zenoh.connect
-    return BusConfig(vehicle=daemon.vehicle, connect=endpoints, listen=())
+    mode = daemon.zenoh.mode
+    return BusConfig(vehicle=daemon.vehicle, mode=mode, connect=endpoints, listen=())
 
 
 def watch(bus: BusConfig, *, host: str, port: int, terminal: bool) -> None:

@@ -31,6 +31,7 @@ def main(arguments: list[str] | None = None) -> int:
     try:
         config = load_yaml(options.config, DaemonConfig)
         base = options.config.parent
+        config = config.model_copy(update={"zenoh": config.zenoh.relative_to(base)})
         contract = load_yaml(base / config.contract, Contract)
         mission = load_yaml(base / config.mission, Mission)
         configure_logging(config.log_level, options.log_format or config.log_format)

@@ -23,6 +23,7 @@ from onboard.yaml_file import (
     read_mapping,
     validate,
 )
+from onboard.zenoh_endpoints import ZenohEndpoints
 
 Positive = Annotated[float, Field(gt=0.0)]
 NonNegative = Annotated[float, Field(ge=0.0)]
@@ -223,13 +224,6 @@ class MavlinkLink(FileModel):
     url: str = Field("udpin://0.0.0.0:14540", description="as in MAVSDK")
     system_id: Annotated[int, Field(ge=1, le=255)] = 1
     stale_after_s: Positive = Field(0.5, description="older telemetry is no telemetry")
-
-
-class ZenohEndpoints(FileModel):
-    """How a process joins Zenoh; without endpoints it scouts by multicast."""
-
-    connect: Annotated[tuple[str, ...], Field(strict=False)] = ()
-    listen: Annotated[tuple[str, ...], Field(strict=False)] = ()
 
 
 class DaemonConfig(FileModel):

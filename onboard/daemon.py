@@ -13,7 +13,7 @@ import logging
 import os
 import signal
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 from typing import Final
 
@@ -21,13 +21,14 @@ import zenoh
 
 from onboard.autonomy import Autonomy
 from onboard.clock import Clock
-from onboard.config import Contract, DaemonConfig, Mission, ZenohEndpoints
+from onboard.config import Contract, DaemonConfig, Mission
 from onboard.contract import TICK_S
 from onboard.event_log import EventLog
 from onboard.flight_logs import Logs
 from onboard.journal import Journal
 from onboard.links import Link, open_link
 from onboard.record import Record
+from onboard.zenoh_session import open_session
 
 log = logging.getLogger(__name__)
 
@@ -236,21 +237,6 @@ class Bus:
             return False
         self._status_due_s = now_s + STATUS_PERIOD_S
         return True
-
-
-@contextlib.contextmanager
-def open_session(endpoints: ZenohEndpoints) -> Iterator[zenoh.Session]:
-    """Open a Zenoh session, and close it whatever happens: an open one keeps the process alive."""
-    config = zenoh.Config()
-    if endpoints.connect or endpoints.listen:
-        config.insert_json5("scouting/multicast/enabled", "false")
-    config.insert_json5("connect/endpoints", json.dumps(endpoints.connect))
-    config.insert_json5("listen/endpoints", json.dumps(endpoints.listen))
-    session = zenoh.open(config)
-    try:
-        yield session
-    finally:
-        session.close()  # type: ignore[no-untyped-call]
 
 
 def _metadata(contract: Contract, mission: Mission) -> dict[str, str]:

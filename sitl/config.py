@@ -10,6 +10,7 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, model_validator
 
 from onboard.yaml_file import FileModel, load_yaml
+from onboard.zenoh_endpoints import Endpoints, ZenohEndpoints
 from sitl.battery import BatteryConfig
 from sitl.estimator import EstimatorProfile
 from sitl.multirotor import MultirotorParameters, quadrotor
@@ -139,11 +140,10 @@ class VehicleConfig(FileModel):
     physics_rate_hz: Annotated[int, Field(ge=400, le=4000, multiple_of=100)] = 400
 
 
-class ZenohEndpoints(FileModel):
-    """How the simulator joins Zenoh; with endpoints, multicast scouting is off."""
+class SitlEndpoints(ZenohEndpoints):
+    """How the simulator joins Zenoh; by itself it listens where the daemon looks for a sensor."""
 
-    listen: Annotated[tuple[str, ...], Field(strict=False)] = ("tcp/127.0.0.1:7447",)
-    connect: Annotated[tuple[str, ...], Field(strict=False)] = ()
+    listen: Endpoints = ("tcp/127.0.0.1:7447",)
 
 
 class FleetMember(FileModel):
@@ -173,7 +173,7 @@ class SitlConfig(VehicleConfig):
         "udpout://127.0.0.1:14540",
         "udpout://127.0.0.1:14550",
     )
-    zenoh: ZenohEndpoints = ZenohEndpoints()
+    zenoh: SitlEndpoints = SitlEndpoints()
     sensors: Annotated[tuple[SensorConfig, ...], Field(strict=False)] = (SensorConfig(),)
     field: FilePath | None = None
     seed: int = 0
@@ -216,5 +216,8 @@ def load_sitl_config(path: Path) -> SitlConfig:
     """
     config = load_yaml(path, SitlConfig)
     named = {"field": config.field, "truth_log": config.truth_log}
-    absolute = {key: path.parent / name for key, name in named.items() if name is not None}
+    absolute: dict[str, Any] = {
+        key: path.parent / name for key, name in named.items() if name is not None
+    }
+    absolute["zenoh"] = config.zenoh.relative_to(path.parent)
     return config.model_copy(update=absolute)

@@ -6,8 +6,6 @@ becomes the square box that encloses its trunk.
 
 from __future__ import annotations
 
-import csv
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,13 +15,14 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, RootModel, model_validator
 
-from onboard.yaml_file import FileError, FileModel, read_document, validate
+from onboard.yaml_file import FileModel, read_document, validate
+from sitl.stem_map import DISTANCE_MAX_M, Stem, read_stems
 
 FloatArray = NDArray[np.float64]
 
-PositiveLength = Annotated[float, Field(gt=0.0)]
-
-_STEM_COLUMNS = ("x_m", "y_m", "dbh_cm")
+# Farther from the origin nobody flies: these would be map coordinates.
+Coordinate = Annotated[float, Field(ge=-DISTANCE_MAX_M, le=DISTANCE_MAX_M)]
+PositiveLength = Annotated[float, Field(gt=0.0, le=DISTANCE_MAX_M)]
 
 
 class Obstacle(FileModel):
@@ -37,7 +36,7 @@ class Obstacle(FileModel):
     """
 
     id: Annotated[str, Field(min_length=1)]
-    center_ned_m: Annotated[tuple[float, float], Field(strict=False)]
+    center_ned_m: Annotated[tuple[Coordinate, Coordinate], Field(strict=False)]
     size_m: Annotated[tuple[PositiveLength, PositiveLength], Field(strict=False)]
     yaw_deg: float = 0.0
 
@@ -101,45 +100,11 @@ def load_field(path: Path) -> ObstacleField:
         FileError: names the file, the row or key, the value and its unit.
     """
     if path.suffix.lower() == ".csv":
-        return ObstacleField.of(_read_stems(path))
+        return ObstacleField.of([_tree(stem) for stem in read_stems(path)])
     return ObstacleField.of(validate(read_document(path), ObstacleList, source=str(path)).root)
 
 
-def _read_stems(path: Path) -> list[Obstacle]:
-    try:
-        with path.open(encoding="utf-8", newline="") as file:
-            rows = csv.DictReader(file, strict=True)
-            if tuple(rows.fieldnames or ()) != _STEM_COLUMNS:
-                header = ",".join(rows.fieldnames or ())
-                raise FileError(f"{path}: header is {header!r}, not {','.join(_STEM_COLUMNS)!r}")
-            stems = [_stem(row, f"{path}: row {number}") for number, row in enumerate(rows, 2)]
-    except OSError as error:
-        raise FileError(f"{path}: cannot be read: {error.strerror or error}") from error
-    except (csv.Error, UnicodeDecodeError) as error:
-        raise FileError(f"{path}: is not a CSV file: {error}") from error
-    if not stems:
-        raise FileError(f"{path}: a field needs at least one obstacle")
-    return stems
-
-
-def _stem(row: dict[str, str], source: str) -> Obstacle:
-    north_m, east_m, diameter_cm = (_number(row, column, source) for column in _STEM_COLUMNS)
-    if diameter_cm <= 0.0:
-        raise FileError(f"{source}: dbh_cm [cm] = {diameter_cm:g} must be greater than 0")
-    side_m = diameter_cm / 100.0
-    name = source.rsplit(" ", 1)[1]
-    return Obstacle(id=name, center_ned_m=(north_m, east_m), size_m=(side_m, side_m))
-
-
-def _number(row: dict[str, str], column: str, source: str) -> float:
-    text = row.get(column)
-    unit = column.rsplit("_", 1)[1]
-    try:
-        value = float(text or "")
-    except ValueError:
-        value = math.nan
-    if not math.isfinite(value) or None in row:
-        raise FileError(
-            f"{source}: {column} [{unit}] = {text!r} is not a finite number in its place"
-        )
-    return value
+def _tree(stem: Stem) -> Obstacle:
+    """Return the square box around a stem."""
+    center_ned_m, size_m = (stem.north_m, stem.east_m), (stem.diameter_m, stem.diameter_m)
+    return Obstacle(id=stem.name, center_ned_m=center_ned_m, size_m=size_m)

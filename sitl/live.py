@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import json
 import logging
 import signal
 import time
@@ -13,7 +12,9 @@ from contextlib import ExitStack, contextmanager
 import zenoh
 from pydantic_core import to_json
 
-from sitl.config import SitlConfig, ZenohEndpoints
+from onboard.zenoh_endpoints import ZenohEndpoints
+from onboard.zenoh_session import open_session
+from sitl.config import SitlConfig
 from sitl.field import ObstacleField, load_field
 from sitl.scene import Scene
 from sitl.transport import Send, Transport
@@ -134,33 +135,27 @@ class Bus:
 
 
 @contextmanager
-def open_session(endpoints: ZenohEndpoints) -> Iterator[zenoh.Session]:
-    """Open a Zenoh session, and close it whatever happens: an open one keeps the process alive.
+def _session(endpoints: ZenohEndpoints) -> Iterator[zenoh.Session]:
+    """Open a Zenoh session.
 
     Raises:
+        FileError: the file of Zenoh's own cannot be used.
         ZenohError: an endpoint is malformed or cannot be listened on.
     """
-    config = zenoh.Config()
-    try:
-        if endpoints.listen or endpoints.connect:
-            config.insert_json5("scouting/multicast/enabled", "false")
-        config.insert_json5("listen/endpoints", json.dumps(endpoints.listen))
-        config.insert_json5("connect/endpoints", json.dumps(endpoints.connect))
-        session = zenoh.open(config)
-    except zenoh.ZError as error:
-        where = f"listen {list(endpoints.listen)}, connect {list(endpoints.connect)}"
-        raise ZenohError(f"zenoh: {where}: {error}") from error
-    try:
+    with ExitStack() as stack:
+        try:
+            session = stack.enter_context(open_session(endpoints))
+        except zenoh.ZError as error:
+            where = f"listen {list(endpoints.listen)}, connect {list(endpoints.connect)}"
+            raise ZenohError(f"zenoh: {where}: {error}") from error
         yield session
-    finally:
-        session.close()  # type: ignore[no-untyped-call]  # untyped in its own stubs
 
 
 async def serve(config: SitlConfig) -> None:
     """Run every vehicle of the file until SIGINT or SIGTERM.
 
     Raises:
-        FileError: the obstacle field is not usable.
+        FileError: the obstacle field, or Zenoh's own file, is not usable.
         ParameterError: a configured autopilot parameter does not exist or is out of range.
         ZenohError: the Zenoh session cannot be opened.
         TransportError, OSError: as :meth:`LiveSimulator.run`.
@@ -174,7 +169,7 @@ async def serve(config: SitlConfig) -> None:
     # A terminal that closes must not end a flight, on a bench as little as in the air.
     loop.add_signal_handler(signal.SIGHUP, lambda: log.info("SIGHUP ignored"))
     simulators = [LiveSimulator(one, field) for one in config.each()]
-    with open_session(config.zenoh) as session:
+    with _session(config.zenoh) as session:
         await _run_all(simulators, stop, session)
     log.info("stopped")
 

@@ -16,7 +16,7 @@ from pathlib import Path
 from rich.console import Console
 from rich.table import Table
 
-from tests.measurement import Measurement
+from tests.measurement import Measurement, Scale
 
 HERE = Path(__file__).parent
 PREFIX = "bench_"
@@ -43,7 +43,9 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--only", metavar="NAME", help="those whose name contains this")
     parser.add_argument("--output", type=Path, default=Path("build/bench.json"))
+    parser.add_argument("--small", action="store_true", help="only try whether they run")
     options = parser.parse_args()
+    Scale.small = options.small
     chosen = {name: run for name, run in collect() if (options.only or "") in name}
     if not chosen:
         sys.stderr.write(f"bench: error: no benchmark is called {options.only!r}\n")

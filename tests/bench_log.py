@@ -19,11 +19,14 @@ from onboard.recorder import Direction, FlightLog
 from sitl.field import Obstacle, ObstacleField
 from sitl.simulation import EPOCH_UNIX_S, SimulatedFlight, Simulation, fly
 from tests.gcs_tools.running import CONFIG
-from tests.measurement import Measurement
+from tests.measurement import Measurement, sized
 
 # The most that logging may cost of a tick's time, in per cent.
 BOUND_PERCENT = 5.0
-TEN_MINUTES_S = 600.0
+TEN_MINUTES_S = 600
+HALF_A_MINUTE_S = 30
+# Of the paper's flight, where only the benchmark itself is tried: the climb and some cruise.
+FEW_SECONDS_S = 12
 # In virtual time ticks come faster than a log's thread can follow, which it need not.
 _PAUSE_S = 0.002
 
@@ -70,7 +73,7 @@ def bench_report_of_ten_minutes() -> Measurement:
         document = document_of(read_flight(directory))
         write_report([document], directory / "report.html")
         spent_s = time.process_time() - began_s
-        assert document["span_s"][1] > TEN_MINUTES_S - 20.0, document["span_s"]
+        assert document["span_s"][1] > _duration_s() - 20.0, document["span_s"]
         assert (directory / "report.html").stat().st_size < 10e6
     return Measurement(spent_s, "s", 5.0, "bound")
 
@@ -124,7 +127,8 @@ def _costs_of_the_paper_s_flight() -> Costs:
         FlightLog(Path(name) / "here.mcap", {}) as here,
         Logs(Path(name) / "there.mcap", {}) as there,
     ):
-        while not simulation.over:
+        until_s = sized(TEN_MINUTES_S, FEW_SECONDS_S)
+        while not simulation.over and simulation.now_s < until_s:
             simulation.advance()
             _log(journal, here, there, costs, simulation.now_s)
     return costs
@@ -148,10 +152,14 @@ def _log(journal: Journal, here: FlightLog, there: Logs, costs: Costs, now_s: fl
     time.sleep(_PAUSE_S)
 
 
+def _duration_s() -> int:
+    return sized(TEN_MINUTES_S, HALF_A_MINUTE_S)
+
+
 def _ten_minutes() -> SimulatedFlight:
     """Thirty obstacles, as far apart as a contract asks for, on either side of a long leg."""
     scenario = load_scenario(CONFIG / "default.yaml")
-    length_m = scenario.contract.vehicle.cruise_speed_mps * TEN_MINUTES_S
+    length_m = scenario.contract.vehicle.cruise_speed_mps * _duration_s()
     obstacles = [
         Obstacle(id=str(n), center_ned_m=(30.0 + 50.0 * n, (-1.0) ** n * 0.4), size_m=(1.5, 1.5))
         for n in range(30)
@@ -159,7 +167,7 @@ def _ten_minutes() -> SimulatedFlight:
     leg = Leg(end_ned_m=(length_m, 0.0), target_half_width_m=12.0)
     return SimulatedFlight(
         scenario.contract,
-        Mission(altitude_m=4.0, legs=(leg,)),
+        Mission(altitude_m=scenario.mission.altitude_m, legs=(leg,)),
         scenario.sitl_config(seed=1),
         ObstacleField.of(obstacles),
         time_limit_s=1.2 * TEN_MINUTES_S,

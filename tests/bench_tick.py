@@ -11,7 +11,7 @@ from onboard.contract import TICK_S
 from onboard.guidance import Phase
 from onboard.obstacles import ObstacleMap
 from sitl.simulation import SimulatedFlight, Simulation
-from tests.measurement import Measurement
+from tests.measurement import Measurement, sized
 
 TICKS = 200
 CROWD = 5000
@@ -26,7 +26,7 @@ def bench_tick_without_planning() -> Measurement:
 def bench_tick_with_5000_obstacles() -> Measurement:
     """The same with thousands of remembered obstacles beside the leg; the peer has none."""
     empty, crowded = _cruising(), _cruising()
-    _remember(crowded.autonomy.navigator.obstacles, CROWD)
+    _remember(crowded.autonomy.navigator.obstacles, sized(CROWD, 100))
     empty_s, crowded_s = _ticks_s(empty, crowded)
     return Measurement(crowded_s * 1e3, "ms", empty_s * 1e3, "empty map")
 
@@ -54,7 +54,7 @@ def _cruising() -> Simulation:
 def _ticks_s(*simulations: Simulation) -> list[float]:
     """Median time of a tick of each flight; tick by tick in turn, so that noise hits all alike."""
     times_s: list[list[float]] = [[] for _ in simulations]
-    for _ in range(TICKS):
+    for _ in range(sized(TICKS, 20)):
         for simulation, spent_s in zip(simulations, times_s, strict=True):
             spent_s.append(_tick_s(simulation))
     assert all(each.autonomy.navigator.phase is Phase.CRUISE for each in simulations)

@@ -38,9 +38,23 @@ class Measurement:
         return {"value": self.value, "unit": self.unit, "peer": self.peer, "ratio": self.ratio}
 
 
+class Scale:
+    """How much a benchmark does: all of it, or only so much as shows that it runs."""
+
+    small = False
+
+
+def sized(full: int, small: int) -> int:
+    """Return how much to do: ``full``, or ``small`` where only the benchmark itself is tried."""
+    return small if Scale.small else full
+
+
 def seconds_of(work: Callable[[], object], repeat: int = 5) -> float:
     """Return the median wall time of some work, after one run to warm up."""
-    work()
+    if Scale.small:
+        repeat = 1
+    else:
+        work()
     times_s = []
     for _ in range(repeat):
         began_s = time.perf_counter()

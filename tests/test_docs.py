@@ -6,16 +6,19 @@ import shlex
 import socket
 import subprocess
 import sys
+from functools import partial
 from pathlib import Path
 
 import pytest
 import yaml
 import zenoh
 
-from onboard.config import ZenohEndpoints, load_contract
+from onboard.config import DaemonConfig, load_contract
 from onboard.contract import assess
-from onboard.daemon import open_session
 from onboard.obstacles import parse_frame
+from onboard.yaml_file import load_yaml
+from onboard.zenoh_endpoints import ZenohEndpoints
+from onboard.zenoh_session import open_session
 from tests.sitl.process import configured, free_port, running
 from tests.sitl.test_mavproxy import mavproxy
 from tests.transcripts import with_answers
@@ -101,24 +104,34 @@ def test_the_preflight_page_shows_what_is_printed(tmp_path: Path) -> None:
     assert with_answers(transcript, tmp_path) == transcript
 
 
-def test_the_sensor_of_the_vehicle_page_is_understood() -> None:
+def test_the_sensor_of_the_vehicle_page_meets_the_shipped_daemon_and_its_operator() -> None:
     (program,) = blocks(ROOT / "docs" / "vehicles.md", "python")
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        port = probe.getsockname()[1]
-    endpoints = ZenohEndpoints(listen=(f"tcp/127.0.0.1:{port}",))
-    received: queue.Queue[bytes] = queue.Queue()
+    shipped = load_yaml(ROOT / "config" / "onboard.yaml", DaemonConfig)
+    # The same on ports that are free.
+    ports = {"7447": str(free_port(socket.SOCK_STREAM)), "7448": str(free_port(socket.SOCK_STREAM))}
+    key = f"clearway/{shipped.vehicle}/obstacles"
 
-    def receive(sample: zenoh.Sample) -> None:
+    def moved(text: str) -> str:
+        return re.sub("|".join(ports), lambda found: ports[found[0]], text)
+
+    def receive(received: queue.Queue[bytes], sample: zenoh.Sample) -> None:
         received.put(sample.payload.to_bytes())
 
-    with open_session(endpoints) as session:
-        session.declare_subscriber("clearway/vehicle/obstacles", receive)
-        sensor = subprocess.Popen([sys.executable, "-c", program.replace("7447", str(port))])
+    daemon = ZenohEndpoints(
+        connect=tuple(map(moved, shipped.zenoh.connect)),
+        listen=tuple(map(moved, shipped.zenoh.listen)),
+    )
+    operator = ZenohEndpoints(connect=daemon.listen)
+    with open_session(daemon) as onboard, open_session(operator) as ground:
+        heard: list[queue.Queue[bytes]] = [queue.Queue(), queue.Queue()]
+        for session, received in zip((onboard, ground), heard, strict=True):
+            session.declare_subscriber(key, partial(receive, received))
+        sensor = subprocess.Popen([sys.executable, "-c", moved(program)])
         try:
-            frames = [parse_frame(received.get(timeout=60.0)) for _ in range(3)]
+            for received in heard:
+                frames = [parse_frame(received.get(timeout=60.0)) for _ in range(3)]
+                assert [frame.sequence - frames[0].sequence for frame in frames] == [0, 1, 2]
+                assert frames[0].obstacles[0].id == "7"
         finally:
             sensor.terminate()
             sensor.wait()
-    assert [frame.sequence - frames[0].sequence for frame in frames] == [0, 1, 2]
-    assert frames[0].obstacles[0].id == "7"

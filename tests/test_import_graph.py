@@ -25,6 +25,7 @@ IO_MODULES = {
     "onboard.log_thread",
     "onboard.message_thread",
     "onboard.serial_line",
+    "onboard.zenoh_session",
     "sitl.__main__",
     "sitl.live",
     "sitl.simulation",  # a stopwatch: how long the simulation took
@@ -94,7 +95,13 @@ def broken_rule(module: str, name: str) -> str | None:
 
 
 # Files, bytes and distances: nothing in them has a sign that both sides could get wrong alike.
-SHARED = ("onboard.yaml_file", "onboard.mavlink_frames", "onboard.rest")
+SHARED = (
+    "onboard.yaml_file",
+    "onboard.mavlink_frames",
+    "onboard.rest",
+    "onboard.zenoh_endpoints",
+    "onboard.zenoh_session",
+)
 
 
 def may_import_onboard(module: str, name: str) -> bool:

@@ -19,8 +19,8 @@ from pymavlink import mavutil
 
 from gcs_tools.arm_authorisation import AUTHORISER_SYSTEM_ID
 from gcs_tools.processes import Children, free_ports
-from onboard.config import ZenohEndpoints
-from onboard.daemon import open_session
+from onboard.zenoh_endpoints import ZenohEndpoints
+from onboard.zenoh_session import open_session
 from sitl.config import HomeConfig
 from tests.gcs_tools.running import CONFIG, Clearway, until
 from tests.gcs_tools.terminal import Terminal, terminal

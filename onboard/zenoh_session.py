@@ -1,0 +1,61 @@
+"""Opens Zenoh sessions, for the daemon, the simulation and the operator's tools alike."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+from collections.abc import Iterator
+from typing import Final
+
+import zenoh
+
+from onboard.yaml_file import FileError
+from onboard.zenoh_endpoints import ZenohEndpoints
+
+# Peers that only connect never meet each other, not through a router either: each needs a listener
+# by which the others can be told of it.  This one is for processes of this computer.
+_LOOPBACK: Final = "tcp/127.0.0.1:0"
+# How long a client waits for its router; a peer waits for ever, in the background.
+_CLIENT_PATIENCE_MS: Final = 5000
+
+
+@contextlib.contextmanager
+def open_session(endpoints: ZenohEndpoints) -> Iterator[zenoh.Session]:
+    """Open a Zenoh session, and close it whatever happens: an open one keeps the process alive.
+
+    Args:
+        endpoints: how to join.
+
+    Raises:
+        FileError: the ``config_file`` cannot be used.
+        zenoh.ZError: an endpoint is malformed or taken, or a client finds no router.
+    """
+    session = zenoh.open(_configuration(endpoints))
+    try:
+        yield session
+    finally:
+        session.close()  # type: ignore[no-untyped-call]  # untyped in its own stubs
+
+
+def _configuration(endpoints: ZenohEndpoints) -> zenoh.Config:
+    if endpoints.config_file is not None:
+        path = endpoints.config_file
+        try:
+            return zenoh.Config.from_file(str(path))
+        except zenoh.ZError as error:
+            # Zenoh adds where in its own source it noticed.
+            reason = " ".join(str(error).partition(" at /")[0].split())
+            raise FileError(f"{path}: not a Zenoh configuration: {reason}") from error
+    config = zenoh.Config()
+    listen = endpoints.listen
+    if endpoints.connect or listen:
+        config.insert_json5("scouting/multicast/enabled", "false")
+    if endpoints.mode == "client":
+        listen = ()
+        config.insert_json5("connect/timeout_ms", json.dumps(_CLIENT_PATIENCE_MS))
+    elif endpoints.connect and not listen:
+        listen = (_LOOPBACK,)
+    config.insert_json5("mode", json.dumps(endpoints.mode))
+    config.insert_json5("connect/endpoints", json.dumps(endpoints.connect))
+    config.insert_json5("listen/endpoints", json.dumps(listen))
+    return config

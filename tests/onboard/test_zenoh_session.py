@@ -1,0 +1,214 @@
+"""Who meets whom on Zenoh: directly, through a router, with and without a password."""
+
+from __future__ import annotations
+
+import json
+import socket
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import pytest
+import zenoh
+
+from gcs_tools.live_check_bus import load_bus
+from gcs_tools.watch import bus_of
+from onboard.yaml_file import FileError, validate
+from onboard.zenoh_endpoints import ZenohEndpoints
+from onboard.zenoh_session import open_session
+from sitl.config import load_sitl_config
+
+KEY = "clearway/v1/obstacles"
+
+
+def endpoint() -> str:
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return f"tcp/127.0.0.1:{probe.getsockname()[1]}"
+
+
+@contextmanager
+def router(where: str, **settings: Any) -> Iterator[None]:
+    """Run a router, as ``zenohd`` would."""
+    config = zenoh.Config()
+    config.insert_json5("mode", '"router"')
+    config.insert_json5("listen/endpoints", json.dumps([where]))
+    config.insert_json5("scouting/multicast/enabled", "false")
+    for key, value in settings.items():
+        config.insert_json5(key, json.dumps(value))
+    session = zenoh.open(config)
+    try:
+        yield
+    finally:
+        session.close()  # type: ignore[no-untyped-call]
+
+
+def hear(heard: set[int], number: int, _: zenoh.Sample) -> None:
+    heard.add(number)
+
+
+def meet(*joining: ZenohEndpoints, patience_s: float = 10.0) -> bool:
+    """Tell whether what the first says reaches all others."""
+    with ExitStack() as stack:
+        speaker, *listeners = [stack.enter_context(open_session(each)) for each in joining]
+        heard: set[int] = set()
+        for number, session in enumerate(listeners):
+            session.declare_subscriber(KEY, partial(hear, heard, number))
+        publisher = speaker.declare_publisher(KEY)
+        deadline_s = time.monotonic() + patience_s
+        while len(heard) < len(listeners) and time.monotonic() < deadline_s:
+            publisher.put(b"{}")
+            time.sleep(0.02)
+        return len(heard) == len(listeners)
+
+
+WAYS: dict[str, Callable[[str], ZenohEndpoints]] = {
+    "peer": lambda where: ZenohEndpoints(connect=(where,)),
+    "client": lambda where: ZenohEndpoints(mode="client", connect=(where,)),
+    "listening peer": lambda where: ZenohEndpoints(connect=(where,), listen=(endpoint(),)),
+}
+
+
+@pytest.mark.parametrize("first", WAYS)
+@pytest.mark.parametrize("second", WAYS)
+def test_all_that_only_connect_to_a_router_meet(first: str, second: str) -> None:
+    where = endpoint()
+    with router(where):
+        assert meet(WAYS[first](where), WAYS[second](where))
+
+
+@pytest.mark.parametrize("sensor", WAYS)
+@pytest.mark.parametrize("tool", WAYS)
+def test_all_that_only_connect_to_the_daemon_meet(sensor: str, tool: str) -> None:
+    where = endpoint()
+    with open_session(ZenohEndpoints(listen=(where,))):
+        assert meet(WAYS[sensor](where), WAYS[tool](where))
+
+
+def test_a_client_waits_for_a_router_that_starts_a_little_later() -> None:
+    where, over = endpoint(), threading.Event()
+
+    def start_late() -> None:
+        time.sleep(0.5)
+        with router(where):
+            over.wait(10.0)
+
+    late = threading.Thread(target=start_late)
+    late.start()
+    try:
+        assert meet(WAYS["client"](where), WAYS["client"](where))
+    finally:
+        over.set()
+        late.join()
+
+
+def test_a_client_without_a_router_gives_up(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("onboard.zenoh_session._CLIENT_PATIENCE_MS", 300)
+    where = endpoint()
+    with (
+        pytest.raises(zenoh.ZError, match=r"[Uu]nable to connect"),
+        open_session(WAYS["client"](where)),
+    ):
+        pass
+
+
+@pytest.mark.parametrize(("password", "admitted"), [("right", True), ("wrong", False)])
+def test_user_and_password_are_passed_through(
+    tmp_path: Path, password: str, *, admitted: bool
+) -> None:
+    where = endpoint()
+    users = tmp_path / "users.txt"
+    users.write_text("sensor:right\n")
+    (tmp_path / "bus.yaml").write_text("zenoh: {config_file: zenoh.json5}\n")
+    (tmp_path / "zenoh.json5").write_text(
+        f"""{{
+          mode: "client",  // Zenoh's own comments too
+          connect: {{ endpoints: ["{where}"] }},
+          scouting: {{ multicast: {{ enabled: false }} }},
+          transport: {{ auth: {{ usrpwd: {{ user: "sensor", password: "{password}" }} }} }},
+        }}"""
+    )
+    (tmp_path / "tool.yaml").write_text("config_file: zenoh.json5\n")
+    with router(where, **{"transport/auth/usrpwd/dictionary_file": str(users)}):
+        joining = load_bus(tmp_path / "tool.yaml")
+        if admitted:
+            assert meet(joining, joining)
+        else:
+            with pytest.raises(zenoh.ZError), open_session(joining):
+                pass
+
+
+@pytest.mark.parametrize(
+    ("document", "reason"),
+    [
+        ({"mode": "router"}, "mode = 'router'"),
+        ({"mode": "client", "listen": ["tcp/[::]:7447"]}, "mode: client cannot listen (tcp/[::]"),
+        ({"config_file": "z.json5", "connect": ["tcp/h:1"]}, "leave connect out"),
+        ({"config_file": "z.json5", "listen": ["tcp/h:1"]}, "leave listen out"),
+        ({"config_file": "z.json5", "mode": "client"}, "leave mode out"),
+        ({"user": "me"}, "user is not a known key"),
+    ],
+)
+def test_keys_that_do_not_fit_are_refused(document: dict[str, Any], reason: str) -> None:
+    with pytest.raises(FileError) as refused:
+        validate(document, ZenohEndpoints, source="bus.yaml")
+    assert reason in str(refused.value)
+
+
+def test_what_is_dumped_is_read_again() -> None:
+    for endpoints in (
+        ZenohEndpoints(mode="client", connect=("tcp/h:1",)),
+        ZenohEndpoints(config_file=Path("zenoh.json5")),
+    ):
+        again = validate(endpoints.model_dump(mode="json"), ZenohEndpoints, source="here")
+        assert again == endpoints
+
+
+@pytest.mark.parametrize(
+    ("text", "reason"),
+    [
+        (None, "No such file"),
+        ("{ mode: ", "expected array, boolean"),
+        ('{ "mode": "spectator" }', ""),
+        ("{ no_such_key: 1 }", ""),
+    ],
+)
+def test_a_zenoh_file_that_cannot_be_used_is_one_line(
+    tmp_path: Path, text: str | None, reason: str
+) -> None:
+    path = tmp_path / "zenoh.json5"
+    if text is not None:
+        path.write_text(text)
+    with (
+        pytest.raises(FileError) as refused,
+        open_session(ZenohEndpoints(config_file=path)),
+    ):
+        pass
+    message = str(refused.value)
+    assert message.startswith(f"{path}: not a Zenoh configuration: ")
+    assert reason in message
+    assert "\n" not in message
+    assert ".cargo" not in message
+
+
+def test_paths_are_relative_to_the_file_that_names_them(tmp_path: Path) -> None:
+    (tmp_path / "bus.yaml").write_text("config_file: keys/zenoh.json5\n")
+    assert load_bus(tmp_path / "bus.yaml").config_file == tmp_path / "keys/zenoh.json5"
+    (tmp_path / "sitl.yaml").write_text("zenoh: {config_file: zenoh.json5, listen: []}\n")
+    with pytest.raises(FileError, match="leave listen out"):
+        load_sitl_config(tmp_path / "sitl.yaml")
+    (tmp_path / "sitl.yaml").write_text("zenoh: {config_file: zenoh.json5}\n")
+    assert load_sitl_config(tmp_path / "sitl.yaml").zenoh.config_file == tmp_path / "zenoh.json5"
+
+
+def test_the_daemons_own_zenoh_file_is_not_the_operators(tmp_path: Path) -> None:
+    path = tmp_path / "onboard.yaml"
+    path.write_text("{contract: c.yaml, mission: m.yaml, zenoh: {config_file: zenoh.json5}}\n")
+    with pytest.raises(FileError, match="give yours by --zenoh-config"):
+        bus_of(None, path)
+    path.write_text("{contract: c, mission: m, zenoh: {mode: client, connect: [tcp/h:1]}}\n")
+    assert bus_of(None, path).mode == "client"
