@@ -27,7 +27,7 @@ from gcs_tools.vehicle_clock import (
     compare_one_way,
     unix_offset_s,
 )
-from gcs_tools.vehicle_survey import EstimatorStatus, VehicleFacts
+from gcs_tools.vehicle_survey import EstimatorStatus, VehicleFacts, version_of
 from onboard.config import Mission, load_contract
 from onboard.contract import assess
 from tests.gcs_tools.running import CONFIG
@@ -221,6 +221,24 @@ def test_a_clock_is_described_in_words() -> None:
     (text,) = (each.text for each in found if each.name == "clock")
     assert "its Unix time is 1199.900 s behind this computer's" in text
     assert "PING and SYSTEM_TIME" in text
+
+
+@pytest.mark.parametrize(
+    ("number", "version", "stage"),
+    [
+        (0x01100040, (1, 16, 0), "alpha"),  # as recorded of the measured PX4
+        (0x04070000, (4, 7, 0), "dev"),
+        (0x010E03FF, (1, 14, 3), ""),
+        (0x01110080, (1, 17, 0), "beta"),
+        (0x011100C1, (1, 17, 0), "rc"),
+        (0, None, ""),
+        (0xFF, None, ""),
+    ],
+)
+def test_the_version_is_read_with_its_stage(
+    number: int, version: tuple[int, int, int] | None, stage: str
+) -> None:
+    assert version_of(number) == (version, stage)
 
 
 @pytest.mark.parametrize(

@@ -78,6 +78,15 @@ def test_an_answer_that_comes_at_once_is_not_missed(dropped: int) -> None:
             assert found["flags"] == 0x3FF
 
 
+def test_only_the_autopilot_itself_answers_for_it() -> None:
+    (port,) = free_ports(1)
+    companion = FakeAutopilot(
+        port, 1, mavlink.MAV_AUTOPILOT_INVALID, component_id=196, stream=estimator_status
+    )
+    with autopilots(companion, FakeAutopilot(port)):
+        assert connected(port, ask_estimator, 1) is None
+
+
 def test_no_answer_is_none() -> None:
     (port,) = free_ports(1)
     with FakeAutopilot(port):
