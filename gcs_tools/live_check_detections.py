@@ -115,11 +115,7 @@ def _check_times(
         text = "not known: the stamps are of the future"
         unknown = (finding(name, Verdict.UNKNOWN, text) for name in ("age", "reaction"))
         return [*unknown, finding("clock", Verdict.BROKEN, clock), order]
-    # When a frame arrives, what came into range just after the one before has waited this long.
-    late_s = max(
-        (at_s - before_s for at_s, before_s in zip(arrived_s[1:], stamps_s, strict=False)),
-        default=math.inf,
-    )
+    late_s = _latest_s(arrived_s, stamps_s)
     limit_s, tau_s = terms.frame_age_max_s, terms.reaction_time_s
     rate_hz = len(arrivals) / listened_s
     age = f"newest frame up to {late_s:.3f} s old ({rate_hz:.0f} Hz), frame_age_max_s {limit_s:g} s"
@@ -130,6 +126,12 @@ def _check_times(
         finding("clock", Verdict.of(holds=min(ages_s) < limit_s), clock),
         order,
     ]
+
+
+def _latest_s(arrived_s: list[float], stamps_s: list[float]) -> float:
+    """Return how long what came into range just after a frame waits until the next arrives."""
+    waits_s = (at_s - before_s for at_s, before_s in zip(arrived_s[1:], stamps_s, strict=False))
+    return max(waits_s, default=math.inf)
 
 
 def _check_declared(

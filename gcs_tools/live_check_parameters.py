@@ -32,6 +32,8 @@ from onboard.contract import Assessment
 
 # Roll used by both autopilots in a swerve, as a multiple of what was commanded.
 TILT_RESERVE = 1.4
+# Beyond this a tilt stands for no acceleration.
+_TILT_MAX_RAD = math.radians(89.0)
 _FENCE_PREFIXES = ("GF_", "FENCE_")
 # Bits of ArduPilot's ARMING_CHECK and ARMING_SKIPCHK.
 _ALL_CHECKS_BIT, _INERTIAL_CHECK_BIT = 0, 4
@@ -89,22 +91,18 @@ def corridor_m(assessment: Assessment, mission: Mission) -> float:
     return max(assessment.inflated.roi_width_m / 2.0, *targets_m)
 
 
-def tilt_in_still_air_deg(assessment: Assessment) -> float:
-    """Return the tilt that plans need: with reserve, and at both limits together."""
+def tilt_required_deg(assessment: Assessment) -> float:
+    """Return the tilt that the autopilot must allow.
+
+    It covers roll and pitch with a reserve, both limits together, and the trim against the
+    strongest wind on top of them: where the declared wind turns round, plan and trim add up.
+    """
     terms = assessment.terms
     greatest_rad = max(terms.roll_max_rad, terms.pitch_max_rad)
-    corner_rad = math.atan(math.hypot(math.tan(terms.roll_max_rad), math.tan(terms.pitch_max_rad)))
-    return math.degrees(max(TILT_RESERVE * greatest_rad, corner_rad))
-
-
-def tilt_required_deg(assessment: Assessment) -> float:
-    """Return the tilt that the autopilot must allow: that of still air, and what the wind takes."""
-    terms = assessment.terms
-    still_deg = tilt_in_still_air_deg(assessment)
-    if terms.wind_max_mps is None or still_deg >= 90.0:
-        return still_deg
-    trim = terms.drag_per_s * terms.wind_max_mps / GRAVITY_MPS2
-    return math.degrees(math.atan(math.tan(math.radians(still_deg)) + trim))
+    together = math.hypot(math.tan(terms.roll_max_rad), math.tan(terms.pitch_max_rad))
+    trim = terms.drag_per_s * (terms.wind_max_mps or 0.0) / GRAVITY_MPS2
+    against_wind_rad = math.atan(max(math.tan(greatest_rad) + trim, together))
+    return math.degrees(max(TILT_RESERVE * greatest_rad, against_wind_rad))
 
 
 def _named(
@@ -205,9 +203,11 @@ def _ardupilot_rules(assessment: Assessment, reported: ReportedParameters) -> li
 def _ardupilot_motion_rules(
     assessment: Assessment, reported: ReportedParameters
 ) -> list[ParameterRule]:
-    still_rad = math.radians(tilt_in_still_air_deg(assessment))
-    acceleration_mps2 = GRAVITY_MPS2 * math.tan(still_rad)
-    limits, lag_s = assessment.limits, max(assessment.terms.attitude_lag_s, 1e-3)
+    terms = assessment.terms
+    greatest_rad = TILT_RESERVE * max(terms.roll_max_rad, terms.pitch_max_rad)
+    greatest_rad = min(greatest_rad, _TILT_MAX_RAD)
+    acceleration_mps2 = GRAVITY_MPS2 * math.tan(greatest_rad)
+    limits, lag_s = assessment.limits, max(terms.attitude_lag_s, 1e-3)
     # A plan builds its acceleration up within the attitude lag.
     plan_jerk_mps3 = max(vars(limits).values()) / lag_s
     return [

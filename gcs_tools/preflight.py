@@ -66,7 +66,7 @@ class Preflight:
 
     @cached_property
     def remedies(self) -> tuple[Remedy, ...]:
-        """Single changes that mend the clauses that are broken."""
+        """Single changes that satisfy the clauses that are broken."""
         return remedies(self.assessment)
 
     @property

@@ -54,7 +54,7 @@ class Remedy:
     """One change of one key with which a broken clause holds.
 
     Attributes:
-        clause: that it mends.
+        clause: that it satisfies.
         key: dotted key, as for ``--set``.
         declared, value: before and after, in ``unit``; rounded to the complying side.
         unit: of both.
@@ -80,15 +80,15 @@ class Remedy:
 
 
 def remedies(assessment: Assessment) -> tuple[Remedy, ...]:
-    """Return the changes that mend each broken clause, clause by clause, smallest first.
+    """Return the changes that satisfy each broken clause, clause by clause, smallest first.
 
-    A clause that no single key can mend has none.
+    A clause that no single key can satisfy has none.
     """
     found: list[Remedy] = []
     for clause in assessment.clauses:
         if not clause.holds:
-            mending = (_remedy(assessment, clause.name, contract_key(path)) for path in _ADVICE)
-            found += sorted(filter(None, mending), key=lambda remedy: remedy.change)
+            satisfying = (_remedy(assessment, clause.name, contract_key(path)) for path in _ADVICE)
+            found += sorted(filter(None, satisfying), key=lambda remedy: remedy.change)
     return tuple(found)
 
 
@@ -99,11 +99,11 @@ def _remedy(assessment: Assessment, clause: str, key: ContractKey) -> Remedy | N
     if not declared:  # nothing stated, or nothing left to take away
         return None
 
-    def mends(value: float) -> bool:
+    def satisfies(value: float) -> bool:
         changed = _assessed(contract, key, value, input_set, altitude_m)
         return changed is not None and all(c.holds for c in changed.clauses if c.name == clause)
 
-    values = filter(None, (_nearest(declared, growing, mends) for growing in (True, False)))
+    values = filter(None, (_nearest(declared, growing, satisfies) for growing in (True, False)))
     nearest = min(values, key=lambda value: abs(value - declared), default=None)
     if nearest is None:
         return None
@@ -112,12 +112,12 @@ def _remedy(assessment: Assessment, clause: str, key: ContractKey) -> Remedy | N
     return Remedy(clause, key.path, declared, nearest, key.unit, settled)
 
 
-def _nearest(declared: float, growing: bool, mends: Callable[[float], bool]) -> float | None:
-    """Return the value nearest to ``declared`` that mends, on one side of it."""
+def _nearest(declared: float, growing: bool, satisfies: Callable[[float], bool]) -> float | None:
+    """Return the value nearest to ``declared`` that satisfies, on one side of it."""
     outside = declared
     for inside in _steps(declared, growing):
-        if mends(inside):
-            return _rounded(*_bisected(inside, outside, mends), mends)
+        if satisfies(inside):
+            return _rounded(*_bisected(inside, outside, satisfies), satisfies)
         outside = inside
     return None
 
@@ -129,20 +129,22 @@ def _steps(declared: float, growing: bool) -> Iterator[float]:
         step *= _STEP_GROWTH
 
 
-def _bisected(inside: float, outside: float, mends: Callable[[float], bool]) -> tuple[float, float]:
+def _bisected(
+    inside: float, outside: float, satisfies: Callable[[float], bool]
+) -> tuple[float, float]:
     for _ in range(_BISECTIONS):
         middle = (inside + outside) / 2.0
-        inside, outside = (middle, outside) if mends(middle) else (inside, middle)
+        inside, outside = (middle, outside) if satisfies(middle) else (inside, middle)
     return inside, outside
 
 
-def _rounded(inside: float, outside: float, mends: Callable[[float], bool]) -> float:
-    """Return few digits, on the side that mends."""
+def _rounded(inside: float, outside: float, satisfies: Callable[[float], bool]) -> float:
+    """Return few digits, on the side that satisfies."""
     towards = math.ceil if inside > outside else math.floor
     for digits in _DIGITS:
         unit = 10.0 ** (math.floor(math.log10(inside)) + 1 - digits)
         value = round(towards(inside / unit) * unit, 12)
-        if mends(value):
+        if satisfies(value):
             return value
     return inside
 

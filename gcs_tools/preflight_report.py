@@ -37,14 +37,14 @@ def print_title(verdict: Verdict, title: str, reasons: tuple[str, ...], console:
 
 
 def print_contract(assessment: Assessment, remedies: tuple[Remedy, ...], console: Console) -> None:
-    """Show the binding clause, all margins as bars, and what would mend what is broken."""
+    """Show the binding clause, all margins as bars, and what would satisfy what is broken."""
     clause = assessment.binding
-    say = "tightest" if assessment.compliant else "broken most"
+    say = "tightest" if assessment.compliant else "most violated"
     console.print(
         f"{say}: [bold]{clause.name}[/], margin {clause.margin:+.2f} {clause.unit} "
         f"({clause.reason})"
     )
-    table = Table("clause", "", "uses of what is declared", title="Contract", title_justify="left")
+    table = Table("clause", "", "share of declared", title="Contract", title_justify="left")
     for column in ("required", "declared", "margin"):
         table.add_column(column, justify="right")
     table.add_column("unit")
@@ -56,13 +56,13 @@ def print_contract(assessment: Assessment, remedies: tuple[Remedy, ...], console
     console.print(table)
     for each in assessment.clauses:
         if not each.holds:
-            console.print(f"  to mend {each.name}: {advice(each.name, remedies)}", markup=False)
+            console.print(f"  to satisfy {each.name}: {advice(each.name, remedies)}", markup=False)
 
 
 def advice(clause: str, remedies: tuple[Remedy, ...]) -> str:
-    """Return the smallest changes that mend a clause, in words."""
-    mending = [str(remedy) for remedy in remedies if remedy.clause == clause]
-    return ", or ".join(mending[:_REMEDIES_SHOWN]) or "no single key mends it"
+    """Return the smallest changes that satisfy a clause, in words."""
+    satisfying = [str(remedy) for remedy in remedies if remedy.clause == clause]
+    return ", or ".join(satisfying[:_REMEDIES_SHOWN]) or "no single key satisfies it"
 
 
 def _bar(clause: Clause[float]) -> Text:

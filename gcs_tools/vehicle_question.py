@@ -21,6 +21,7 @@ TRIES: Final = 4
 WAIT_S: Final = 0.75
 
 _REQUEST_MESSAGE: Final = 512  # MAV_CMD
+_AUTOPILOT: Final = 1  # MAV_COMP_ID
 
 
 @asynccontextmanager
@@ -67,10 +68,18 @@ async def answer(
             with suppress(MavsdkError):  # it may be streamed all the same
                 await send(direct, system_id, "COMMAND_LONG", asked)
             with suppress(TimeoutError):
-                message = await asyncio.wait_for(heard.get(), WAIT_S)
-                fields: dict[str, Any] = json.loads(message.fields_json)
-                return fields
+                async with asyncio.timeout(WAIT_S):
+                    return await _of_autopilot(heard)
     return None
+
+
+async def _of_autopilot(heard: asyncio.Queue[Any]) -> dict[str, Any]:
+    """Wait for a message of the autopilot itself; a companion may send one of the same name."""
+    while True:
+        message = await heard.get()
+        if message.component_id == _AUTOPILOT:
+            fields: dict[str, Any] = json.loads(message.fields_json)
+            return fields
 
 
 async def send(
@@ -81,12 +90,12 @@ async def send(
     Raises:
         MavsdkError: it cannot be sent.
     """
-    addressed = {"target_system": system_id, "target_component": 1, **fields}
+    addressed = {"target_system": system_id, "target_component": _AUTOPILOT, **fields}
     await direct.send_message(
         MavlinkMessage(
             name,
             target_system_id=system_id,
-            target_component_id=1,
+            target_component_id=_AUTOPILOT,
             fields_json=json.dumps(addressed),
         )
     )

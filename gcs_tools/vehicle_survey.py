@@ -14,7 +14,6 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from mavsdk.asyncio import Autopilot, MavsdkError
-from mavsdk.asyncio.plugins.info import InfoAsync, Version
 from mavsdk.asyncio.plugins.mavlink_direct import MavlinkDirectAsync
 from mavsdk.asyncio.plugins.mission_raw import MissionRawAsync
 from mavsdk.asyncio.plugins.param import ParamAsync
@@ -39,14 +38,10 @@ _ESTIMATOR = {
         ("velocity_variance", "pos_horiz_variance", "compass_variance"),
     ),
 }
-_SYS_STATUS, _HOME_POSITION = 1, 242
+_SYS_STATUS, _AUTOPILOT_VERSION, _HOME_POSITION = 1, 148, 242
 _RADIO_RECEIVER = 65536  # MAV_SYS_STATUS_SENSOR
-_STAGES: Mapping[Version.FlightSoftwareVersionType, str] = {
-    Version.FlightSoftwareVersionType.DEV: "dev",
-    Version.FlightSoftwareVersionType.ALPHA: "alpha",
-    Version.FlightSoftwareVersionType.BETA: "beta",
-    Version.FlightSoftwareVersionType.RC: "rc",
-}
+# FIRMWARE_VERSION_TYPE, from which on.
+_STAGES = ((255, ""), (192, "rc"), (128, "beta"), (64, "alpha"))
 
 
 @dataclass(frozen=True)
@@ -140,13 +135,18 @@ async def survey(vehicle: Vehicle, report: Callable[[str], None] = lambda _: Non
 
 
 async def _ask_version(vehicle: Vehicle, facts: VehicleFacts) -> None:
-    try:
-        version = await InfoAsync(vehicle.system).get_version()
-    except MavsdkError:
-        return
-    numbers = version.flight_sw_major, version.flight_sw_minor, version.flight_sw_patch
-    facts.version = numbers if any(numbers) else None
-    facts.stage = _STAGES.get(version.flight_sw_version_type, "")
+    fields = await _answer(vehicle, _AUTOPILOT_VERSION, "AUTOPILOT_VERSION")
+    if fields is not None:
+        facts.version, facts.stage = version_of(int(fields["flight_sw_version"]))
+
+
+def version_of(flight_sw_version: int) -> tuple[tuple[int, int, int] | None, str]:
+    """Return version and stage of development from AUTOPILOT_VERSION.flight_sw_version."""
+    major, minor, patch, kind = flight_sw_version.to_bytes(4, "big")
+    if not any((major, minor, patch)):
+        return None, ""
+    stage = next((name for least, name in _STAGES if kind >= least), "dev")
+    return (major, minor, patch), stage
 
 
 async def _ask_parameters(vehicle: Vehicle, facts: VehicleFacts) -> None:

@@ -38,14 +38,14 @@ class FakeAutopilot:
         kind: int = mavlink.MAV_AUTOPILOT_PX4,
         component_id: int = 1,
         behaviour: dict[str, Behaviour] | None = None,
-        stream: Callable[[FakeAutopilot], None] = lambda _: None,
+        stream: Callable[[FakeAutopilot], None] | None = None,
     ) -> None:
         self.kind = kind
         self.link = mavutil.mavlink_connection(
             f"udpout:127.0.0.1:{port}", source_system=system_id, source_component=component_id
         )
         self.started_s = time.monotonic()
-        self._behaviour, self._stream = behaviour or {}, stream
+        self._behaviour, self._stream = behaviour or {}, stream or says_nothing
         self._stop = threading.Event()
         self._thread = threading.Thread(target=self._run)
 
@@ -77,14 +77,15 @@ class FakeAutopilot:
             with contextlib.suppress(ConnectionRefusedError):  # the operator listens later
                 message = self.link.recv_match(blocking=True, timeout=0.005)
                 if message is not None:
-                    self._acknowledge_rate(message)
-                    self._behaviour.get(message.get_type(), lambda *_: None)(self, message)
+                    self._receive(message)
 
-    def _acknowledge_rate(self, message: Any) -> None:
-        if message.get_type() == "COMMAND_LONG":
-            number = message.command
-            if number == mavlink.MAV_CMD_SET_MESSAGE_INTERVAL:
-                self.link.mav.command_ack_send(number, mavlink.MAV_RESULT_ACCEPTED)
+    def _receive(self, message: Any) -> None:
+        kind = message.get_type()
+        rate = mavlink.MAV_CMD_SET_MESSAGE_INTERVAL
+        if kind == "COMMAND_LONG" and message.command == rate:
+            self.link.mav.command_ack_send(rate, mavlink.MAV_RESULT_ACCEPTED)
+        if kind in self._behaviour:
+            self._behaviour[kind](self, message)
 
 
 @contextmanager
@@ -94,6 +95,10 @@ def autopilots(*each: FakeAutopilot) -> Iterator[None]:
         for autopilot in each:
             stack.enter_context(autopilot)
         yield
+
+
+def says_nothing(_: FakeAutopilot) -> None:
+    """Stream nothing."""
 
 
 def answers_ping(autopilot: FakeAutopilot, message: Any) -> None:

@@ -27,7 +27,7 @@ from gcs_tools.vehicle_clock import (
     compare_one_way,
     unix_offset_s,
 )
-from gcs_tools.vehicle_survey import EstimatorStatus, VehicleFacts
+from gcs_tools.vehicle_survey import EstimatorStatus, VehicleFacts, version_of
 from onboard.config import Mission, load_contract
 from onboard.contract import assess
 from tests.gcs_tools.running import CONFIG
@@ -149,6 +149,32 @@ def test_each_answer_has_its_verdict(changes: dict[str, Any], name: str, verdict
     assert judged(**changes)[name] is verdict
 
 
+def square(half_m: float) -> tuple[FenceItem, ...]:
+    """An inclusion polygon around the middle of the mission."""
+    per_degree_m = math.radians(1.0) * 6_371_000.0
+    north, east = half_m / per_degree_m, half_m / per_degree_m / math.cos(math.radians(47.4))
+    corners = ((north, east), (north, -east), (-north, -east), (-north, east))
+    middle = 47.4 + 23.0 / per_degree_m
+    return tuple(FenceItem(5001, 4.0, middle + n, 8.5 + e) for n, e in corners)
+
+
+@pytest.mark.parametrize(
+    ("half_m", "enabled", "verdict"),
+    [(60.0, 1.0, HOLDS), (60.0, 0.0, HOLDS), (20.0, 1.0, BROKEN), (24.0, 1.0, BROKEN)],
+)
+def test_a_polygon_on_ardupilot_is_judged_by_where_it_is(
+    half_m: float, enabled: float, verdict: Verdict
+) -> None:
+    fence = {
+        "FENCE_ENABLE": enabled, "FENCE_TYPE": 7.0, "FENCE_TOTAL": 6.0,
+        "FENCE_ALT_MAX": 100.0, "FENCE_RADIUS": 150.0,
+    }  # fmt: skip
+    found = judged(flavour="ardupilot", parameters=fence, fence=square(half_m))
+    geofence = {name: each for name, each in found.items() if "FENCE" in name or "fence" in name}
+    assert geofence.pop("geofence areas") is verdict
+    assert set(geofence.values()) == {HOLDS}
+
+
 def test_clocks_are_compared_within_what_the_link_allows() -> None:
     # The vehicle is 5 s behind; ways there and back differ from one exchange to the next.
     exchanges = [
@@ -195,6 +221,24 @@ def test_a_clock_is_described_in_words() -> None:
     (text,) = (each.text for each in found if each.name == "clock")
     assert "its Unix time is 1199.900 s behind this computer's" in text
     assert "PING and SYSTEM_TIME" in text
+
+
+@pytest.mark.parametrize(
+    ("number", "version", "stage"),
+    [
+        (0x01100040, (1, 16, 0), "alpha"),  # as recorded of the measured PX4
+        (0x04070000, (4, 7, 0), "dev"),
+        (0x010E03FF, (1, 14, 3), ""),
+        (0x01110080, (1, 17, 0), "beta"),
+        (0x011100C1, (1, 17, 0), "rc"),
+        (0, None, ""),
+        (0xFF, None, ""),
+    ],
+)
+def test_the_version_is_read_with_its_stage(
+    number: int, version: tuple[int, int, int] | None, stage: str
+) -> None:
+    assert version_of(number) == (version, stage)
 
 
 @pytest.mark.parametrize(

@@ -1,4 +1,4 @@
-"""Pre-flight on paper: what mends a broken clause, how fast a field may be flown, its picture."""
+"""Pre-flight on paper: what satisfies a broken clause, how fast a field may be flown, pictures."""
 
 from __future__ import annotations
 
@@ -51,16 +51,16 @@ def assessed(contract: Contract) -> Assessment:
         "vehicle.heading_error_deg=8.0",
     ],
 )
-def test_every_remedy_mends_its_clause_and_is_the_least(override: str) -> None:
+def test_every_remedy_satisfies_its_clause_and_is_the_least(override: str) -> None:
     contract = broken_contract(override)
     found = remedies(assessed(contract))
     assert {remedy.clause for remedy in found} == {
         clause.name for clause in assessed(contract).clauses if not clause.holds
     }
     for remedy in found:
-        mended = assessed(contract_key(remedy.key).changed(contract, remedy.value))
-        assert next(c for c in mended.clauses if c.name == remedy.clause).holds
-        assert remedy.settles_all is mended.compliant
+        changed = assessed(contract_key(remedy.key).changed(contract, remedy.value))
+        assert next(c for c in changed.clauses if c.name == remedy.clause).holds
+        assert remedy.settles_all is changed.compliant
         less = remedy.declared + 0.97 * (remedy.value - remedy.declared)
         short = assessed(contract_key(remedy.key).changed(contract, less))
         lacking = next(c for c in short.clauses if c.name == remedy.clause)
@@ -94,8 +94,8 @@ def test_the_operator_reads_the_verdict_first(clearway: Clearway) -> None:
     ran = clearway("preflight", "--contract", PAPER, "--set", "sensor.detection_range_m=6.0")
     lines = ran.out.splitlines()
     assert lines[0].startswith("DO NOT FLY")
-    assert any(line.startswith("broken most: sensor_silence") for line in lines)
-    assert "to mend sensor_silence: cruise at ≤ 2.52 m/s, or see ≥ 7.01 m" in ran.out
+    assert any(line.startswith("most violated: sensor_silence") for line in lines)
+    assert "to satisfy sensor_silence: cruise at ≤ 2.52 m/s, or see ≥ 7.01 m" in ran.out
     assert "|███ 117 %" in ran.out
 
 

@@ -28,6 +28,7 @@ from tests.gcs_tools.fake_autopilot import (
     answers_timesync,
     autopilots,
     misaddresses_timesync,
+    says_nothing,
     tells_time,
 )
 from tests.gcs_tools.running import CONFIG
@@ -67,17 +68,29 @@ async def ask_clock(vehicle: Vehicle) -> ClockComparison | None:
 def test_an_answer_that_comes_at_once_is_not_missed(dropped: int) -> None:
     (port,) = free_ports(1)
     behaviour = answers_request(ESTIMATOR_STATUS, estimator_status, dropped)
+
+    async def ask_often(vehicle: Vehicle) -> list[dict[str, Any] | None]:
+        return [await ask_estimator(vehicle) for _ in range(5)]
+
     with FakeAutopilot(port, behaviour={"COMMAND_LONG": behaviour}):
-        for _ in range(3 if dropped == 0 else 1):
-            found = connected(port, ask_estimator)
+        for found in connected(port, ask_often, 1):
             assert found is not None
             assert found["flags"] == 0x3FF
+
+
+def test_only_the_autopilot_itself_answers_for_it() -> None:
+    (port,) = free_ports(1)
+    companion = FakeAutopilot(
+        port, 1, mavlink.MAV_AUTOPILOT_INVALID, component_id=196, stream=estimator_status
+    )
+    with autopilots(companion, FakeAutopilot(port)):
+        assert connected(port, ask_estimator, 1) is None
 
 
 def test_no_answer_is_none() -> None:
     (port,) = free_ports(1)
     with FakeAutopilot(port):
-        assert connected(port, ask_estimator) is None
+        assert connected(port, ask_estimator, 1) is None
 
 
 @pytest.mark.parametrize(
@@ -94,9 +107,9 @@ def test_the_clock_is_known_by_what_the_vehicle_answers(
 ) -> None:
     (port,) = free_ports(1)
     behaviour = {"TIMESYNC": timesync} | ({} if ping is None else {"PING": ping})
-    streams = {} if ahead_s is None else {"stream": tells_time(ahead_s)}
-    with FakeAutopilot(port, behaviour=behaviour, **streams):
-        found = connected(port, ask_clock)
+    stream = says_nothing if ahead_s is None else tells_time(ahead_s)
+    with FakeAutopilot(port, behaviour=behaviour, stream=stream):
+        found = connected(port, ask_clock, 1)
     if source is None:
         assert found is None
         return
