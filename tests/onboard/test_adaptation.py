@@ -1,5 +1,6 @@
 import math
 from dataclasses import replace
+from typing import Any
 
 import pytest
 from hypothesis import given
@@ -115,10 +116,10 @@ def test_errors_far_beyond_the_declared_are_not_adapted_to(
     assert adapt(assessment, broken(assumption, 0.5, axis)) is None
 
 
-WIDE: dict[str, object] = {"obstacle_separation_min_m": 40.0, "wind_max_mps": 1.0}
+WIDE: dict[str, Any] = {"obstacle_separation_min_m": 40.0, "wind_max_mps": 1.0}
 
 
-def stated(vehicle: dict[str, object], environment: dict[str, object] | None = None) -> Assessment:
+def stated(vehicle: dict[str, Any], environment: dict[str, Any] | None = None) -> Assessment:
     sections = {"vehicle": vehicle, "environment": environment or {}}
     return assess(
         Contract.model_validate(
