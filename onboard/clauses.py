@@ -104,6 +104,7 @@ def _sensor_clauses(
     terms: Terms[Q], derived: Derived[Q], ops: Arithmetic[Q]
 ) -> tuple[Clause[Q], ...]:
     ahead_m = derived.required_detection_range_m - derived.encounter.run_on_m
+    edge_m = derived.edge_offset_m
     return (
         Clause(
             "detection_range",
@@ -114,15 +115,15 @@ def _sensor_clauses(
         ),
         Clause(
             "edge_visibility",
-            _slant(ahead_m, derived.edge_offset_m, ops),
+            _slant(ahead_m, edge_m, ops),
             terms.detection_range_m,
             "m",
             "the edge that decides whether and on which side to pass must be seen in time",
         ),
         Clause(
             "field_of_view",
-            2.0 * ops.atan2(derived.edge_offset_m, ahead_m) * (180.0 / math.pi),
-            terms.sure_view_rad * (180.0 / math.pi),
+            2.0 * (ops.atan2(edge_m, ahead_m) + terms.heading_error_rad) * (180.0 / math.pi),
+            terms.field_of_view_rad * (180.0 / math.pi),
             "°",
             "what must be seen ahead must lie within the sensor's field of view",
         ),
@@ -192,11 +193,12 @@ def _recentring_clauses(
     if not ops.anywhere(wanted):
         return ()
     view_rad = required_view(recentring_drift(terms, derived, ops), terms.detection_range_m, ops)
+    view_rad = view_rad + 2.0 * terms.heading_error_rad
     return (
         Clause(
             "recentring",
             ops.where(wanted, view_rad, view_rad * 0.0) * (180.0 / math.pi),
-            terms.sure_view_rad * (180.0 / math.pi),
+            terms.field_of_view_rad * (180.0 / math.pi),
             "°",
             "what the vehicle drifts towards on its way back to the leg must have been seen before",
         ),

@@ -14,7 +14,7 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -112,7 +112,7 @@ def rotation_about_down(angle_rad: float) -> FloatArray:
 def heading_displacement_m(
     distance_m: Q,
     heading_error_rad: Q,
-    sine: Callable[[Q], Q] = math.sin,  # type: ignore[assignment]  # a default binds no type variable
+    sine: Callable[[Any], Any] = math.sin,
 ) -> Q:
     """Return how far a heading error moves a point that is placed from the body, in metres.
 
@@ -124,7 +124,8 @@ def heading_displacement_m(
         heading_error_rad: psi, estimated heading less true heading, magnitude.
         sine: for floats or arrays.
     """
-    return 2.0 * distance_m * sine(heading_error_rad / 2.0)
+    displaced_m: Q = 2.0 * distance_m * sine(heading_error_rad / 2.0)
+    return displaced_m
 
 
 def wrap_angle(angle_rad: float) -> float:

@@ -1,5 +1,6 @@
 """What the documentation tells people to type: it runs, and does what it says."""
 
+import math
 import queue
 import re
 import shlex
@@ -50,12 +51,25 @@ def test_contract_commands_work_as_written(command: str) -> None:
     assert done.returncode == 0, done.stderr
 
 
-@pytest.mark.parametrize("vehicle", ["px4", "ardupilot"])
+@pytest.mark.parametrize("vehicle", ["px4", "px4_default_parameters", "ardupilot"])
 def test_contracts_to_start_from_comply(vehicle: str) -> None:
-    assessment = assess(load_contract(ROOT / "config" / f"{vehicle}_contract.yaml"))
+    contract = load_contract(ROOT / "config" / f"{vehicle}_contract.yaml")
+    assessment = assess(contract, mission_altitude_m=5.0)
     assert assessment.compliant
+    assert contract.vehicle.setpoint_loss_run_on_speed_mps == contract.vehicle.cruise_speed_mps
     plan_jerk_mps3 = assessment.limits.right_mps2 / assessment.terms.attitude_lag_s
     assert plan_jerk_mps3 <= 10.0  # as the vehicles' numbers were measured
+
+
+@pytest.mark.parametrize("path", sorted((ROOT / "config").glob("*_contract.yaml")), ids=str)
+def test_shipped_contracts_keep_clear_of_what_the_readme_names(path: Path) -> None:
+    """There is room to stop, a wide view, and passive safety; the paper's own is the exception."""
+    assessment = assess(load_contract(path), mission_altitude_m=4.0)
+    assert assessment.compliant
+    assert math.degrees(assessment.terms.sure_view_rad) > 60.0
+    roomy = bool(assessment.inflated.region.flat)
+    covered = roomy and assessment.terms.passive_safety
+    assert covered is (path.name != "paper_contract.yaml")
 
 
 @pytest.mark.parametrize("flavour", ["px4", "ardupilot"])

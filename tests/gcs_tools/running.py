@@ -7,6 +7,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple
 
+CONTRACTS = Path(__file__).parents[1] / "contracts"
 CONFIG = Path(__file__).parents[2] / "config"
 
 

@@ -16,9 +16,10 @@ from gcs_tools.contract_keys import contract_key, numeric_keys
 from gcs_tools.contract_solve import Trial, solve
 from onboard.config import Contract, load_contract
 from onboard.contract import assess
-from tests.gcs_tools.running import CONFIG, Clearway
+from tests.gcs_tools.running import CONTRACTS, Clearway
 
-EXAMPLE = load_contract(CONFIG / "default_contract.yaml")
+EXAMPLE_PATH = CONTRACTS / "precise_vehicle.yaml"
+EXAMPLE = load_contract(EXAMPLE_PATH)
 
 # All but the two that any value of satisfies, see below.
 KEYS = [key for key in numeric_keys() if key != "environment.obstacle_size_min_m"]
@@ -123,17 +124,15 @@ def test_direction_is_part_of_the_answer() -> None:
 
 def test_a_measured_run_ends_the_speeds_that_are_admissible() -> None:
     roomy = load_contract(
-        CONFIG / "default_contract.yaml",
-        ("vehicle.setpoint_loss_run_on_m=3.0", "environment.obstacle_separation_min_m=1e4"),
+        EXAMPLE_PATH,
+        ("vehicle.setpoint_loss_run_on_m=3.0", "environment.obstacle_separation_min_m=10000.0"),
     )
     limit = solve(roomy, "vehicle.cruise_speed_mps").limit
     assert limit is not None
     assert limit.value == pytest.approx(2.8)
     assert limit.beyond.clause is None
     assert "setpoint_loss_run_on_speed_mps = 2.8 m/s" in limit.beyond.reason
-    modelled = load_contract(
-        CONFIG / "default_contract.yaml", ("environment.obstacle_separation_min_m=1e4",)
-    )
+    modelled = load_contract(EXAMPLE_PATH, ("environment.obstacle_separation_min_m=10000.0",))
     beyond = solve(modelled, "vehicle.cruise_speed_mps").limit
     assert beyond is not None
     assert beyond.value > 2.8
@@ -210,7 +209,7 @@ def test_islands_and_gaps_between_samples_are_found(monkeypatch: pytest.MonkeyPa
 
 def test_json(clearway: Clearway, config: Path) -> None:
     ran = clearway(
-        "contract", "solve", "--contract", config / "default_contract.yaml",
+        "contract", "solve", "--contract", EXAMPLE_PATH,
         "--for", "vehicle.cruise_speed_mps", "--format", "json",
     )  # fmt: skip
     assert ran.code == 0
@@ -229,7 +228,7 @@ def test_the_paper_set_is_solved_on_request(clearway: Clearway, config: Path) ->
     values = []
     for input_set in ("inner", "paper"):
         ran = clearway(
-            "contract", "solve", "--contract", config / "default_contract.yaml", "--input-set",
+            "contract", "solve", "--contract", EXAMPLE_PATH, "--input-set",
             input_set, "--for", "environment.obstacle_separation_min_m", "--format", "json",
         )  # fmt: skip
         values.append(json.loads(ran.out)["value"])
@@ -260,9 +259,7 @@ def test_table(
     clearway: Clearway, config: Path, key: str, overrides: tuple[str, ...], words: tuple[str, ...]
 ) -> None:
     options: list[Any] = ["--set", *overrides] if overrides else []
-    ran = clearway(
-        "contract", "solve", "--contract", config / "default_contract.yaml", "--for", key, *options
-    )
+    ran = clearway("contract", "solve", "--contract", EXAMPLE_PATH, "--for", key, *options)
     assert ran.code == 0
     for word in words:
         assert word in ran.out
@@ -272,9 +269,7 @@ def test_table(
     "key", ["vehicle.speed", "requirements.stop", "vehicle", "vehicle.velocity_error_mps", ""]
 )
 def test_keys_that_are_no_numbers(clearway: Clearway, config: Path, key: str) -> None:
-    ran = clearway(
-        "contract", "solve", "--contract", config / "default_contract.yaml", "--for", key
-    )
+    ran = clearway("contract", "solve", "--contract", EXAMPLE_PATH, "--for", key)
     assert ran.code == 2
     assert f"{key} is no numeric key of a contract" in ran.err
     assert "vehicle.velocity_error_mps.1" in ran.err

@@ -21,9 +21,9 @@ from onboard.agility import InputSet
 from onboard.config import load_contract
 from onboard.contract import assess, clauses, derive
 from onboard.region import SCALAR
-from tests.gcs_tools.running import CONFIG, Clearway
+from tests.gcs_tools.running import CONTRACTS, Clearway
 
-EXAMPLE_PATH = CONFIG / "default_contract.yaml"
+EXAMPLE_PATH = CONTRACTS / "precise_vehicle.yaml"
 EXAMPLE = load_contract(EXAMPLE_PATH)
 SPEEDS = "vehicle.cruise_speed_mps=0.5:6:23"
 RANGES = "sensor.detection_range_m=3:20:18"

@@ -1,5 +1,6 @@
 import math
 from dataclasses import replace
+from typing import Any
 
 import pytest
 from hypothesis import given
@@ -115,10 +116,10 @@ def test_errors_far_beyond_the_declared_are_not_adapted_to(
     assert adapt(assessment, broken(assumption, 0.5, axis)) is None
 
 
-WIDE: dict[str, object] = {"obstacle_separation_min_m": 40.0, "wind_max_mps": 1.0}
+WIDE: dict[str, Any] = {"obstacle_separation_min_m": 40.0, "wind_max_mps": 1.0}
 
 
-def stated(vehicle: dict[str, object], environment: dict[str, object] | None = None) -> Assessment:
+def stated(vehicle: dict[str, Any], environment: dict[str, Any] | None = None) -> Assessment:
     sections = {"vehicle": vehicle, "environment": environment or {}}
     return assess(
         Contract.model_validate(
@@ -171,7 +172,19 @@ def test_wind_leaves_less_to_slow_down_with() -> None:
     assert after.limits.brake_mps2 < before.limits.brake_mps2
     braking_m = 2.8**2 - after.terms.cruise_speed_mps**2
     braking_m /= 2.0 * after.limits.brake_mps2
-    assert slowing_distance(before, 2.8, after) >= braking_m
+    late_m = 1.5 * 2.8 * before.terms.attitude_lag_s
+    assert slowing_distance(before, 2.8, after) == pytest.approx(braking_m + late_m)
+
+
+def test_plans_are_certified_with_the_trim(assessment: Assessment) -> None:
+    windy = stated({"drag_per_s": 0.5}, WIDE)
+    assert envelope_of(windy).trim_mps2 == pytest.approx(0.5)
+    assert envelope_of(windy).limits == windy.limits
+    assert envelope_of(assessment).trim_mps2 == 0.0
+    # What the wind leaves nothing for is not flown, but a forced flight still has its envelope.
+    storm = stated({"drag_per_s": 0.5}, WIDE | {"wind_max_mps": 50.0})
+    assert not storm.compliant
+    assert envelope_of(storm).trim_mps2 == 0.0
 
 
 @given(

@@ -10,6 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from onboard.agility import AccelerationLimits
+from onboard.clauses import recentring_drift
 from onboard.config import Contract
 from onboard.contract import TICK_S, Clause, Terms, assess, clauses, derive
 from onboard.frames import FloatArray
@@ -169,6 +170,20 @@ def test_recentring_has_a_corridor(contract: Contract) -> None:
     corridor = assess(changed(contract, recentring_speed_mps=0.3)).corridor
     assert corridor is not None
     assert math.hypot(corridor.reach_m, corridor.side_m) < 12.0
+
+
+def test_a_heading_error_turns_what_is_seen_to_the_side(contract: Contract) -> None:
+    drifting = changed(contract, recentring_speed_mps=0.3, heading_error_deg=2.0)
+    spacious = {"obstacle_separation_min_m": 40.0}
+    wide = drifting.model_copy(
+        update={"environment": drifting.environment.model_copy(update=spacious)}
+    )
+    assessment = assess(wide)
+    drift = recentring_drift(assessment.terms, assessment.inflated, SCALAR)
+    view_rad = required_view(drift, 12.0, SCALAR)
+    assert clause_of(wide).required == pytest.approx(math.degrees(view_rad) + 2.0 * 2.0)
+    expected = Corridor.of(drift, math.radians(120.0 - 2.0 * 2.0))
+    assert vars(assessment.corridor) == pytest.approx(vars(expected))
 
 
 def test_recentring_widens_every_region(contract: Contract) -> None:
