@@ -10,8 +10,9 @@ from sitl.autopilot import Autopilot
 from sitl.battery import Battery
 from sitl.commander import Actuation, Drive
 from sitl.config import StartConfig, VehicleConfig
-from sitl.controller import ControllerGains, Setpoint
+from sitl.controller import ControllerGains, Setpoint, ahead
 from sitl.inner_loop import ACCELERATION, MEMORY, STATE, UNTRIMMED, Flight, fly, spin
+from sitl.modes import Mode
 from sitl.multirotor import (
     GRAVITY_MPS2,
     RotorSpeeds,
@@ -112,6 +113,18 @@ class SimulatedVehicle:
         if ticks > 0:
             self._fly(ticks)
         return ticks > 0
+
+    def pin_tracking_error(self, north_m: float, east_m: float) -> None:
+        """Put the vehicle this far from where a set-point wants it at this instant."""
+        setpoint = self._actuation.setpoint
+        followed = self.autopilot.commander.mode is Mode.OFFBOARD
+        if setpoint is None or not followed or math.isnan(setpoint.north_m + setpoint.east_m):
+            return
+        ticks = self._ticks_since_decision or self._ticks_per_decision
+        wanted = ahead(setpoint, ticks * _TICK_S)
+        place_m = (wanted.north_m + north_m, wanted.east_m + east_m)
+        self._flight = Flight((*place_m, *self._flight.values[2:]))
+        self.truth = self._observe()
 
     def add_gust(self, gust: Gust) -> None:
         """Let one more gust come."""
