@@ -276,6 +276,7 @@ class Copter(Flavour):
     integers_bytewise = False
     mission_first_item = 1
     take_off_above_sea = False
+    modes = tuple(_MODES)
     target_type_mask = (
         mavlink.POSITION_TARGET_TYPEMASK_YAW_IGNORE
         | mavlink.POSITION_TARGET_TYPEMASK_YAW_RATE_IGNORE

@@ -128,6 +128,11 @@ class Commander(ABC):
         return LandedState.LANDING if landing else LandedState.IN_AIR
 
     @property
+    def intention(self) -> Mode:
+        """The mode that the user wants."""
+        return self.mode
+
+    @property
     def on_ground(self) -> bool:
         """Whether the vehicle stands, as far as the land detector can tell."""
         return self._land_detector.on_ground

@@ -32,6 +32,7 @@ from sitl.setpoint_message import (
     turned,
 )
 from sitl.settings import FlightSettings, Reaction
+from sitl.standard_modes import CURRENT_MODE_ID
 from sitl.truth import Vector, VehicleTruth
 
 _STREAM_RETURN_S = 0.25  # an unbroken stream this long ends the offboard-loss failsafe
@@ -185,6 +186,11 @@ class Px4Commander(Commander):
             return "OFFBOARD denied: no offboard signal"
         return None
 
+    @property
+    def intention(self) -> Mode:
+        """The mode that the user wants, whatever a failsafe flies."""
+        return self._intention
+
     def set_mode(self, mode: Mode) -> Verdict:
         """Change the mode on the user's behalf; take-off is one of them."""
         return self.take_off(None) if mode is Mode.TAKEOFF else super().set_mode(mode)
@@ -283,6 +289,7 @@ class Px4(Flavour):
     integers_bytewise = True
     mission_first_item = 0
     take_off_above_sea = True
+    modes = tuple(_MODES)
     field = Realism(
         estimator=EstimatorProfile(
             position_m=0.45,
@@ -307,11 +314,13 @@ class Px4(Flavour):
                 mavlink.MAVLINK_MSG_ID_SYS_STATUS: 5.0,
                 mavlink.MAVLINK_MSG_ID_EXTENDED_SYS_STATE: 5.0,
                 mavlink.MAVLINK_MSG_ID_ESTIMATOR_STATUS: 0.5,
+                CURRENT_MODE_ID: 0.5,
             }
         ),
         echoes_controller=True,
         rest_is_constant_position=True,
         timesync_misaddressed=True,
+        legacy_requests=False,
         tells_lost_position_s=math.inf,
         levels_when_lost=True,
         fix_when_lost=mavlink.GPS_FIX_TYPE_NO_GPS,
