@@ -73,6 +73,7 @@ class SimulatedVehicle:
             )
         )
         self._battery = Battery(config.battery)
+        self._pinned_m = (0.0, 0.0)
         self._wind_model = WindModel(config.wind, random.Random(f"{seed} wind"))
         self.truth = self._observe()
         self.autopilot = Autopilot(config, self.truth, self._battery.reading, start_unix_s, seed)
@@ -115,7 +116,11 @@ class SimulatedVehicle:
         return ticks > 0
 
     def pin_tracking_error(self, north_m: float, east_m: float) -> None:
-        """Put the vehicle this far from where a set-point wants it at this instant."""
+        """Put the vehicle this far from where a set-point wants it at this instant.
+
+        The controller does not see the error, and so does not work against it.
+        """
+        self._pinned_m = (north_m, east_m)
         setpoint = self._actuation.setpoint
         followed = self.autopilot.commander.mode is Mode.OFFBOARD
         if setpoint is None or not followed or math.isnan(setpoint.north_m + setpoint.east_m):
@@ -194,7 +199,12 @@ class SimulatedVehicle:
     def _with_position(self, setpoint: Setpoint) -> Setpoint:
         """Return what can be flown of a setpoint: where no position is known, only heights."""
         if not self._lost:
-            return setpoint
+            north_m, east_m = self._pinned_m
+            if self.autopilot.commander.mode is not Mode.OFFBOARD or not (north_m or east_m):
+                return setpoint
+            return setpoint._replace(
+                north_m=setpoint.north_m + north_m, east_m=setpoint.east_m + east_m
+            )
         nan = math.nan
         return setpoint._replace(
             north_m=nan,
