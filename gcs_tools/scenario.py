@@ -101,8 +101,8 @@ class Scenario:
         """Return the SITL's configuration; ``live`` are the keys that the plant does not have.
 
         Unless the scenario says otherwise, the autopilot has the mission's take-off altitude, where
-        that is a parameter, and the contract's setpoint-loss timeout; the plant's tracking error, where
-        it is pinned, is the contract's.
+        that is a parameter, and the contract's setpoint-loss timeout; the plant's tracking error,
+        where it is pinned, is the contract's.
         """
         plant = self.plant.model_dump()
         timeout_s = self.contract.vehicle.setpoint_loss_timeout_s

@@ -53,8 +53,13 @@ _PARAMETERS = (
     # PX4's own default, 0, descends where there is no remote control; 5 holds.
     ParameterSpec("COM_OBL_RC_ACT", 5, 0, 7, "after loss of offboard: 3 return, 4 land, 5 hold"),
     ParameterSpec("COM_OF_LOSS_T", 1.0, 0.0, 60.0, "offboard setpoints missing to failsafe [s]"),
+    ParameterSpec("COM_DLL_EXCEPT", 0, 0, 15, "bits: modes without ground station; not simulated"),
+    ParameterSpec("COM_RCL_EXCEPT", 0, 0, 31, "bits: modes without manual control; not simulated"),
     ParameterSpec("COM_RC_IN_MODE", 3, 0, 4, "manual control: 0 radio only, 4 none, else MAVLink"),
     ParameterSpec("COM_RC_LOSS_T", 0.5, 0.0, 35.0, "manual control silent to lost [s]"),
+    ParameterSpec("GF_ACTION", 2, 0, 5, "geofence: 0 nothing, 1 warn, 2 hold; not simulated"),
+    ParameterSpec("GF_MAX_HOR_DIST", 0.0, 0.0, 10000.0, "geofence radius [m]; 0: none"),
+    ParameterSpec("GF_MAX_VER_DIST", 0.0, 0.0, 10000.0, "geofence height [m]; 0: none"),
     ParameterSpec("MC_PITCH_P", 6.5, 1.0, 12.0, "pitch feedback [1/s]"),
     ParameterSpec("MC_PITCHRATE_MAX", 400.0, 0.0, 1800.0, "pitch rate limit [deg/s]"),
     ParameterSpec("MC_ROLL_P", 6.5, 1.0, 12.0, "roll feedback [1/s]"),

@@ -8,11 +8,15 @@ from typing import Any
 
 from sitl.config import SitlConfig
 from sitl.field import ObstacleField
+from sitl.modes import Mode
 from sitl.pinned_error import PinnedError
 from sitl.sensor import ObstacleSensor
 from sitl.truth_log import truth_record
 from sitl.vehicle import SimulatedVehicle
 from sitl.world import World
+
+
+_DEPARTED_MPS = 0.5
 
 
 @dataclass(frozen=True)
@@ -59,6 +63,7 @@ class Scene:
         self._pinned = PinnedError(tracking.error_m or 0.0) if tracking.toward_obstacle else None
         self._detections: list[Detection] = []
         self._pinned_s = 0.0
+        self._departed = False
         self._due_s = 0.0  # when a sensor measures next
         self._look()
 
@@ -80,7 +85,10 @@ class Scene:
 
     def _pin(self, error: PinnedError) -> None:
         truth = self.vehicle.truth
-        if self.vehicle.autopilot.commander.airborne:
+        commander = self.vehicle.autopilot.commander
+        # A vehicle that has yet to depart stands where it is, as exactly as it came there.
+        self._departed |= commander.mode is Mode.OFFBOARD and truth.ground_speed_mps > _DEPARTED_MPS
+        if self._departed and commander.airborne:
             toward = self.world.toward_nearest(truth.position_ned_m)
             error.advance(toward, truth.time_s - self._pinned_s)
             self.vehicle.pin_tracking_error(error.north_m, error.east_m)

@@ -96,7 +96,7 @@ def test_the_error_points_to_the_nearest_face_and_turns_no_faster_than_it_may() 
 
 
 def test_the_simulator_alone_knows_no_contract_so_the_size_has_to_be_given() -> None:
-    with pytest.raises(ValidationError, match="needs tracking.error_m"):
+    with pytest.raises(ValidationError, match=r"needs tracking\.error_m"):
         SitlConfig(tracking=TrackingConfig(toward_obstacle=True))
     SitlConfig(tracking=TrackingConfig(toward_obstacle=True, error_m=0.2))
 

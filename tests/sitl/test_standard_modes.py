@@ -59,7 +59,7 @@ def test_one_mode_by_its_index(index: float, told: int, result: int) -> None:
 
 
 def test_px4_streams_its_current_mode_as_recorded() -> None:
-    """The same bytes as in a recording of PX4: landing is standard mode 7 with number 0x06040000."""
+    """The bytes of a recording of PX4: landing is standard mode 7 with number 0x06040000."""
     client = in_air(**FIELD)
     client.set_mode(Mode.LAND)
     told = [each for each in heard(client, 4.5) if each.get_type() == "CURRENT_MODE"]
