@@ -455,7 +455,7 @@ def _estimator_flags(s: Snapshot) -> int:
     profile, lost_for_s = s.estimator.profile, s.estimator.lost_for_s
     if not s.tells_position and lost_for_s <= 0.0:
         return 0
-    flags = _EKF_GOOD
+    flags: int = _EKF_GOOD
     if s.realism.rest_is_constant_position and s.commander.on_ground and not s.commander.armed:
         flags |= mavlink.ESTIMATOR_CONST_POS_MODE
     if lost_for_s >= profile.dead_reckoning_s:
