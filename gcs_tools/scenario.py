@@ -101,7 +101,8 @@ class Scenario:
         """Return the SITL's configuration; ``live`` are the keys that the plant does not have.
 
         Unless the scenario says otherwise, the autopilot has the mission's take-off altitude, where
-        that is a parameter, and the contract's setpoint-loss timeout.
+        that is a parameter, and the contract's setpoint-loss timeout; the plant's tracking error,
+        where it is pinned, is the contract's.
         """
         plant = self.plant.model_dump()
         timeout_s = self.contract.vehicle.setpoint_loss_timeout_s
@@ -110,6 +111,8 @@ class Scenario:
             altitude_m = self.mission.altitude_m
             parameters = {"MIS_TAKEOFF_ALT": altitude_m, "COM_OF_LOSS_T": timeout_s}
         plant["parameters"] = parameters | self.plant.parameters
+        if plant["tracking"]["error_m"] is None:
+            plant["tracking"]["error_m"] = self.contract.vehicle.tracking_error_m
         return SitlConfig.model_validate({**plant, **live})
 
 

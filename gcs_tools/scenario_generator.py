@@ -64,6 +64,14 @@ _TURN_MAX_DEG: Final = 20.0
 
 # Seconds of latency and confirmation that the simulated sensor needs lie within this.
 _REACTION_TIME_S: Final = (0.15, 0.25)
+# So many flights are flown by ArduPilot as it is in the field; its tilt overshoots by 1.4.
+_FIELD_SHARE: Final = 0.5
+_FIELD_TILT_MAX_DEG: Final = 15.0
+_TUNED: Final = {"PSC_JERK_XY": 20.0, "WPNAV_ACCEL": 600.0}
+# So many of the others use their tracking error to this share, toward the nearest obstacle.
+_PINNED_SHARE: Final = 0.2
+_PINNED_ERROR_SHARE: Final = 0.8
+
 _MEAN_WIND_MAX_MPS: Final = 3.0
 _TURBULENCE_MAX_MPS: Final = 0.3
 
@@ -346,6 +354,7 @@ def _compliant_contract(
     size_max_m: float | None = None,
 ) -> Contract | None:
     """Draw speed, agility and sizes; declare what they require, and a little more."""
+    field = draw.random() < _FIELD_SHARE
     terms: dict[str, dict[str, Any]] = {
         "vehicle": {
             "roll_max_deg": draw.uniform(8.0, 22.0),
@@ -359,6 +368,7 @@ def _compliant_contract(
             "attitude_lag_s": draw.uniform(0.15, 0.2),
             "setpoint_loss_timeout_s": 0.5,
             "recentring_speed_mps": draw.choice((0.0, 0.0, draw.uniform(0.1, 0.4))),
+            **(_field_terms(draw) if field else {}),
         },
         "requirements": {"stop": stop, "passive_safety": passive_safety},
         "sensor": {
@@ -385,6 +395,22 @@ def _compliant_contract(
     region = ample.inflated.region
     roomy = region.front_m + ample.inflated.roi_length_m < extent.length_m[0]
     return contract if roomy and assess(contract).compliant else None
+
+
+def _field_terms(draw: random.Random) -> dict[str, Any]:
+    """What a tuned ArduPilot vehicle declares where it flies as in the field."""
+    return {
+        "roll_max_deg": draw.uniform(8.0, _FIELD_TILT_MAX_DEG),
+        "pitch_max_deg": draw.uniform(8.0, _FIELD_TILT_MAX_DEG),
+        "tracking_error_m": draw.uniform(0.35, 0.5),
+        "velocity_error_mps": [0.55, 0.6],
+        "attitude_lag_s": draw.uniform(0.25, 0.3),
+        "heading_error_deg": 1.2,
+    }
+
+
+def _is_field(contract: Contract) -> bool:
+    return contract.vehicle.heading_error_deg > 0.0
 
 
 def _required_range_m(assessment: Assessment) -> float:
@@ -501,8 +527,14 @@ def _plant(draw: random.Random, contract: Contract, down_m: float) -> Plant:
     wind_mps = draw.choice((0.0, draw.uniform(0.0, _MEAN_WIND_MAX_MPS)))
     turbulence_mps = draw.choice((0.0, draw.uniform(0.0, _TURBULENCE_MAX_MPS)))
     noise_share, frame = draw.random(), draw.choice(("local_ned", "body_frd"))
+    kind = _field_plant() if _is_field(contract) else _ideal_plant(draw, contract)
+    if _is_field(contract):
+        frame = "body_frd"  # where the daemon allows for the heading's error
+    noise_m = noise_share * _noise_max_m(contract, frame)
+    face_noise_m = draw.random() * (_noise_max_m(contract, frame) - noise_m)
     return Plant.model_validate(
         {
+            **kind,
             "multirotor": {
                 "thrust_to_weight": contract.vehicle.thrust_to_weight,
                 "radius_m": contract.vehicle.radius_m,
@@ -516,13 +548,24 @@ def _plant(draw: random.Random, contract: Contract, down_m: float) -> Plant:
                 {
                     "range_m": contract.sensor.detection_range_m,
                     "field_of_view_deg": contract.sensor.field_of_view_deg,
-                    "noise_m": noise_share * _noise_max_m(contract, frame),
+                    "noise_m": noise_m,
+                    "face_noise_m": face_noise_m,
                     "uncertainty_m": contract.sensor.position_error_m,
                     "frame": frame,
                 }
             ],
         }
     )
+
+
+def _field_plant() -> dict[str, Any]:
+    return {"realism": "field", "flavour": "ardupilot", "parameters": _TUNED}
+
+
+def _ideal_plant(draw: random.Random, contract: Contract) -> dict[str, Any]:
+    error_m = _PINNED_ERROR_SHARE * contract.vehicle.tracking_error_m
+    pinned = {"toward_obstacle": draw.random() < _PINNED_SHARE, "error_m": error_m}
+    return {"realism": "ideal", "tracking": pinned}
 
 
 def _noise_max_m(contract: Contract, frame: str) -> float:
@@ -603,6 +646,7 @@ _AMOUNT_RANGES: Final[dict[str, tuple[float, float]]] = {
     "attitude_slow": (1.0, 8.0),
     "telemetry_corrupted": (0.05, 0.4),
     "position_reset": (0.6, 5.0),
+    "height_reset": (1.0, 5.0),
     "mission_changed": (-90.0, 90.0),
 }
 _UNITS: Final = (0.001, 0.01, 0.3048)  # millimetres, centimetres, feet, taken for metres

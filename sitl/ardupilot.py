@@ -44,9 +44,15 @@ _PARAMETERS = (
     ParameterSpec("BATT_FS_LOW_ACT", 0, 0, 5, "low battery: 1 land, 2 return, 5 terminate"),
     ParameterSpec("BATT_LOW_MAH", 0.0, 0.0, 100_000.0, "remaining charge: low [mAh]"),
     ParameterSpec("DISARM_DELAY", 10, 0, 127, "armed on the ground to disarmed [s]; 0: never"),
+    ParameterSpec("FENCE_ALT_MAX", 100.0, 10.0, 1000.0, "fence height [m]; fences: not simulated"),
+    ParameterSpec("FENCE_ENABLE", 0, 0, 1, "whether fences are enforced"),
+    ParameterSpec("FENCE_RADIUS", 150.0, 30.0, 10000.0, "fence radius [m]"),
+    ParameterSpec("FENCE_TOTAL", 0, 0, 20, "points of the fence"),
+    ParameterSpec("FENCE_TYPE", 7, 0, 15, "bits: 1 height, 2 circle, 4 polygon, 8 floor"),
     ParameterSpec("FRAME_CLASS", 1, 0, 17, "1: quadrotor", read_only=True),
     ParameterSpec("FS_GCS_ENABLE", 0, 0, 7, "ground station lost: 0 nothing, 1 return, 5 land"),
     ParameterSpec("FS_GCS_TIMEOUT", 5.0, 2.0, 120.0, "ground station silent to lost [s]"),
+    ParameterSpec("FS_OPTIONS", 16, 0, 255, "bits: when failsafes do not act; not simulated"),
     ParameterSpec("FS_THR_ENABLE", 1, 0, 7, "manual control lost: 0 nothing, 1 return, 3 land"),
     ParameterSpec("GUID_TIMEOUT", 3.0, 0.1, 5.0, "velocity targets missing to stop [s]"),
     ParameterSpec("LAND_SPEED", 50, 30, 200, "sink rate near the ground [cm/s]"),
@@ -276,6 +282,7 @@ class Copter(Flavour):
     integers_bytewise = False
     mission_first_item = 1
     take_off_above_sea = False
+    modes = tuple(_MODES)
     target_type_mask = (
         mavlink.POSITION_TARGET_TYPEMASK_YAW_IGNORE
         | mavlink.POSITION_TARGET_TYPEMASK_YAW_RATE_IGNORE

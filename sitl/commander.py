@@ -63,6 +63,11 @@ class Verdict(enum.IntEnum):
     FAILED = mavlink.MAV_RESULT_FAILED
 
 
+def _vertical(estimate: VehicleTruth) -> Vector:
+    """Return the velocity of an estimate that knows nothing of horizontal motion any more."""
+    return 0.0, 0.0, estimate.velocity_ned_mps[2]
+
+
 class Commander(ABC):
     """Modes, arming and failsafes of one vehicle.
 
@@ -126,6 +131,11 @@ class Commander(ABC):
             return LandedState.TAKEOFF
         landing = self.mode is Mode.LAND or self._auto.landing
         return LandedState.LANDING if landing else LandedState.IN_AIR
+
+    @property
+    def intention(self) -> Mode:
+        """The mode that the user wants."""
+        return self.mode
 
     @property
     def on_ground(self) -> bool:
@@ -294,7 +304,8 @@ class Commander(ABC):
         self._auto.settings = self.settings
         self._battery_remaining = battery.remaining
         was_on_ground = self.on_ground
-        self._land_detector.update(truth, self._setpoint, thrust_share)
+        known = truth if self.position_valid else truth._replace(velocity_ned_mps=_vertical(truth))
+        self._land_detector.update(known, self._setpoint, thrust_share)
         on_ground = self.on_ground
         if self.armed:
             if on_ground is not was_on_ground:

@@ -16,6 +16,7 @@ from sitl.geodesy import GeographicPosition, ned_from_geographic
 from sitl.mavlink_link import MavlinkLink
 from sitl.mission import ABSOLUTE_FRAMES, RELATIVE_FRAMES
 from sitl.modes import Mode
+from sitl.standard_modes import AVAILABLE_MODES_ID, AvailableMode, mode_of_standard
 from sitl.telemetry import BUILDERS, Snapshot, StreamSchedule
 
 _ARM_FORCE = 21196.0  # the magic number of MAV_CMD_COMPONENT_ARM_DISARM
@@ -178,7 +179,28 @@ def _get_message_interval(command: Command, context: CommandContext) -> Verdict:
     return Verdict.ACCEPTED
 
 
+def _set_standard_mode(command: Command, context: CommandContext) -> Verdict:
+    mode = mode_of_standard(command.parameters[0])
+    if mode is None or mode not in context.flavour.modes:
+        return Verdict.DENIED
+    return context.commander.set_mode(mode)
+
+
+def _send_available_modes(index: int, context: CommandContext) -> Verdict:
+    """Send one of the modes, counted from 1, or all of them for 0."""
+    modes, flavour = context.flavour.modes, context.flavour
+    if not 0 <= index <= len(modes):
+        return Verdict.DENIED
+    for number, mode in enumerate(modes, 1):
+        if index in {0, number}:
+            custom_mode = flavour.custom_mode(mode)
+            context.link.send(AvailableMode(mode, custom_mode, number, len(modes)))
+    return Verdict.ACCEPTED
+
+
 def _request_message(command: Command, context: CommandContext) -> Verdict:
+    if command.parameters[0] == AVAILABLE_MODES_ID:
+        return _send_available_modes(_whole(command.parameters[1]), context)
     builder = BUILDERS.get(_whole(command.parameters[0]))
     if builder is None:
         return Verdict.UNSUPPORTED
@@ -190,11 +212,15 @@ def _request_message(command: Command, context: CommandContext) -> Verdict:
 
 
 def _request_capabilities(_: Command, context: CommandContext) -> Verdict:
+    if not context.snapshot.realism.legacy_requests:
+        return Verdict.UNSUPPORTED
     context.link.send(BUILDERS[mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION](context.snapshot))
     return Verdict.ACCEPTED
 
 
 def _get_home(_: Command, context: CommandContext) -> Verdict:
+    if not context.snapshot.realism.legacy_requests:
+        return Verdict.UNSUPPORTED
     context.link.send(BUILDERS[mavlink.MAVLINK_MSG_ID_HOME_POSITION](context.snapshot))
     return Verdict.ACCEPTED
 
@@ -212,6 +238,7 @@ def _whole(value: float) -> int:
 _HANDLERS: dict[int, Callable[[Command, CommandContext], Verdict]] = {
     mavlink.MAV_CMD_COMPONENT_ARM_DISARM: _arm_disarm,
     mavlink.MAV_CMD_DO_SET_MODE: _set_mode,
+    mavlink.MAV_CMD_DO_SET_STANDARD_MODE: _set_standard_mode,
     mavlink.MAV_CMD_NAV_TAKEOFF: _take_off,
     mavlink.MAV_CMD_NAV_LAND: _land,
     mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH: _return,

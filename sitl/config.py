@@ -82,10 +82,12 @@ class TrackingConfig(FileModel):
     """How the plant deviates from its reference.
 
     Attributes:
-        toward_obstacle: pin the tracking error at the contract's E toward the nearest obstacle.
+        toward_obstacle: pin the tracking error toward the nearest obstacle.
+        error_m: its size; null in a scenario: the contract's tracking error.
     """
 
     toward_obstacle: bool = False
+    error_m: Annotated[float, Field(ge=0.0)] | None = None
 
 
 class EstimatorConfig(FileModel):
@@ -180,6 +182,12 @@ class SitlConfig(VehicleConfig):
     truth_log: FilePath | None = None
     speed_factor: Annotated[float, Field(gt=0.0, le=50.0)] = 1.0
     fleet: Annotated[tuple[FleetMember, ...], Field(strict=False)] = ()
+
+    @model_validator(mode="after")
+    def _require_tracking_error(self) -> SitlConfig:
+        if self.tracking.toward_obstacle and self.tracking.error_m is None:
+            raise ValueError("tracking.toward_obstacle needs tracking.error_m [m]")
+        return self
 
     @model_validator(mode="after")
     def _require_distinct_sources(self) -> SitlConfig:

@@ -60,6 +60,7 @@ LinkKind = Literal[
 VehicleKind = Literal[
     "position_reset",
     "position_misreported",
+    "height_reset",
     "attitude_stuck",
     "gps_lost",
     "mode_rejected",
@@ -99,6 +100,7 @@ AMOUNTS: Final[dict[str, tuple[float, str]]] = {
     "attitude_slow": (3.0, "attitude feedback [1/s]"),
     "telemetry_corrupted": (0.2, "share of datagrams of which one byte changes"),
     "position_reset": (3.0, "metres to the east, of the estimate that is told and flown by"),
+    "height_reset": (4.0, "metres upwards, of the estimate that is told and flown by"),
     "mission_changed": (30.0, "degrees by which what is left of the leg turns to the right"),
     "position_misreported": (0.3, "metres to the east, of what is told but not flown by"),
 }

@@ -29,6 +29,7 @@ class Flavour(ABC):
         mission_first_item: number of the first item flown.
         take_off_above_sea: whether MAV_CMD_NAV_TAKEOFF gives altitude above mean sea level.
         field, ideal: what it does as measured, and what an ideal one of its kind would.
+        modes: what AVAILABLE_MODES lists.
         target_type_mask: POSITION_TARGET_LOCAL_NED.type_mask.
     """
 
@@ -42,6 +43,7 @@ class Flavour(ABC):
     take_off_above_sea: ClassVar[bool]
     field: ClassVar[Realism]
     ideal: ClassVar[Realism]
+    modes: ClassVar[tuple[Mode, ...]]
     target_type_mask: ClassVar[int] = 0
 
     @abstractmethod

@@ -43,6 +43,7 @@ class PlantFaults:
         self._system_id, self._link = system_id, link
         self._parameters = _PARAMETERS[flavour]
         self._before: dict[str, float] = {}
+        self._upwards_m = 0.0
         self._broken: set[FaultKind] = set()
         self._mavlink = mavlink.MAVLink(None, 255, mavlink.MAV_COMP_ID_MISSIONPLANNER)
 
@@ -71,6 +72,7 @@ class PlantFaults:
             *self._parameters,
             "gust",
             "gps_lost",
+            "height_reset",
             "mode_rejected",
             "thrust_lost",
             "motor_failed",
@@ -83,6 +85,11 @@ class PlantFaults:
             case "gps_lost":
                 failure = mavlink.FAILURE_TYPE_OFF if present else mavlink.FAILURE_TYPE_OK
                 failures.inject(mavlink.FAILURE_UNIT_SENSOR_GPS, failure, 0.0, now_s)
+            case "height_reset":
+                upwards_m = self._upwards_m if amount is None else amount
+                self._upwards_m = upwards_m
+                sign = 1.0 if present else -1.0
+                self._vehicle.autopilot.estimator.jump(0.0, 0.0, -sign * upwards_m)
             case "motor_failed":
                 failure = mavlink.FAILURE_TYPE_OFF if present else mavlink.FAILURE_TYPE_OK
                 failures.inject(mavlink.FAILURE_UNIT_SYSTEM_MOTOR, failure, 1.0, now_s)

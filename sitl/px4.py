@@ -32,6 +32,7 @@ from sitl.setpoint_message import (
     turned,
 )
 from sitl.settings import FlightSettings, Reaction
+from sitl.standard_modes import CURRENT_MODE_ID
 from sitl.truth import Vector, VehicleTruth
 
 _STREAM_RETURN_S = 0.25  # an unbroken stream this long ends the offboard-loss failsafe
@@ -52,8 +53,13 @@ _PARAMETERS = (
     # PX4's own default, 0, descends where there is no remote control; 5 holds.
     ParameterSpec("COM_OBL_RC_ACT", 5, 0, 7, "after loss of offboard: 3 return, 4 land, 5 hold"),
     ParameterSpec("COM_OF_LOSS_T", 1.0, 0.0, 60.0, "offboard setpoints missing to failsafe [s]"),
+    ParameterSpec("COM_DLL_EXCEPT", 0, 0, 15, "bits: modes without ground station; not simulated"),
+    ParameterSpec("COM_RCL_EXCEPT", 0, 0, 31, "bits: modes without manual control; not simulated"),
     ParameterSpec("COM_RC_IN_MODE", 3, 0, 4, "manual control: 0 radio only, 4 none, else MAVLink"),
     ParameterSpec("COM_RC_LOSS_T", 0.5, 0.0, 35.0, "manual control silent to lost [s]"),
+    ParameterSpec("GF_ACTION", 2, 0, 5, "geofence: 0 nothing, 1 warn, 2 hold; not simulated"),
+    ParameterSpec("GF_MAX_HOR_DIST", 0.0, 0.0, 10000.0, "geofence radius [m]; 0: none"),
+    ParameterSpec("GF_MAX_VER_DIST", 0.0, 0.0, 10000.0, "geofence height [m]; 0: none"),
     ParameterSpec("MC_PITCH_P", 6.5, 1.0, 12.0, "pitch feedback [1/s]"),
     ParameterSpec("MC_PITCHRATE_MAX", 400.0, 0.0, 1800.0, "pitch rate limit [deg/s]"),
     ParameterSpec("MC_ROLL_P", 6.5, 1.0, 12.0, "roll feedback [1/s]"),
@@ -185,6 +191,11 @@ class Px4Commander(Commander):
             return "OFFBOARD denied: no offboard signal"
         return None
 
+    @property
+    def intention(self) -> Mode:
+        """The mode that the user wants, whatever a failsafe flies."""
+        return self._intention
+
     def set_mode(self, mode: Mode) -> Verdict:
         """Change the mode on the user's behalf; take-off is one of them."""
         return self.take_off(None) if mode is Mode.TAKEOFF else super().set_mode(mode)
@@ -283,6 +294,7 @@ class Px4(Flavour):
     integers_bytewise = True
     mission_first_item = 0
     take_off_above_sea = True
+    modes = tuple(_MODES)
     field = Realism(
         estimator=EstimatorProfile(
             position_m=0.45,
@@ -307,11 +319,13 @@ class Px4(Flavour):
                 mavlink.MAVLINK_MSG_ID_SYS_STATUS: 5.0,
                 mavlink.MAVLINK_MSG_ID_EXTENDED_SYS_STATE: 5.0,
                 mavlink.MAVLINK_MSG_ID_ESTIMATOR_STATUS: 0.5,
+                CURRENT_MODE_ID: 0.5,
             }
         ),
         echoes_controller=True,
         rest_is_constant_position=True,
         timesync_misaddressed=True,
+        legacy_requests=False,
         tells_lost_position_s=math.inf,
         levels_when_lost=True,
         fix_when_lost=mavlink.GPS_FIX_TYPE_NO_GPS,

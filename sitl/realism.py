@@ -30,6 +30,8 @@ class Realism:
         echoes_controller: POSITION_TARGET_LOCAL_NED is the position controller's output.
         rest_is_constant_position: ESTIMATOR_CONST_POS_MODE is set while the vehicle rests.
         timesync_misaddressed: answers to TIMESYNC go to a system that did not ask.
+        legacy_requests: MAV_CMD_GET_HOME_POSITION and MAV_CMD_REQUEST_AUTOPILOT_CAPABILITIES are
+            obeyed; PX4 1.18 no longer knows them.
         tells_lost_position_s: without GPS, LOCAL_POSITION_NED goes on this long, vouched for or
             not.
         levels_when_lost: without a position, the thrust axis is kept upright: nothing brakes.
@@ -47,6 +49,7 @@ class Realism:
     echoes_controller: bool = False
     rest_is_constant_position: bool = False
     timesync_misaddressed: bool = False
+    legacy_requests: bool = True
     tells_lost_position_s: float = 0.0
     levels_when_lost: bool = False
     fix_when_lost: int = mavlink.GPS_FIX_TYPE_NO_FIX

@@ -8,10 +8,14 @@ from typing import Any
 
 from sitl.config import SitlConfig
 from sitl.field import ObstacleField
+from sitl.modes import Mode
+from sitl.pinned_error import PinnedError
 from sitl.sensor import ObstacleSensor
 from sitl.truth_log import truth_record
 from sitl.vehicle import SimulatedVehicle
 from sitl.world import World
+
+_DEPARTED_MPS = 0.5
 
 
 @dataclass(frozen=True)
@@ -54,13 +58,19 @@ class Scene:
             )
             for sensor in config.sensors
         ]
+        tracking = config.tracking
+        self._pinned = PinnedError(tracking.error_m or 0.0) if tracking.toward_obstacle else None
         self._detections: list[Detection] = []
+        self._pinned_s = 0.0
+        self._departed = False
         self._due_s = 0.0  # when a sensor measures next
         self._look()
 
     def advance(self, until_s: float) -> None:
         """Let time pass until ``until_s``, from decision to decision or measurement."""
         while self.vehicle.fly_on(until_s, self._due_s):
+            if self._pinned is not None:
+                self._pin(self._pinned)
             self._look()
 
     def take_detections(self) -> list[Detection]:
@@ -71,6 +81,17 @@ class Scene:
     def truth_record(self) -> dict[str, Any]:
         """Ground truth now, ready for JSON."""
         return truth_record(self.vehicle.truth, self.world, self.start_unix_s)
+
+    def _pin(self, error: PinnedError) -> None:
+        truth = self.vehicle.truth
+        commander = self.vehicle.autopilot.commander
+        # A vehicle that has yet to depart stands where it is, as exactly as it came there.
+        self._departed |= commander.mode is Mode.OFFBOARD and truth.ground_speed_mps > _DEPARTED_MPS
+        if self._departed and commander.airborne:
+            toward = self.world.toward_nearest(truth.position_ned_m)
+            error.advance(toward, truth.time_s - self._pinned_s)
+            self.vehicle.pin_tracking_error(error.north_m, error.east_m)
+        self._pinned_s = truth.time_s
 
     def _look(self) -> None:
         truth, estimate = self.vehicle.truth, self.vehicle.estimate

@@ -19,6 +19,7 @@ from sitl.modes import Mode
 from sitl.multirotor import rotate_frd_from_ned
 from sitl.realism import Realism
 from sitl.settings import FlightSettings
+from sitl.standard_modes import CURRENT_MODE_ID, CurrentMode
 from sitl.truth import Vector, VehicleTruth
 
 # Vertical feedback [1/s], which no parameter here changes: MPC_Z_P and MPC_Z_VEL_P_ACC.
@@ -454,7 +455,7 @@ def _estimator_flags(s: Snapshot) -> int:
     profile, lost_for_s = s.estimator.profile, s.estimator.lost_for_s
     if not s.tells_position and lost_for_s <= 0.0:
         return 0
-    flags = _EKF_GOOD
+    flags: int = _EKF_GOOD
     if s.realism.rest_is_constant_position and s.commander.on_ground and not s.commander.armed:
         flags |= mavlink.ESTIMATOR_CONST_POS_MODE
     if lost_for_s >= profile.dead_reckoning_s:
@@ -502,6 +503,16 @@ BUILDERS: dict[int, Callable[[Snapshot], Any]] = {
     mavlink.MAVLINK_MSG_ID_EKF_STATUS_REPORT: ekf_status_report,
     mavlink.MAVLINK_MSG_ID_ESTIMATOR_STATUS: estimator_status,
 }
+
+
+def current_mode(s: Snapshot) -> Any:
+    """CURRENT_MODE: the mode flown, and the one wanted."""
+    flavour, commander = s.flavour, s.commander
+    mode, intended = commander.mode, commander.intention
+    return CurrentMode(mode, flavour.custom_mode(mode), flavour.custom_mode(intended))
+
+
+BUILDERS[CURRENT_MODE_ID] = current_mode
 
 _DATA_STREAMS = {
     mavlink.MAV_DATA_STREAM_EXTENDED_STATUS: (

@@ -6,7 +6,7 @@ from typing import Any, Final
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-# Neither all systems (0) nor one that is there: what an uninitialised field was seen to hold varies.
+# Neither all systems (0) nor one that is there; what an uninitialised field holds is arbitrary.
 _NOBODY: Final = bytes((0xA5, 0x5A))
 
 

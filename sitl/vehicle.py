@@ -10,8 +10,9 @@ from sitl.autopilot import Autopilot
 from sitl.battery import Battery
 from sitl.commander import Actuation, Drive
 from sitl.config import StartConfig, VehicleConfig
-from sitl.controller import ControllerGains, Setpoint
+from sitl.controller import ControllerGains, Setpoint, ahead
 from sitl.inner_loop import ACCELERATION, MEMORY, STATE, UNTRIMMED, Flight, fly, spin
+from sitl.modes import Mode
 from sitl.multirotor import (
     GRAVITY_MPS2,
     RotorSpeeds,
@@ -72,6 +73,7 @@ class SimulatedVehicle:
             )
         )
         self._battery = Battery(config.battery)
+        self._pinned_m = (0.0, 0.0)
         self._wind_model = WindModel(config.wind, random.Random(f"{seed} wind"))
         self.truth = self._observe()
         self.autopilot = Autopilot(config, self.truth, self._battery.reading, start_unix_s, seed)
@@ -112,6 +114,22 @@ class SimulatedVehicle:
         if ticks > 0:
             self._fly(ticks)
         return ticks > 0
+
+    def pin_tracking_error(self, north_m: float, east_m: float) -> None:
+        """Put the vehicle this far from where a set-point wants it at this instant.
+
+        The controller does not see the error, and so does not work against it.
+        """
+        self._pinned_m = (north_m, east_m)
+        setpoint = self._actuation.setpoint
+        followed = self.autopilot.commander.mode is Mode.OFFBOARD
+        if setpoint is None or not followed or math.isnan(setpoint.north_m + setpoint.east_m):
+            return
+        ticks = self._ticks_since_decision or self._ticks_per_decision
+        wanted = ahead(setpoint, ticks * _TICK_S)
+        place_m = (wanted.north_m + north_m, wanted.east_m + east_m)
+        self._flight = Flight((*place_m, *self._flight.values[2:]))
+        self.truth = self._observe()
 
     def add_gust(self, gust: Gust) -> None:
         """Let one more gust come."""
@@ -181,7 +199,12 @@ class SimulatedVehicle:
     def _with_position(self, setpoint: Setpoint) -> Setpoint:
         """Return what can be flown of a setpoint: where no position is known, only heights."""
         if not self._lost:
-            return setpoint
+            north_m, east_m = self._pinned_m
+            if self.autopilot.commander.mode is not Mode.OFFBOARD or not (north_m or east_m):
+                return setpoint
+            return setpoint._replace(
+                north_m=setpoint.north_m + north_m, east_m=setpoint.east_m + east_m
+            )
         nan = math.nan
         return setpoint._replace(
             north_m=nan,

@@ -29,6 +29,9 @@ def distance_to_box_m(
     return distance
 
 
+_SLOPE_STEP_M = 0.01
+
+
 class Neighbourhood:
     """Finds the obstacles near a slowly moving point without searching the field each time.
 
@@ -117,6 +120,19 @@ class World:
         self.clearance_min_m = min(self.clearance_min_m, self._looked_m)
         if self._looked_m < 0.0 and not was_in_collision:
             self.collisions += 1
+
+    def toward_nearest(self, position_ned_m: tuple[float, float, float]) -> tuple[float, float]:
+        """Unit vector (north, east) towards the nearest face; zero in open space."""
+        north_m, east_m, _ = position_ned_m
+        slope_north, slope_east = (
+            self.clearance_at_m((north_m - step_north_m, east_m - step_east_m))
+            - self.clearance_at_m((north_m + step_north_m, east_m + step_east_m))
+            for step_north_m, step_east_m in ((_SLOPE_STEP_M, 0.0), (0.0, _SLOPE_STEP_M))
+        )
+        length = math.hypot(slope_north, slope_east)
+        if not 0.0 < length < math.inf:
+            return 0.0, 0.0
+        return slope_north / length, slope_east / length
 
     def clearance_at_m(self, point_ned_m: tuple[float, float]) -> float:
         """Clearance of a vehicle centred on the point (north, east)."""

@@ -262,7 +262,7 @@ def test_the_signs_of_a_lost_gps_come_as_ardupilot_gave_them() -> None:
 
 
 def test_without_a_position_nothing_brakes() -> None:
-    """ArduPilot ran on for 8 m in 7 s after its failover: the attitude is level, drag alone acts."""
+    """ArduPilot ran on for 8 m in 7 s after its failover: level, and slowed by drag alone."""
     client = in_air(flavour="ardupilot", realism="field", parameters=TUNED)
     began_s = client.now_s
     cruise = lambda _: client.setpoint(  # noqa: E731
