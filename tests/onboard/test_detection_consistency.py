@@ -70,10 +70,10 @@ errors_m = st.floats(-ERROR_M, ERROR_M)
 @given(st.lists(st.tuples(errors_m, errors_m, errors_m, errors_m), min_size=2, max_size=30))
 def test_faces_within_their_error_never_contradict(noise_m: list[Bounds]) -> None:
     box_m = (10.0, 12.0, -1.0, 0.5)
-    sightings = [
-        Sighting(*(bound + off for bound, off in zip(box_m, noise, strict=True)), ERROR_M)
-        for noise in noise_m
-    ]
+    sightings = []
+    for noise in noise_m:
+        south_m, north_m, west_m, east_m = (b + off for b, off in zip(box_m, noise, strict=True))
+        sightings.append(Sighting(south_m, north_m, west_m, east_m, ERROR_M))
     assert not contradicts(sightings)
 
 
