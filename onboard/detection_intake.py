@@ -70,7 +70,7 @@ class _Seen(NamedTuple):
     uncertainty_m: float
     pose: Pose | None
     blur_m: float
-    in_full: bool = False
+    in_full: bool
 
     def displacement_m(self, heading_error_rad: float) -> float:
         """How far a wrong heading displaces the farthest corner of a box seen from the body."""
@@ -187,8 +187,10 @@ class DetectionIntake:
             track_id = _track_id(frame, detection)
             if blurs_m is None or track_id in blurs_m:
                 blur_m = 0.0 if blurs_m is None else blurs_m[track_id]
-                seen = _Seen(track_id, corners_ned_m, detection.uncertainty_m, placed_by, blur_m)
-                yield from self._take_everywhere(seen._replace(in_full=full), stamp_s, now_s)
+                seen = _Seen(
+                    track_id, corners_ned_m, detection.uncertainty_m, placed_by, blur_m, full
+                )
+                yield from self._take_everywhere(seen, stamp_s, now_s)
 
     def _take_everywhere(self, seen: _Seen, stamp_s: float, now_s: float) -> Iterator[Violation]:
         """Remember a box; where an estimator reset leaves its place open, at every one."""
@@ -196,8 +198,11 @@ class DetectionIntake:
         if len(shifts_m) > 1 and self._navigator.obstacles.of_track(seen.track_id) is not None:
             return  # it has been seen better
         for shift_m in shifts_m:
-            corners_ned_m = shifted_corners(seen.corners_ned_m, shift_m)
-            yield from self._take_box(seen._replace(corners_ned_m=corners_ned_m), now_s)
+            placed = seen
+            if shift_m != (0.0, 0.0):
+                corners_ned_m = shifted_corners(seen.corners_ned_m, shift_m)
+                placed = seen._replace(corners_ned_m=corners_ned_m)
+            yield from self._take_box(placed, now_s)
 
     def _is_blurred(self, blurs_m: dict[str, float]) -> bool:
         limit_m = self._navigator.assessment.terms.position_error_m

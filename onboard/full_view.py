@@ -19,7 +19,7 @@ from onboard.obstacles import Corners
 # The edge of a view, and of what another box hides, is known no better than this.
 EDGE_RAD: Final = math.radians(2.0)
 # A frame of more boxes is not looked through for what hides what, and none counts as seen in full.
-BOXES_MAX: Final = 512
+BOXES_MAX: Final = 256
 
 
 def in_full_view(

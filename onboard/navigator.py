@@ -190,28 +190,25 @@ class Navigator:
         kind = RefusalKind
         checks = [
             (
+                kind.BEFORE_LEG,
                 x_m >= -START_TOLERANCE_M,
-                Refusal(kind.BEFORE_LEG, f"{-x_m:.1f} m before the start of the leg"),
+                f"{-x_m:.1f} m before the start of the leg",
             ),
             (
+                kind.LEG_FLOWN,
                 x_m < self._itinerary.length_m - START_TOLERANCE_M,
-                Refusal(kind.LEG_FLOWN, "the leg is already flown"),
+                "the leg is already flown",
             ),
+            (kind.BESIDE_LEG, abs(y_m) <= beside_max_m, f"{abs(y_m):.1f} m beside the leg"),
             (
-                abs(y_m) <= beside_max_m,
-                Refusal(kind.BESIDE_LEG, f"{abs(y_m):.1f} m beside the leg"),
-            ),
-            (
+                kind.OFF_HEIGHT,
                 abs(z_m) <= START_TOLERANCE_M,
-                Refusal(kind.OFF_HEIGHT, f"{abs(z_m):.1f} m off the cruise height"),
+                f"{abs(z_m):.1f} m off the cruise height",
             ),
             # From rest only: whatever way braking would take has not been certified.
-            (
-                speed_mps < self._at_rest_mps,
-                Refusal(kind.MOVING, f"not at rest ({speed_mps:.1f} m/s)"),
-            ),
+            (kind.MOVING, speed_mps < self._at_rest_mps, f"not at rest ({speed_mps:.1f} m/s)"),
         ]
-        refusals = [refusal for passed, refusal in checks if not passed]
+        refusals = [Refusal(which, text) for which, passed, text in checks if not passed]
         refusals += [
             Refusal(
                 kind.INSIDE_REGION,

@@ -226,6 +226,8 @@ class ObstacleMap:
         Measurements before and after a jump can be compared there.
         """
         north_m, east_m = self._shifted_ned_m
+        if north_m == east_m == 0.0:
+            return corners_ned_m
         return shifted_corners(corners_ned_m, (-north_m, -east_m))
 
     def rejoin(self) -> None:

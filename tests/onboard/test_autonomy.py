@@ -736,7 +736,7 @@ def test_handed_back_just_before_a_region_it_is_flown_round_at_once(
     rig.run(0.5)
     rig.mode = OFFBOARD
     journal = Journal(rig.autonomy, timed=False)
-    plans = []
+    plans: list[dict[str, Any]] = []
 
     def arrived() -> bool:
         records = journal.collect(rig.now_s)

@@ -70,10 +70,10 @@ errors_m = st.floats(-ERROR_M, ERROR_M)
 @given(st.lists(st.tuples(errors_m, errors_m, errors_m, errors_m), min_size=2, max_size=30))
 def test_faces_within_their_error_never_contradict(noise_m: list[Bounds]) -> None:
     box_m = (10.0, 12.0, -1.0, 0.5)
-    sightings = [
-        Sighting(*(bound + off for bound, off in zip(box_m, noise, strict=True)), ERROR_M)
-        for noise in noise_m
-    ]
+    sightings = []
+    for noise in noise_m:
+        south_m, north_m, west_m, east_m = (b + off for b, off in zip(box_m, noise, strict=True))
+        sightings.append(Sighting(south_m, north_m, west_m, east_m, ERROR_M))
     assert not contradicts(sightings)
 
 
@@ -210,3 +210,35 @@ def test_the_recorded_heading_wander_is_noticed_before_the_avoidance_begins() ->
             noticed_m.append(vehicle_m)
     assert noticed_m
     assert noticed_m[0] < 13.5
+
+
+@pytest.mark.parametrize(
+    ("what", "faces_m", "contradicted"),
+    [
+        # South and west face of one box, from flights of real autopilots.
+        (
+            "ArduPilot, nominal",
+            [(23.53, -0.49), (23.53, -0.51), (23.51, -0.52), (23.48, -0.52), (23.43, -0.52)],
+            False,
+        ),
+        ("PX4, nominal", [(25.36, -0.21), (25.35, -0.22), (25.33, -0.22), (25.30, -0.26)], False),
+        (
+            "PX4, after GPS was lost",
+            [(25.36, -0.21), (25.30, -0.26), (25.25, -0.35), (25.16, -0.47), (25.07, -0.61)],
+            True,
+        ),
+        (
+            "ArduPilot, after GPS was lost",
+            [(46.97, -3.63), (46.91, -3.65), (46.85, -3.67), (46.80, -3.69), (46.72, -3.72)],
+            True,
+        ),
+    ],
+)
+def test_recorded_sightings_contradict_only_where_the_estimate_went_wrong(
+    what: str, faces_m: list[tuple[float, float]], *, contradicted: bool
+) -> None:
+    sightings = [
+        Sighting(south_m, south_m + 0.8, west_m, west_m + 1.7, ERROR_M)
+        for south_m, west_m in faces_m
+    ]
+    assert contradicts(sightings) is contradicted, what

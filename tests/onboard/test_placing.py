@@ -3,8 +3,8 @@
 import json
 import math
 from dataclasses import replace
+from functools import partial
 from itertools import pairwise
-from typing import Any
 
 import pytest
 
@@ -37,6 +37,10 @@ def cruising(rig: Rig) -> Rig:
 
 def held(rig: Rig) -> bool:
     return rig.phase is Phase.HOLD
+
+
+def avoiding(rig: Rig) -> bool:
+    return rig.phase is Phase.AVOID
 
 
 # ------------------------------------------------------------------ contradicting sightings
@@ -73,7 +77,7 @@ def test_a_wandering_heading_is_answered_far_from_the_obstacle(rig: Rig) -> None
     """Recorded on PX4: boxes from the body united and grew until no way to stop was left."""
     wander_rad, obstacle_m = 0.0, (30.0, 0.3)
 
-    def frame(**_: Any) -> bytes:
+    def turned_frame() -> bytes:
         north_m, east_m, _ = rig.position_ned_m
         ahead_m, aside_m = obstacle_m[0] - north_m, obstacle_m[1] - east_m
         # The body believes that its nose points north; it does not.
@@ -82,14 +86,13 @@ def test_a_wandering_heading_is_answered_far_from_the_obstacle(rig: Rig) -> None
             math.cos(wander_rad) * aside_m - math.sin(wander_rad) * ahead_m,
         ]
         seen = [box((turned[0], turned[1]))] if math.hypot(*turned) < 11.5 else []
-        return type(rig).frame(rig, frame="body_frd", obstacles=seen)
+        return rig.frame(frame="body_frd", obstacles=seen)
 
-    rig.mode = OFFBOARD
+    rig.mode, rig.seeing = OFFBOARD, False
     for step in range(2000):
         wander_rad = math.radians(3.5) * math.sin(step * TICK_S / 2.0)
-        rig.seeing = False
         if step % 3 == 0:
-            rig.autonomy.receive_detection(frame(), rig.now_s)
+            rig.autonomy.receive_detection(turned_frame(), rig.now_s)
         rig.tick()
         if held(rig):
             break
@@ -309,7 +312,7 @@ def test_where_nothing_certifies_what_keeps_farther_away_is_flown(
     for seconds in (0.5, 1.0, 1.5, 2.0, 2.5, 3.0):
         rig = Rig(Autonomy(contract, mission, epoch_unix_s=EPOCH_UNIX_S), mode=OFFBOARD)
         rig.obstacles = [box((20.0, 0.1))]
-        rig.run(30.0, until=lambda rig=rig: rig.phase is Phase.AVOID)
+        rig.run(30.0, until=partial(avoiding, rig))
         rig.run(seconds)
         navigator = rig.autonomy.navigator
         if rig.phase is not Phase.AVOID or navigator.avoidance is None:
