@@ -29,6 +29,8 @@ _ACCELERATION_MAX_MPS2: Final = 10.0
 # After a longer silence a reset cannot be told from motion, nor its size; then this is too far.
 CONTINUITY_S: Final = 0.5
 _JUMP_AFTER_SILENCE_M: Final = 0.5
+# Nor is a step beyond this believed: moved there and back, a map would lose its digits.
+_SHIFT_MAX_M: Final = 1e4
 # The autopilot's clock is believed across such a step; beyond, it has restarted or wrapped.
 _OWN_STEP_MAX_S: Final = 2.0
 # A sensor that reports in the local frame hears of a reset this much earlier or later than we do.
@@ -44,7 +46,7 @@ class EstimatorReset(NamedTuple):
     Attributes:
         before_s, after_s: when the poses before and after it arrived.
         shift_ned_m: by which vector the estimate moved beyond the motion of the vehicle.
-        measured: whether that vector is known; not after a silence.
+        measured: whether that vector is known; not after a silence, and not if absurd.
     """
 
     before_s: float
@@ -94,7 +96,7 @@ class PoseMonitor:
         step_s = _step_s(previous, pose)
         shift_ned_m = _beyond_motion(previous, pose, step_s)
         silence_s = max(abs(step_s), pose.time_s - previous.time_s)
-        measured = silence_s <= CONTINUITY_S
+        measured = silence_s <= CONTINUITY_S and math.hypot(*shift_ned_m) <= _SHIFT_MAX_M
         allowed_m = POSITION_JUMP_M + _ACCELERATION_MAX_MPS2 * step_s**2 / 8.0
         reset = EstimatorReset(previous.time_s, pose.time_s, shift_ned_m, measured)
         return reset if reset.size_m > (allowed_m if measured else _JUMP_AFTER_SILENCE_M) else None

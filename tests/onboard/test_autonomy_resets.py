@@ -276,3 +276,18 @@ def test_jump_seen_only_after_a_silence_holds_where_the_vehicle_is_said_to_be(
     rig.mode = POSCTL
     rig.run(0.1)
     assert rig.phase is Phase.STANDBY
+
+
+def test_absurd_position_does_not_blur_the_map(contract: Contract, mission: Mission) -> None:
+    """There and back by 1e20 m, a box would have lost its place to rounding."""
+    rig = flying(contract, mission, 0.0, [box((40.0, -9.0))])
+    in_phase(rig, "hold")
+    rig.seeing = False
+    before_m, here_ned_m = placed(rig, "1"), rig.position_ned_m
+    rig.position_ned_m = (1e20, 0.0, -4.0)
+    rig.tick()
+    rig.position_ned_m = here_ned_m
+    rig.tick()
+    assert placed(rig, "1") == before_m
+    rig.run(1.0)
+    assert rig.position_ned_m == pytest.approx(here_ned_m, abs=0.01)
