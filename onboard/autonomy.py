@@ -169,14 +169,23 @@ class Autonomy:
         """Take a mission to be flown instead of the present one; it is read in the next tick."""
         self._pending_mission = payload
 
-    def set_epoch(self, epoch_unix_s: float) -> None:
-        """Read stamps by another Unix time at ``now_s`` zero; only while the vehicle is disarmed.
+    def set_epoch(self, epoch_unix_s: float) -> bool:
+        """Read stamps by a clock that has been set; refused while the vehicle may fly.
 
         Every sensor has to be seen anew: ages by the old time mean nothing by the new one.
+
+        Args:
+            epoch_unix_s: Unix time at ``now_s`` zero by the clock as it is now.
+
+        Returns:
+            Whether it was taken.
         """
-        if epoch_unix_s != self.epoch_unix_s:
-            self.epoch_unix_s = epoch_unix_s
-            self._detection_watch.forget_stamps()
+        status = self.link.status
+        if status.armed or status.airborne is True or self.navigator.phase is not Phase.STANDBY:
+            return False
+        self.epoch_unix_s = epoch_unix_s
+        self._detection_watch.forget_stamps()
+        return True
 
     def emit(self, event: Event) -> None:
         """Take an event of the daemon's own, to be logged and sent like those of the service."""
