@@ -137,12 +137,6 @@ class Autonomy:
         """What arrived from the sensors and was not used."""
         return self._intake.counters
 
-    @property
-    def may_fly(self) -> bool:
-        """Whether the vehicle is armed or airborne, or the service in control of it."""
-        status = self.link.status
-        return status.armed or status.airborne is True or self.navigator.phase is not Phase.STANDBY
-
     def set_epoch(self, epoch_unix_s: float) -> bool:
         """Read stamps by a clock that has been set; refused while the vehicle may fly.
 
@@ -155,7 +149,8 @@ class Autonomy:
         Returns:
             Whether it was taken.
         """
-        if self.may_fly:
+        status = self.link.status
+        if status.armed or status.airborne is True or self.navigator.phase is not Phase.STANDBY:
             return False
         self.epoch_unix_s = epoch_unix_s
         self._intake.monitor.forget_stamps()

@@ -51,7 +51,7 @@ class ClockStep:
         if self.followed:
             severity, rest = Severity.NOTICE, "stamps are read by the new time"
         else:
-            severity, rest = Severity.WARNING, "armed: stamps are read by the old time"
+            severity, rest = Severity.WARNING, "in flight: stamps are read by the old time"
         data = {"step_s": round(self.step_s, 6), "followed": self.followed}
         return Event(now_s, "clock_step", severity, f"{text}; {rest}", data)
 
@@ -81,8 +81,11 @@ class Clock:
         """Return the time since the start."""
         return self._elapsed_s() - self._start_s
 
-    def follow(self, *, armed: bool) -> ClockStep | None:
-        """Look for a step of the system's clock; follow it unless the vehicle is armed.
+    def follow(self, accept: Callable[[float], bool]) -> ClockStep | None:
+        """Look for a step of the system's clock; follow it if that is accepted.
+
+        Args:
+            accept: takes the Unix time of zero by the clock as it is now; refuses it in flight.
 
         Returns:
             What has happened since the last call; each step is reported once, and again when it is
@@ -97,7 +100,7 @@ class Clock:
         if abs(step_s) < STEP_MIN_S:
             self._reported_s = 0.0
             return None
-        if not armed:
+        if accept(self.epoch_unix_s + step_s):
             self.epoch_unix_s += step_s
             self._reported_s = 0.0
             return ClockStep(step_s, followed=True)

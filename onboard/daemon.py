@@ -161,11 +161,9 @@ async def _serve(
 
 
 def _follow_clock(autonomy: Autonomy, clock: Clock, now_s: float) -> None:
-    step = clock.follow(armed=autonomy.may_fly)
-    if step is None:
-        return
-    autonomy.set_epoch(clock.epoch_unix_s)
-    autonomy.emit(step.event(now_s))
+    step = clock.follow(autonomy.set_epoch)
+    if step is not None:
+        autonomy.emit(step.event(now_s))
 
 
 class Bus:

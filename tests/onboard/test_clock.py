@@ -47,6 +47,14 @@ class Computer:
         self.unix_s += seconds
 
 
+def disarmed(_: float) -> bool:
+    return True
+
+
+def in_flight(_: float) -> bool:
+    return False
+
+
 @pytest.fixture
 def computer() -> Computer:
     return Computer()
@@ -57,30 +65,30 @@ def test_a_step_is_followed_while_disarmed(computer: Computer, step_s: float) ->
     clock = computer.clock()
     computer.pass_time(5.0)
     computer.unix_s += step_s
-    step = clock.follow(armed=False)
+    step = clock.follow(disarmed)
     assert step is not None
     assert step.followed
     assert step.step_s == pytest.approx(step_s, abs=1e-5)
     assert clock.now_s() == pytest.approx(5.0)  # never jumps
     assert clock.epoch_unix_s + clock.now_s() == pytest.approx(computer.unix_s, abs=1e-5)
-    assert clock.follow(armed=False) is None
+    assert clock.follow(disarmed) is None
 
 
 def test_a_step_in_flight_is_said_once_and_followed_after_it(computer: Computer) -> None:
     clock = computer.clock()
     computer.unix_s += 20.0
-    step = clock.follow(armed=True)
+    step = clock.follow(in_flight)
     assert step is not None
     assert not step.followed
     assert clock.epoch_unix_s == EPOCH_UNIX_S
     for _ in range(10):
         computer.pass_time(1.0)
-        assert clock.follow(armed=True) is None
+        assert clock.follow(in_flight) is None
     computer.unix_s -= 5.0  # set again
-    again = clock.follow(armed=True)
+    again = clock.follow(in_flight)
     assert again is not None
     assert again.step_s == pytest.approx(15.0, abs=1e-5)
-    landed = clock.follow(armed=False)
+    landed = clock.follow(disarmed)
     assert landed is not None
     assert landed.followed
     assert clock.epoch_unix_s == pytest.approx(EPOCH_UNIX_S + 15.0, abs=1e-5)
@@ -89,19 +97,19 @@ def test_a_step_in_flight_is_said_once_and_followed_after_it(computer: Computer)
 def test_a_clock_set_back_in_flight_to_what_it_was_leaves_nothing(computer: Computer) -> None:
     clock = computer.clock()
     computer.unix_s += 20.0
-    assert clock.follow(armed=True) is not None
+    assert clock.follow(in_flight) is not None
     computer.unix_s -= 20.0
-    assert clock.follow(armed=True) is None
+    assert clock.follow(in_flight) is None
     computer.unix_s += 20.0
-    assert clock.follow(armed=True) is not None
+    assert clock.follow(in_flight) is not None
 
 
 def test_jitter_and_interrupted_readings_are_no_steps(computer: Computer) -> None:
     clock = computer.clock()
     computer.unix_s += 0.5 * STEP_MIN_S
-    assert clock.follow(armed=False) is None
+    assert clock.follow(disarmed) is None
     computer.reading_s = 0.05  # descheduled between two readings
-    assert clock.follow(armed=False) is None
+    assert clock.follow(disarmed) is None
     assert clock.epoch_unix_s == EPOCH_UNIX_S
 
 
@@ -110,7 +118,7 @@ def test_jitter_and_interrupted_readings_are_no_steps(computer: Computer) -> Non
     [
         (20.0, False, Severity.NOTICE, "set forward by 20.00 s; stamps are read by the new time"),
         (-20.0, False, Severity.NOTICE, "set back by 20.00 s; stamps are read by the new time"),
-        (20.0, True, Severity.WARNING, "armed: stamps are read by the old time"),
+        (20.0, True, Severity.WARNING, "in flight: stamps are read by the old time"),
     ],
 )
 def test_what_is_said_of_it(
@@ -118,7 +126,7 @@ def test_what_is_said_of_it(
 ) -> None:
     clock = computer.clock()
     computer.unix_s += step_s
-    step = clock.follow(armed=armed)
+    step = clock.follow(in_flight if armed else disarmed)
     assert step is not None
     event = step.event(7.0)
     assert (event.name, event.time_s, event.severity) == ("clock_step", 7.0, severity)
