@@ -26,13 +26,17 @@ _AUTOPILOT: Final = 1  # MAV_COMP_ID
 
 @asynccontextmanager
 async def listening(direct: MavlinkDirectAsync, name: str) -> AsyncIterator[asyncio.Queue[Any]]:
-    """Collect the messages of one name for as long as the context lasts, from before it begins."""
+    """Collect the autopilot's messages of one name while the context lasts, from before it begins.
+
+    Companions of the same system are left out: they may send messages of the same name.
+    """
     heard: asyncio.Queue[Any] = asyncio.Queue()
 
     async def take() -> None:
         async with aclosing(direct.subscribe_message(name)) as messages:
             async for message in messages:
-                heard.put_nowait(message)
+                if message.component_id == _AUTOPILOT:
+                    heard.put_nowait(message)
 
     async with running(take()):
         yield heard
@@ -68,18 +72,10 @@ async def answer(
             with suppress(MavsdkError):  # it may be streamed all the same
                 await send(direct, system_id, "COMMAND_LONG", asked)
             with suppress(TimeoutError):
-                async with asyncio.timeout(WAIT_S):
-                    return await _of_autopilot(heard)
+                message = await asyncio.wait_for(heard.get(), WAIT_S)
+                fields: dict[str, Any] = json.loads(message.fields_json)
+                return fields
     return None
-
-
-async def _of_autopilot(heard: asyncio.Queue[Any]) -> dict[str, Any]:
-    """Wait for a message of the autopilot itself; a companion may send one of the same name."""
-    while True:
-        message = await heard.get()
-        if message.component_id == _AUTOPILOT:
-            fields: dict[str, Any] = json.loads(message.fields_json)
-            return fields
 
 
 async def send(

@@ -122,6 +122,24 @@ def test_the_clock_is_known_by_what_the_vehicle_answers(
         assert found.unix_offset_s == pytest.approx(ahead_s, abs=0.5)
 
 
+def test_the_clock_of_a_companion_is_left_out() -> None:
+    """It answers and tells the time under the same system id."""
+    (port,) = free_ports(1)
+    companion = FakeAutopilot(
+        port,
+        kind=mavlink.MAV_AUTOPILOT_INVALID,
+        component_id=191,
+        behaviour={"TIMESYNC": answers_timesync, "PING": answers_ping},
+        stream=tells_time(-50.0),
+    )
+    autopilot = FakeAutopilot(port, behaviour={"PING": answers_ping}, stream=tells_time(30.0))
+    with autopilots(companion, autopilot):
+        found = connected(port, ask_clock, 1)
+    assert found.source == "PING and SYSTEM_TIME"
+    assert found.unsteady_s < 0.1
+    assert found.unix_offset_s == pytest.approx(30.0, abs=0.5)
+
+
 async def identity(vehicle: Vehicle) -> int:
     return vehicle.system_id
 
