@@ -10,7 +10,7 @@ Read it along the walk of a detection:
 5. `onboard.planner` solves Eq. 17, and `onboard.certify` checks it before it is flown;
 6. `onboard.mavlink` turns the plan into setpoints.
 
-Under them lies the mathematical core, which has no dependencies: `onboard.frames`, `onboard.agility`,
-`onboard.region`, and the contract: `onboard.terms`, `onboard.derivation`, `onboard.clauses`,
-`onboard.contract`.
+Under them lies the mathematical core, which has no dependencies: `onboard.frames`,
+`onboard.agility`, `onboard.region`, and the contract: `onboard.terms`, `onboard.derivation`,
+`onboard.clauses`, `onboard.contract`.
 """
