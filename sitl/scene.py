@@ -15,7 +15,6 @@ from sitl.truth_log import truth_record
 from sitl.vehicle import SimulatedVehicle
 from sitl.world import World
 
-
 _DEPARTED_MPS = 0.5
 
 
