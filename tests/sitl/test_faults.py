@@ -157,7 +157,7 @@ def test_links_lose_and_double_as_named() -> None:
 
 
 def flown(*faults: Fault, until_s: float) -> Simulation:
-    scenario = load_scenario(SCENARIOS[0])
+    scenario = load_scenario(SCENARIOS[0].with_name("daemon_dead.yaml"))
     simulation = Simulation(
         SimulatedFlight(
             scenario.contract,
