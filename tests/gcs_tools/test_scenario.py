@@ -19,6 +19,7 @@ from onboard.config import Contract, DaemonConfig, Mission, load_contract
 from onboard.yaml_file import load_yaml
 from sitl.config import SitlConfig
 from sitl.field import ObstacleField, load_field
+from sitl.vehicle import SimulatedVehicle
 from tests.gcs_tools.running import CONFIG, Clearway
 
 SCENARIOS = ("paper", "default", "intersecting_rois")
@@ -116,6 +117,14 @@ def test_autopilot_follows_mission_and_contract_unless_told_otherwise(
     document["sitl"]["parameters"] = {"COM_OF_LOSS_T": 2.0}
     parameters = load_scenario(written("told.yaml", document)).sitl_config().parameters
     assert parameters == {"MIS_TAKEOFF_ALT": 4.0, "COM_OF_LOSS_T": 2.0}
+
+
+def test_ardupilot_gets_its_own_parameters_and_no_others() -> None:
+    scenario = load_scenario(CONFIG / "scenarios" / "ardupilot_three_obstacles.yaml")
+    names = set(scenario.sitl_config().parameters)
+    assert names == {"GUID_TIMEOUT", "PSC_JERK_XY", "WPNAV_ACCEL"}
+    assert scenario.sitl_config().parameters["GUID_TIMEOUT"] == 0.5
+    SimulatedVehicle(scenario.sitl_config())  # which refuses parameters that do not exist
 
 
 def test_obstacles_survive_being_written_down() -> None:

@@ -168,7 +168,7 @@ def test_parameters_travel_as_plain_floats() -> None:
     [({"ANGLE_MAX": 2000}, 20.0), ({"PSC_ANGLE_MAX": 15.0}, 15.0), ({}, 30.0)],
 )
 def test_angle_limits_bound_the_tilt(changes: dict[str, float], tilt_deg: float) -> None:
-    client = in_air(**changes)
+    client = in_air("ideal", **changes)
     far = (200.0, 0.0, -4.0, 10.0, 0.0, 0.0, 9.0, 0.0, 0.0)
     tilts = []
 

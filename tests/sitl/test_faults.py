@@ -9,8 +9,11 @@ import pytest
 from gcs_tools.flight_log import read_log
 from gcs_tools.result import result_of
 from gcs_tools.scenario import Scenario, load_scenario
+from sitl.config import StartConfig
 from sitl.faults import AMOUNTS, EDITS, Fault, FaultInjector, FaultKind
+from sitl.plant_faults import PlantFaults
 from sitl.simulation import SimulatedFlight, Simulation, fly
+from sitl.vehicle import SimulatedVehicle
 
 SCENARIOS = sorted((Path(__file__).parents[2] / "config" / "scenarios").glob("*.yaml"))
 HERE_NED_M = (10.0, 0.0, -4.0)
@@ -154,7 +157,7 @@ def test_links_lose_and_double_as_named() -> None:
 
 
 def flown(*faults: Fault, until_s: float) -> Simulation:
-    scenario = load_scenario(SCENARIOS[0])
+    scenario = load_scenario(SCENARIOS[0].with_name("daemon_dead.yaml"))
     simulation = Simulation(
         SimulatedFlight(
             scenario.contract,
@@ -199,6 +202,28 @@ def test_the_vehicle_breaks_and_is_mended() -> None:
         assert (failures.rotor_shares.rotor1_rpm == pytest.approx(0.9)) is present
         assert (autopilot.parameters["MPC_TILTMAX_AIR"] == 20.0) is present
         assert (autopilot.commander.settings.roll_gain_per_s == 3.0) is present
+
+
+def test_a_height_estimate_jumps_and_the_vehicle_follows_it_the_other_way() -> None:
+    scenario = load_scenario(next(path for path in SCENARIOS if path.stem == "tracking_error"))
+    config = scenario.sitl_config().model_copy(
+        update={"start": StartConfig(position_ned_m=(0.0, 0.0, -6.0))}
+    )
+    vehicle = SimulatedVehicle(config)
+    vehicle.autopilot.open_link(1)
+    faults = FaultInjector((Fault(kind="height_reset", start_s=1.0, amount=2.0),), seed=1)
+    plant_faults = PlantFaults(vehicle, 1, "px4", 1)
+    heights_m = []
+    for tick in range(600):
+        now_s = tick * 0.02
+        faults.advance(now_s, "cruise")
+        plant_faults.apply(faults, now_s)
+        vehicle.advance(now_s)
+        heights_m.append((-vehicle.truth.position_ned_m[2], -vehicle.estimate.position_ned_m[2]))
+    assert heights_m[49] == pytest.approx((6.0, 6.0), abs=0.1)
+    assert heights_m[55] == pytest.approx((6.0, 8.0), abs=0.3)
+    assert heights_m[-1] == pytest.approx((4.0, 6.0), abs=0.2)  # it descends, and believes to hold
+    assert vehicle.autopilot.estimator.resets == 1
 
 
 def test_a_failed_motor_brings_a_quadrotor_down() -> None:

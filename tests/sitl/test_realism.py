@@ -10,7 +10,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from onboard.mavlink_frames import FrameReader
 from sitl.modes import Mode
-from tests.sitl.mavlink_client import Client, in_air, on_ground
+from tests.sitl.mavlink_client import Client, in_air, mode_of, on_ground
 from tests.sitl.test_guided_reference import RUN_UP_S, greatest_error_m, run_up, swerve
 
 TUNED = {"PSC_JERK_XY": 20.0, "WPNAV_ACCEL": 600.0}
@@ -35,7 +35,8 @@ def px4_swerve_m(position_gain_per_s: float, seed: int) -> tuple[float, float]:
     client = in_air(seed=seed, **FIELD, parameters={"MPC_XY_P": position_gain_per_s})
     hover(client)
     push_mps2, began_s = 9.80665 * math.tan(math.radians(15.0)), client.now_s
-    estimated_m, true_m = [], []
+    estimated_m: list[float] = []
+    true_m: list[float] = []
 
     def stream(_: float) -> None:
         time_s = client.now_s - began_s
@@ -225,7 +226,7 @@ def test_the_signs_of_a_lost_gps_come_as_px4_gave_them() -> None:
     assert not statuses[-1].onboard_control_sensors_health & control
     assert not statuses[-1].onboard_control_sensors_present & gps
     assert len(client.of("LOCAL_POSITION_NED")) == pytest.approx(300, abs=10)  # it goes on
-    assert client.vehicle.autopilot.commander.mode is Mode.LAND
+    assert mode_of(client) is Mode.LAND
     # By its own estimate it stood still; in truth it was carried off at up to 1 m/s and more.
     assert math.hypot(*client.vehicle.truth.position_ned_m[:2]) > 2.0
 
@@ -238,11 +239,11 @@ def test_the_signs_of_a_lost_gps_come_as_ardupilot_gave_them() -> None:
     lose_gps(client)
     client.received.clear()
     client.wait(7.5, lambda _: client.setpoint((0.0, 0.0, -4.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)))
-    assert client.vehicle.autopilot.commander.mode is Mode.OFFBOARD
+    assert mode_of(client) is Mode.OFFBOARD
     assert client.of("EKF_STATUS_REPORT")[-1].flags & EKF_HORIZONTAL == EKF_HORIZONTAL
     assert client.of("GPS_RAW_INT")[-1].fix_type < mavlink.GPS_FIX_TYPE_2D_FIX
     client.wait(0.6)
-    assert client.vehicle.autopilot.commander.mode is Mode.LAND
+    assert mode_of(client) is Mode.LAND
     assert client.texts()[-4:] == [
         "EKF3 lane switch 1",
         "EKF primary changed:1",
@@ -273,7 +274,7 @@ def test_without_a_position_nothing_brakes() -> None:
     client.wait(3.0, cruise)
     lose_gps(client)
     client.wait(8.1, cruise)
-    assert client.vehicle.autopilot.commander.mode is Mode.LAND
+    assert mode_of(client) is Mode.LAND
     from_m = client.vehicle.truth.position_ned_m[0]
     client.wait(2.0)
     assert client.vehicle.truth.position_ned_m[0] - from_m > 2.5

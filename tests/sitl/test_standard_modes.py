@@ -19,7 +19,8 @@ FIELD: dict[str, Any] = {"realism": "field"}
 def heard(client: Client, duration_s: float = 0.0) -> list[Any]:
     """What a peer with a complete dialect decodes of the next bytes."""
     codec = development.MAVLink(None)
-    end_s, found = client.now_s + duration_s, []
+    end_s = client.now_s + duration_s
+    found: list[Any] = []
     while True:
         found += codec.parse_buffer(client.vehicle.bytes_to_send(client.link)) or []
         if client.now_s >= end_s:
