@@ -82,9 +82,6 @@ WORSENINGS: Final[dict[tuple[Assumption, str], Worsening]] = {
     (Assumption.TRACKING_ERROR_Z, ""): lambda terms, seen: replace(
         terms, tracking_error_z_m=max(terms.tracking_error_z_m, seen * HEADROOM)
     ),
-    (Assumption.HEADING_ERROR, ""): lambda terms, seen: replace(
-        terms, heading_error_rad=max(terms.heading_error_rad, math.radians(seen * HEADROOM))
-    ),
     (Assumption.WIND, ""): lambda terms, seen: replace(
         terms, wind_max_mps=max(terms.wind_max_mps or 0.0, seen * HEADROOM)
     ),
@@ -100,7 +97,9 @@ def adapt(assessment: Assessment, violation: Violation) -> Adaptation | None:
 
     Returns:
         None if no speed complies, or if the assumption is not one that a contract states in
-        numbers (a blind sensor, an unknown position).
+        numbers (a blind sensor, an unknown position), or not those that were measured: a nose off
+        its command, a rejected magnetometer and turned sightings tell that the heading is wrong,
+        and nothing tells by how much.
     """
     axis = violation.subject if violation.assumption is Assumption.VELOCITY_ERROR else ""
     worsening = WORSENINGS.get((violation.assumption, axis))
@@ -116,7 +115,6 @@ def adapt(assessment: Assessment, violation: Violation) -> Adaptation | None:
 def _beyond_belief(terms: Terms[float], declared: Terms[float]) -> bool:
     errors = (
         (terms.tracking_error_z_m, declared.tracking_error_z_m),
-        (terms.heading_error_rad, declared.heading_error_rad),
         (terms.wind_max_mps or 0.0, declared.wind_max_mps or 0.0),
         (terms.tracking_error_m, declared.tracking_error_m),
         (terms.velocity_error_x_mps, declared.velocity_error_x_mps),

@@ -64,6 +64,7 @@ class FieldRig(Rig):
         going_ned_mps = _plus(self.velocity_ned_mps, self.drift_ned_mps)
         boot_ms = round(self.now_s * 1000.0)
         self._mav.local_position_ned_send(boot_ms, *at_ned_m, *going_ned_mps)
+        self.say_what_the_position_is_worth()
         if self.echoes and self.setpoints and round(self.now_s / 0.02) % ECHO_PERIOD_TICKS == 0:
             self._echo()
         self.autonomy.receive_mavlink(bytes(self._bytes), self.now_s)
