@@ -208,6 +208,9 @@ class DetectionIntake:
         shifts_m = self._placements_m(stamp_s) if seen.moves else _in_place(stamp_s)
         if len(shifts_m) > 1 and self._navigator.obstacles.of_track(seen.track_id) is not None:
             return  # it has been seen better
+        if len(shifts_m) > 1:
+            # Of one sighting two places, which contradict each other: neither says where it is.
+            seen = seen._replace(in_full=False)
         for shift_m in shifts_m:
             placed = seen
             if shift_m != (0.0, 0.0):
