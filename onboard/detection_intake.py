@@ -267,6 +267,8 @@ class DetectionIntake:
             error_m + displacement_m if displacement_m > 0.0 else seen.uncertainty_m,
             # In standby nothing is flown by the map: what encloses all places is one obstacle.
             apart_from=_apart_from(placement, seen, navigator.phase),
+            error_max_m=navigator.assessment.face_error_m,
+            in_full=seen.in_full and seen.blur_m == 0.0,
         )
         if placement.violation is not None:
             yield placement.violation
