@@ -2,6 +2,7 @@ import json
 import math
 import random
 from dataclasses import astuple
+from functools import partial
 from typing import Any
 
 import pytest
@@ -77,16 +78,16 @@ def bounds_m(known: ObstacleMap) -> tuple[float, ...]:
 def test_what_was_seen_in_full_within_the_error_replaces_what_was_seen_from_afar(
     obstacle_map: ObstacleMap,
 ) -> None:
-    limit = {"error_max_m": ALLOWED_M}
-    obstacle_map.add("a", square((20.0, 2.5)), FAR_M, in_full=True, **limit)
+    add = partial(obstacle_map.add, error_max_m=ALLOWED_M)
+    add("a", square((20.0, 2.5)), FAR_M, in_full=True)
     # Seen in part: what was not seen is not free.
-    obstacle_map.add("a", square((20.0, 0.0), 0.2), NEAR_M, in_full=False, **limit)
+    add("a", square((20.0, 0.0), 0.2), NEAR_M, in_full=False)
     assert bounds_m(obstacle_map) == pytest.approx((19.5, 20.5, -0.1, 3.0, FAR_M))
-    assert obstacle_map.add("a", square((20.0, 0.0)), NEAR_M, in_full=True, **limit)
+    assert add("a", square((20.0, 0.0)), NEAR_M, in_full=True)
     assert bounds_m(obstacle_map) == pytest.approx((19.5, 20.5, -0.5, 0.5, NEAR_M))
     # From afar again, it says nothing new; beyond both errors it does.
-    assert not obstacle_map.add("a", square((21.0, 3.0)), FAR_M, in_full=True, **limit)
-    assert obstacle_map.add("a", square((20.0, 4.0)), FAR_M, in_full=True, **limit)
+    assert not add("a", square((21.0, 3.0)), FAR_M, in_full=True)
+    assert add("a", square((20.0, 4.0)), FAR_M, in_full=True)
     assert bounds_m(obstacle_map) == pytest.approx((19.5, 20.5, -0.5, 4.5, FAR_M))
 
 
