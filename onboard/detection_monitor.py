@@ -100,7 +100,8 @@ class DetectionMonitor:
         sensor.newest_stamp_s = max(previous_s, min(stamp_s, now_s))
         reaction_s, limit_s = now_s - previous_s, terms.reaction_time_s
         out_of_turn = stamp_s <= previous_s or math.isinf(previous_s)
-        if out_of_turn or now_s - stamp_s > CLOCK_BEHIND_S or reaction_s <= limit_s:
+        too_old = now_s - stamp_s > max(CLOCK_BEHIND_S, terms.frame_age_max_s)
+        if out_of_turn or too_old or reaction_s <= limit_s:
             return None
         return Violation(Assumption.REACTION_TIME, reaction_s, limit_s, "s")
 

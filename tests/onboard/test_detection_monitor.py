@@ -1,5 +1,5 @@
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import pytest
 from hypothesis import given
@@ -203,3 +203,18 @@ def test_age_is_that_of_the_newest_frame(stamps_s: list[float]) -> None:
         monitor.on_arrival("front", 0, stamp_s, 10.0)
         monitor.on_frame("front", stamp_s, 10.0, TERMS)
     assert monitor.age_s(10.0) == pytest.approx(10.0 - max(stamps_s))
+
+
+@given(st.floats(0.05, 5.0), st.floats(0.0, 6.0))
+def test_a_frame_later_than_a_reaction_may_be_is_noticed_whatever_age_is_allowed(
+    frame_age_max_s: float, latency_s: float
+) -> None:
+    terms = replace(TERMS, frame_age_max_s=frame_age_max_s)
+    monitor, found = DetectionMonitor(), []
+    for sequence in range(3):
+        now_s = latency_s + sequence * FRAME_S
+        monitor.on_arrival("front", sequence, now_s - latency_s, now_s)
+        found.append(monitor.on_frame("front", now_s - latency_s, now_s, terms))
+        found.append(monitor.check(now_s, terms))
+    late = latency_s + FRAME_S > terms.reaction_time_s + 1e-9
+    assert any(violation is not None for violation in found) or not late
