@@ -202,7 +202,7 @@ class Navigator:
             (kind.BESIDE_LEG, abs(y_m) <= beside_max_m, f"{abs(y_m):.1f} m beside the leg"),
             (
                 kind.OFF_HEIGHT,
-                abs(z_m) <= START_TOLERANCE_M,
+                -START_TOLERANCE_M <= z_m <= self._start_lower_max_m,
                 f"{abs(z_m):.1f} m off the cruise height",
             ),
             # From rest only: whatever way braking would take has not been certified.
@@ -219,6 +219,15 @@ class Navigator:
             if obstacle.region.lane_left_m <= y_m <= obstacle.region.lane_right_m
         ]
         return refusals
+
+    @property
+    def _start_lower_max_m(self) -> float:
+        """How far below the cruise height a flight may start: not nearer to the ground than safe.
+
+        Where the contract does not comply, a forced flight starts all the same.
+        """
+        margins_m = [c.margin for c in self.assessment.clauses if c.name == "ground_clearance"]
+        return min([START_TOLERANCE_M, *(margin_m for margin_m in margins_m if margin_m > 0.0)])
 
     def take_control(self, pose: Pose, now_s: float) -> None:
         """Come to a hover and start, or resume, the current leg (CONTROL_GRANTED)."""

@@ -315,6 +315,19 @@ def test_a_mission_too_near_the_ground_is_not_flown(
         assert "does not comply (ground_clearance)" in rig.texts("refused")[-1]
 
 
+@pytest.mark.parametrize(("height_m", "departs"), [(1.2, False), (1.31, True), (2.0, True)])
+def test_no_flight_starts_nearer_to_the_ground_than_the_contract_allows(
+    contract: Contract, mission: Mission, height_m: float, *, departs: bool
+) -> None:
+    low = mission.model_copy(update={"altitude_m": 2.0})
+    rig = Rig(Autonomy(contract, low, epoch_unix_s=EPOCH_UNIX_S))
+    rig.position_ned_m = (0.0, 0.0, -height_m)
+    rig.mode = OFFBOARD
+    rig.run(2.0)
+    assert (rig.phase is Phase.CRUISE) is departs
+    assert departs or "off the cruise height" in rig.texts("refused")[-1]
+
+
 def test_another_mission_is_checked_at_its_own_height(contract: Contract, mission: Mission) -> None:
     rig = Rig(Autonomy(contract, mission, epoch_unix_s=EPOCH_UNIX_S))
     rig.run(1.0)
