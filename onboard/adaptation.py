@@ -82,9 +82,6 @@ WORSENINGS: Final[dict[tuple[Assumption, str], Worsening]] = {
     (Assumption.TRACKING_ERROR_Z, ""): lambda terms, seen: replace(
         terms, tracking_error_z_m=max(terms.tracking_error_z_m, seen * HEADROOM)
     ),
-    (Assumption.HEADING_ERROR, ""): lambda terms, seen: replace(
-        terms, heading_error_rad=max(terms.heading_error_rad, math.radians(seen * HEADROOM))
-    ),
     (Assumption.WIND, ""): lambda terms, seen: replace(
         terms, wind_max_mps=max(terms.wind_max_mps or 0.0, seen * HEADROOM)
     ),

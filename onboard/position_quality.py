@@ -83,7 +83,7 @@ class Sign(NamedTuple):
             self.limit,
             self.unit,
             self.subject,
-            self.sentence,
+            sentence=self.sentence,
         )
 
 

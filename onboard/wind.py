@@ -44,4 +44,9 @@ class WindMonitor:
             self._exceeded_since_s = now_s
         if now_s - self._exceeded_since_s < CONFIRMATION_S:
             return None
-        return Violation(Assumption.WIND, taken_mps2, limit_mps2, "m/s²")
+        # As wind, which is what the contract states and what adaptation reads.
+        seen_mps, limit_mps = (
+            trim_mps2 / drag_per_s if drag_per_s > 0.0 else math.inf
+            for trim_mps2 in (taken_mps2, limit_mps2)
+        )
+        return Violation(Assumption.WIND, seen_mps, limit_mps, "m/s")

@@ -133,11 +133,10 @@ def stated(vehicle: dict[str, Any], environment: dict[str, Any] | None = None) -
     ("assumption", "measured", "field", "expected"),
     [
         (Assumption.TRACKING_ERROR_Z, 1.2, "tracking_error_z_m", 1.2 * HEADROOM),
-        (Assumption.HEADING_ERROR, 1.2, "heading_error_rad", math.radians(1.2 * HEADROOM)),
         (Assumption.WIND, 1.2, "wind_max_mps", 1.2 * HEADROOM),
     ],
 )
-def test_height_heading_and_wind_are_terms_like_any_other(
+def test_height_and_wind_are_terms_like_any_other(
     assumption: Assumption, measured: float, field: str, expected: float
 ) -> None:
     before = stated({"heading_error_deg": 1.0}, WIDE)

@@ -46,6 +46,7 @@ class Rig:
     target_ned_m: tuple[float, float, float] | None = None
     estimator_flags: int | None = 0x37F  # what PX4 says in flight; None for nothing
     fix_type: int | None = 3
+    mag_ratio: float = 0.1
     system_status: int = 4
     seeing: bool = True
     speaking: bool = True
@@ -108,15 +109,19 @@ class Rig:
         roll_rad, pitch_rad = math.atan(right_mps2 / 9.80665), -math.atan(forward_mps2 / 9.80665)
         self._mav.attitude_send(0, roll_rad, pitch_rad, self.yaw_rad, 0.0, 0.0, 0.0)
         self._mav.local_position_ned_send(0, *self.position_ned_m, *self.velocity_ned_mps)
-        if self.estimator_flags is not None:
-            self._mav.estimator_status_send(0, self.estimator_flags, *(0.1,) * 6, 0.3, 0.3)
-        if self.fix_type is not None:
-            self._mav.gps_raw_int_send(0, self.fix_type, 0, 0, 0, 70, 90, 0, 0, 10)
+        self.say_what_the_position_is_worth()
         if self.target_ned_m is not None:
             still = (0.0,) * 8
             self._mav.position_target_local_ned_send(0, 1, 0, *self.target_ned_m, *still)
         self.autonomy.receive_mavlink(bytes(self._bytes), self.now_s)
         self._bytes.clear()
+
+    def say_what_the_position_is_worth(self) -> None:
+        if self.estimator_flags is not None:
+            ratios = (0.1, 0.1, 0.1, self.mag_ratio, 0.1, 0.1)
+            self._mav.estimator_status_send(0, self.estimator_flags, *ratios, 0.3, 0.3)
+        if self.fix_type is not None:
+            self._mav.gps_raw_int_send(0, self.fix_type, 0, 0, 0, 70, 90, 0, 0, 10)
 
     def frame(self, **changes: Any) -> bytes:
         return json.dumps(

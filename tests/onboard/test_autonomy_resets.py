@@ -264,7 +264,7 @@ def test_jump_seen_only_after_a_silence_holds_where_the_vehicle_is_said_to_be(
     contract: Contract, mission: Mission
 ) -> None:
     """Its size cannot be told from motion, so that no bound covers it."""
-    rig = flying(contract, mission, 5.0, [])
+    rig = flying(contract, mission, 2.5, [])
     in_phase(rig, "hold")
     rig.speaking = False
     rig.run(1.0)
