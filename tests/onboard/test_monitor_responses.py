@@ -277,7 +277,9 @@ def test_a_wind_beyond_the_declared_one_ends_in_a_stop(
 ) -> None:
     drag_per_s = 0.45
     vehicle = contract.vehicle.model_copy(update={"drag_per_s": drag_per_s})
-    environment = contract.environment.model_copy(update={"wind_max_mps": wind_max_mps})
+    # The trim leaves less to brake with, and regions grow.
+    update = {"wind_max_mps": wind_max_mps, "obstacle_separation_min_m": 60.0}
+    environment = contract.environment.model_copy(update=update)
     declared = contract.model_copy(update={"vehicle": vehicle, "environment": environment})
     rig = rig_of(declared, mission)
     rig.run(3.0)
@@ -293,7 +295,6 @@ def test_a_wind_beyond_the_declared_one_ends_in_a_stop(
 def test_it_does_not_depart_in_more_wind_than_declared(
     contract: Contract, mission: Mission
 ) -> None:
-    # The trim leaves less to brake with, and regions grow.
     update = {"wind_max_mps": 3.0, "obstacle_separation_min_m": 60.0}
     environment = contract.environment.model_copy(update=update)
     declared = contract.model_copy(update={"environment": environment})
@@ -316,7 +317,7 @@ def test_what_px4s_controller_adds_is_no_second_commander(
     field_rig: FieldRig, gain_per_s: float
 ) -> None:
     field_rig.gain_per_s = gain_per_s
-    field_rig.be_off((-0.1, 0.1, 0.5))
+    field_rig.be_off((-0.1, 0.1, 0.5), seconds=2.0)
     field_rig.obstacles = [box((field_rig.position_ned_m[0] + 12.0, 0.3))]
     field_rig.run(60.0, until=lambda: field_rig.phase is Phase.ARRIVED)
     assert field_rig.phase is Phase.ARRIVED
