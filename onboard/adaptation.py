@@ -97,7 +97,9 @@ def adapt(assessment: Assessment, violation: Violation) -> Adaptation | None:
 
     Returns:
         None if no speed complies, or if the assumption is not one that a contract states in
-        numbers (a blind sensor, an unknown position).
+        numbers (a blind sensor, an unknown position), or not those that were measured: a nose off
+        its command, a rejected magnetometer and turned sightings tell that the heading is wrong,
+        and nothing tells by how much.
     """
     axis = violation.subject if violation.assumption is Assumption.VELOCITY_ERROR else ""
     worsening = WORSENINGS.get((violation.assumption, axis))
@@ -113,7 +115,6 @@ def adapt(assessment: Assessment, violation: Violation) -> Adaptation | None:
 def _beyond_belief(terms: Terms[float], declared: Terms[float]) -> bool:
     errors = (
         (terms.tracking_error_z_m, declared.tracking_error_z_m),
-        (terms.heading_error_rad, declared.heading_error_rad),
         (terms.wind_max_mps or 0.0, declared.wind_max_mps or 0.0),
         (terms.tracking_error_m, declared.tracking_error_m),
         (terms.velocity_error_x_mps, declared.velocity_error_x_mps),

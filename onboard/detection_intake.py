@@ -208,6 +208,9 @@ class DetectionIntake:
         shifts_m = self._placements_m(stamp_s) if seen.moves else _in_place(stamp_s)
         if len(shifts_m) > 1 and self._navigator.obstacles.of_track(seen.track_id) is not None:
             return  # it has been seen better
+        if len(shifts_m) > 1:
+            # Of one sighting two places, which contradict each other: neither says where it is.
+            seen = seen._replace(in_full=False)
         for shift_m in shifts_m:
             placed = seen
             if shift_m != (0.0, 0.0):
@@ -264,6 +267,8 @@ class DetectionIntake:
             error_m + displacement_m if displacement_m > 0.0 else seen.uncertainty_m,
             # In standby nothing is flown by the map: what encloses all places is one obstacle.
             apart_from=_apart_from(placement, seen, navigator.phase),
+            error_max_m=navigator.assessment.face_error_m,
+            in_full=seen.in_full and seen.blur_m == 0.0,
         )
         if placement.violation is not None:
             yield placement.violation

@@ -1,8 +1,9 @@
 """Detection frames -> remembered obstacles -> Regions of Influence -> the obstacle of interest.
 
 Obstacles are static, so what has been seen is remembered: a frame that no longer mentions an
-obstacle does not remove it.  A box only ever grows, to enclose every measurement of its obstacle;
-measurements that contradict each other are kept as boxes of their own.
+obstacle does not remove it.  A box only ever grows, to enclose every measurement of its obstacle,
+but for those from afar, which a wrong heading displaces by more than the contract allows for: one
+in full view from nearer replaces them.  Measurements that contradict each other are kept apart.
 """
 
 from __future__ import annotations
@@ -29,7 +30,6 @@ MAX_COORDINATE_M: Final = 1e6
 
 Coordinate = Annotated[float, Field(ge=-MAX_COORDINATE_M, le=MAX_COORDINATE_M)]
 Extent = Annotated[float, Field(ge=0.0, le=1e4)]
-
 
 # North and east of each [m].
 Corners = Sequence[tuple[float, float]]
@@ -147,6 +147,11 @@ class _Track:
     position_error_m: float
     apart_from: str | None = None
 
+    def explains(self, measured: Box, position_error_m: float) -> bool:
+        """Tell whether a worse measurement says nothing beyond the errors of both."""
+        bound = self.measured.inflated(self.position_error_m + position_error_m)
+        return position_error_m > self.position_error_m and bound.enclosing(measured) == bound
+
 
 RegionFactory = Callable[[Box, float], RegionOfInfluence]
 
@@ -246,6 +251,8 @@ class ObstacleMap:
         position_error_m: float,
         *,
         apart_from: str | None = None,
+        error_max_m: float = math.inf,
+        in_full: bool = False,
     ) -> bool:
         """Remember a measurement; tell whether it changed what is known.
 
@@ -255,6 +262,8 @@ class ObstacleMap:
             position_error_m: uncertainty of its faces.
             apart_from: track that the measurement contradicts; the two are never merged, nor with
                 other places that contradict the same one.
+            error_max_m: of a face by the contract; worse counts until it is seen in full within.
+            in_full: whether the whole obstacle was seen.
 
         Raises:
             OverflowError: more obstacles than any sensor could have seen.
@@ -262,8 +271,11 @@ class ObstacleMap:
         known = self._tracks.get(track_id)
         measured = self._leg_box(corners_ned_m)
         if known is not None:
-            measured = known.measured.enclosing(measured)
-            position_error_m = max(known.position_error_m, position_error_m)
+            if position_error_m > error_max_m and known.explains(measured, position_error_m):
+                return False
+            if not (in_full and position_error_m <= error_max_m < known.position_error_m):
+                measured = known.measured.enclosing(measured)
+                position_error_m = max(known.position_error_m, position_error_m)
             if measured == known.measured and position_error_m == known.position_error_m:
                 return False
             # Sound for any later leg: what encloses every measurement in this one encloses them.

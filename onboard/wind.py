@@ -44,9 +44,7 @@ class WindMonitor:
             self._exceeded_since_s = now_s
         if now_s - self._exceeded_since_s < CONFIRMATION_S:
             return None
-        # As wind, which is what the contract states and what adaptation reads.
-        seen_mps, limit_mps = (
-            trim_mps2 / drag_per_s if drag_per_s > 0.0 else math.inf
-            for trim_mps2 in (taken_mps2, limit_mps2)
-        )
-        return Violation(Assumption.WIND, seen_mps, limit_mps, "m/s")
+        # As the contract states it: a wind.  Without drag, no wind explains what is seen.
+        if drag_per_s == 0.0:
+            return Violation(Assumption.WIND, math.inf, terms.wind_max_mps, "m/s")
+        return Violation(Assumption.WIND, taken_mps2 / drag_per_s, limit_mps2 / drag_per_s, "m/s")

@@ -139,7 +139,7 @@ def stated(vehicle: dict[str, Any], environment: dict[str, Any] | None = None) -
 def test_height_and_wind_are_terms_like_any_other(
     assumption: Assumption, measured: float, field: str, expected: float
 ) -> None:
-    before = stated({"heading_error_deg": 1.0}, WIDE)
+    before = stated({}, WIDE)
     adaptation = adapt(before, broken(assumption, measured))
     assert adaptation is not None
     assert adaptation.assessment.compliant
@@ -154,9 +154,18 @@ def test_a_height_error_that_reaches_the_ground_is_not_adapted_to() -> None:
     assert adapt(low, broken(Assumption.TRACKING_ERROR_Z, 1.9)) is None
 
 
-def test_what_is_not_declared_is_not_adapted_to(assessment: Assessment) -> None:
-    for assumption in (Assumption.HEADING_ERROR, Assumption.WIND):
-        assert adapt(assessment, broken(assumption, 0.1)) is None
+def test_a_wind_that_is_not_declared_is_not_adapted_to(assessment: Assessment) -> None:
+    assert adapt(assessment, broken(Assumption.WIND, 0.1)) is None
+
+
+@pytest.mark.parametrize("subject", ["pointing", "compass", "sightings"])
+@pytest.mark.parametrize("measured", [0.1, 1.4, 6.0, 30.0])
+def test_what_shows_a_wrong_heading_does_not_measure_its_error(
+    subject: str, measured: float
+) -> None:
+    """A compass ratio of 1.4 is no heading error of 1.4 degrees."""
+    before = stated({"heading_error_deg": 5.0}, WIDE)
+    assert adapt(before, broken(Assumption.HEADING_ERROR, measured, subject)) is None
 
 
 def test_wind_leaves_less_to_slow_down_with() -> None:

@@ -244,6 +244,29 @@ def test_late_frame_in_the_local_frame_is_moved_with_the_estimate(
     assert placed(rig, "1") == pytest.approx((39.5, 40.5, *east_m))
 
 
+def test_one_sighting_at_two_places_does_not_contradict_itself(
+    contract: Contract, mission: Mission
+) -> None:
+    """It is new, in full view, and its frame was on its way while the estimate jumped."""
+    rig = flying(contract, mission, 1.0, [])
+    in_phase(rig, "cruise")
+    jump(rig, (0.0, 0.8, 0.0))
+    rig.tick()
+    for later_s in (0.09, 0.0):
+        ahead = box((rig.position_ned_m[0] + 20.0, 5.0))
+        frame = rig.frame(
+            stamp_unix_s=EPOCH_UNIX_S + rig.now_s - later_s, range_m=30.0, obstacles=[ahead]
+        )
+        rig.autonomy.receive_detection(frame, rig.now_s)
+        rig.tick()
+    rig.run(0.5)
+    assert rig.texts("violation") == []
+    assert rig.phase is Phase.CRUISE
+    x_min_m, x_max_m, left_m, right_m = placed(rig, "1")
+    assert right_m - left_m == pytest.approx(1.8)
+    assert x_max_m - x_min_m == pytest.approx(1.0, abs=0.1)
+
+
 def test_late_frame_from_the_body_is_placed_in_the_frame_of_now(
     contract: Contract, mission: Mission
 ) -> None:
@@ -264,7 +287,7 @@ def test_jump_seen_only_after_a_silence_holds_where_the_vehicle_is_said_to_be(
     contract: Contract, mission: Mission
 ) -> None:
     """Its size cannot be told from motion, so that no bound covers it."""
-    rig = flying(contract, mission, 2.5, [])
+    rig = flying(contract, mission, 2.0, [])
     in_phase(rig, "hold")
     rig.speaking = False
     rig.run(1.0)

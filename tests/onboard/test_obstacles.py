@@ -2,6 +2,7 @@ import json
 import math
 import random
 from dataclasses import astuple
+from functools import partial
 from typing import Any
 
 import pytest
@@ -64,6 +65,36 @@ def square(center_ned_m: tuple[float, float], side_m: float = 1.0) -> Corners:
 @pytest.fixture
 def obstacle_map() -> ObstacleMap:
     return ObstacleMap(NORTH_LEG, region_around, merged_size_max_m=0.0)
+
+
+FAR_M, ALLOWED_M, NEAR_M = 3.0, 0.7, 0.4
+
+
+def bounds_m(known: ObstacleMap) -> tuple[float, ...]:
+    (obstacle,) = known
+    return (*astuple(obstacle.measured), obstacle.position_error_m)
+
+
+def test_what_was_seen_in_full_within_the_error_replaces_what_was_seen_from_afar(
+    obstacle_map: ObstacleMap,
+) -> None:
+    add = partial(obstacle_map.add, error_max_m=ALLOWED_M)
+    add("a", square((20.0, 2.5)), FAR_M, in_full=True)
+    # Seen in part: what was not seen is not free.
+    add("a", square((20.0, 0.0), 0.2), NEAR_M, in_full=False)
+    assert bounds_m(obstacle_map) == pytest.approx((19.5, 20.5, -0.1, 3.0, FAR_M))
+    assert add("a", square((20.0, 0.0)), NEAR_M, in_full=True)
+    assert bounds_m(obstacle_map) == pytest.approx((19.5, 20.5, -0.5, 0.5, NEAR_M))
+    # From afar again, it says nothing new; beyond both errors it does.
+    assert not add("a", square((21.0, 3.0)), FAR_M, in_full=True)
+    assert add("a", square((20.0, 4.0)), FAR_M, in_full=True)
+    assert bounds_m(obstacle_map) == pytest.approx((19.5, 20.5, -0.5, 4.5, FAR_M))
+
+
+def test_within_the_error_a_box_only_ever_grows(obstacle_map: ObstacleMap) -> None:
+    for east_m in (0.0, 0.3, -0.2):
+        obstacle_map.add("a", square((20.0, east_m)), NEAR_M, error_max_m=ALLOWED_M, in_full=True)
+    assert bounds_m(obstacle_map) == pytest.approx((19.5, 20.5, -0.7, 0.8, NEAR_M))
 
 
 def test_design_example_frame_is_read() -> None:

@@ -9,7 +9,7 @@ from itertools import pairwise
 import pytest
 
 from onboard.autonomy import Autonomy
-from onboard.config import Contract, Mission
+from onboard.config import Contract, Mission, load_contract
 from onboard.contract import TICK_S, assess_terms
 from onboard.departure import REFUSAL_PERIOD_S, Refusal, RefusalKind, RefusalReport
 from onboard.detection_consistency import SETTLED_AFTER_S
@@ -19,6 +19,7 @@ from onboard.journal import Journal
 from onboard.manoeuvre import brake_to_hover
 from onboard.monitor import Assumption, Violation
 from onboard.room import least_room_m
+from tests.onboard.conftest import CONFIG
 from tests.onboard.test_autonomy import EPOCH_UNIX_S, OFFBOARD, POSCTL, Rig, box
 
 
@@ -123,6 +124,37 @@ def test_boxes_carry_what_a_wrong_heading_displaces(
     assert known.position_error_m == pytest.approx(0.05 + displaced_m, abs=6e-3)
     # What a sensor states is compared with what the contract assumes of the sensor alone.
     assert not any("detection_uncertainty" in text for text in cruising.texts("violation"))
+
+
+@pytest.mark.parametrize("frame", ["local_ned", "body_frd"])
+def test_a_sensor_that_sees_farther_than_declared_makes_no_obstacle_larger(
+    mission: Mission, frame: str
+) -> None:
+    """At 60 m a heading error of 2 degrees displaces by 2 m, but the pillar is 1 m wide."""
+    contract = load_contract(CONFIG / "default_contract.yaml")
+    leg = {"end_ned_m": (90.0, 0.0), "target_half_width_m": 10.0}
+    legs = [mission.legs[0].model_copy(update=leg)]
+    long = mission.model_copy(update={"legs": tuple(legs)})
+    rig = Rig(Autonomy(contract, long, epoch_unix_s=EPOCH_UNIX_S), mode=OFFBOARD, seeing=False)
+
+    def look() -> bool:
+        north_m, east_m = rig.position_ned_m[:2] if frame == "body_frd" else (0.0, 0.0)
+        seen = [box((60.0 - north_m, 0.2 - east_m))] if rig.position_ned_m[0] < 60.0 else []
+        payload = rig.frame(frame=frame, range_m=80.0, obstacles=seen)
+        rig.autonomy.receive_detection(payload, rig.now_s)
+        return rig.phase in (Phase.AVOID, Phase.HOLD)
+
+    rig.run(40.0, until=look)
+    assert rig.phase is Phase.AVOID
+    navigator = rig.autonomy.navigator
+    assert navigator.avoidance is not None
+    error_m = navigator.assessment.face_error_m
+    assert navigator.avoidance.obstacle.position_error_m <= error_m
+    terms = navigator.assessment.terms
+    widest_m = 1.0 + 2.0 * (terms.radius_m + terms.tracking_error_m + error_m)
+    assert max(navigator.avoidance.obstacle.region.obstacle.size_m) <= widest_m + 0.1
+    rig.run(40.0, until=lambda: look() and rig.phase is Phase.HOLD)
+    assert rig.texts("violation") == []
 
 
 def test_sightings_that_contradict_in_standby_delay_the_departure_and_become_one_obstacle(
