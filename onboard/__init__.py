@@ -16,7 +16,7 @@ Beside the walk each monitor checks one assumption of those that `onboard.monito
 
 * the sensor: `onboard.detection_monitor`, `onboard.detection_consistency`;
 * the estimate: `onboard.estimator_reset`, `onboard.position_quality`, `onboard.heading`;
-* the vehicle and the air: `onboard.tracking`, `onboard.tilt_response`, `onboard.trim`, `onboard.wind`;
+* vehicle and air: `onboard.tracking`, `onboard.tilt_response`, `onboard.trim`, `onboard.wind`;
 * who else commands, and time: `onboard.second_commander`, `onboard.loop_overrun`.
 
 `onboard.departure` says why control is not taken, `onboard.adaptation` answers what fails by a
