@@ -1,6 +1,6 @@
 """What the autopilot believes of its own motion, and by how much that is wrong.
 
-Controller, telemetry and whoever places what a sensor sees go by the estimate; only collisions and
+Controller, telemetry and what places detections go by the estimate; only collisions and
 the truth log go by the truth.  The mechanisms:
 
 * *Wander*: each of the seven errors (position, velocity, heading) is a sum of sines of seeded
