@@ -53,6 +53,8 @@ RIVAL_MEMORY_S: Final = 0.5
 SENT_MEMORY_S: Final = 0.6
 # Holding without knowing where for longer than this is left to the autopilot.
 HANDOVER_AFTER_S: Final = 2.0
+# And is taken back once the position has been there for so long: it may flicker.
+TAKE_BACK_AFTER_S: Final = 1.0
 # A reference slower than this has come to rest, but for round-off.
 STOPPED_MPS: Final = 0.01
 
@@ -124,7 +126,7 @@ class Autonomy:
         self._refusals, self._limiter = RefusalReport(), EventLimiter()
         self._watched_pose: Pose | None = None
         self._sent: deque[tuple[float, Setpoint]] = deque()
-        self._left = False
+        self._left, self._blind_s = False, -math.inf
         self._held = False
 
     @property
@@ -512,8 +514,11 @@ class Autonomy:
     def _left_to_the_autopilot(self, now_s: float) -> bool:
         """Tell whether we hover without a position: then the autopilot's failsafe does better."""
         reason = None if self.navigator.flying else self._blindness(now_s)
-        left, self._left = self._left, reason is not None
-        if self._left and not left and self.navigator.phase is not Phase.STANDBY:
+        if reason is not None:
+            self._blind_s = now_s
+        lately = now_s - self._blind_s < TAKE_BACK_AFTER_S
+        left, self._left = self._left, lately and not self.navigator.flying
+        if reason and self._left and not left and self.navigator.phase is not Phase.STANDBY:
             text = f"{reason}: leaving the vehicle to the autopilot"
             self._news.append(Event(now_s, "handed_over", Severity.CRITICAL, text))
         if left and not self._left and self.link.pose is not None:

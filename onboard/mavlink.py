@@ -31,6 +31,9 @@ HEARTBEAT_PERIOD_S: Final = 1.0
 TELEMETRY_RATE_HZ: Final = POSITION_RATE_HZ
 # A position without an attitude this recent is no pose.
 ATTITUDE_AGE_MAX_S: Final = 0.2
+# Beyond these a position is garbage, and what would follow from it fits no message.
+_COORDINATE_MAX_M: Final = 1e6
+_SPEED_MAX_MPS: Final = 1e3
 
 # Every field of the setpoint is meant except the yaw rate.
 _TYPE_MASK: Final = mavlink.POSITION_TARGET_TYPEMASK_YAW_RATE_IGNORE
@@ -124,7 +127,7 @@ class LinkCounters:
 
     Attributes:
         garbage_bytes: no part of an intact frame.
-        malformed_messages: with values that are no numbers.
+        malformed_messages: with values that are no numbers, or absurd.
         foreign_messages: of the kinds that are read, but not from our autopilot.
     """
 
@@ -277,7 +280,11 @@ class MavlinkEndpoint:
     def _on_position(self, message: Any, now_s: float) -> None:
         position_ned_m = (message.x, message.y, message.z)
         velocity_ned_mps = (message.vx, message.vy, message.vz)
-        if not all(map(math.isfinite, position_ned_m + velocity_ned_mps)):
+        # NaN compares false.
+        sane = all(abs(p_m) <= _COORDINATE_MAX_M for p_m in position_ned_m) and all(
+            abs(v_mps) <= _SPEED_MAX_MPS for v_mps in velocity_ned_mps
+        )
+        if not sane:
             self.counters.malformed_messages += 1
         elif self._attitude_rad is not None and now_s - self._attitude_s <= ATTITUDE_AGE_MAX_S:
             measured_s = message.time_boot_ms / 1e3

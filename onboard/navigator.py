@@ -282,7 +282,9 @@ class Navigator:
             return False
         speed_mps = self.assessment.terms.cruise_speed_mps
         text = f"contract solved again for {violation}: flying on at {speed_mps:.2f} m/s"
-        self._note_rarely(Event(now_s, "adapted", Severity.WARNING, text), violation.key)
+        # Another speed is news; it only ever falls, by steps, so that there are few.
+        kind = f"{violation.key} {speed_mps:.2f}"
+        self._note_rarely(Event(now_s, "adapted", Severity.WARNING, text), kind)
         if self.avoidance is not None:
             self._recheck_avoided(now_s)
         return True

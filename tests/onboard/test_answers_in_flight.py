@@ -7,6 +7,7 @@ import pytest
 from onboard.autonomy import Autonomy
 from onboard.config import Contract, Mission
 from onboard.guidance import Phase
+from onboard.monitor import Assumption, Violation
 from onboard.trim import LEARNING_TIME_S
 from onboard.wind import CONFIRMATION_S
 from tests.onboard.test_autonomy import EPOCH_UNIX_S, OFFBOARD
@@ -99,3 +100,21 @@ def test_a_nose_off_its_command_ends_in_a_stop_whatever_error_is_declared(
     rig.run(1.5, until=lambda: see(rig))
     assert rig.texts("violation")[0].startswith("heading_error (pointing)")
     assert rig.phase is Phase.HOLD
+
+
+def test_every_speed_that_the_contract_is_solved_for_is_said(
+    contract: Contract, mission: Mission
+) -> None:
+    rig = cruising(contract, mission, {}, {})
+    navigator = rig.autonomy.navigator
+    speeds_mps = [navigator.assessment.terms.cruise_speed_mps]
+    for apart_m in (15.0, 14.0, 13.0, 13.0):
+        seen = Violation(Assumption.ROI_INTERSECTION, apart_m, 60.0, "m", "1 and 2")
+        navigator.answer(seen, rig.now_s)
+        rig.run(0.8, until=lambda: see(rig))
+        speeds_mps.append(navigator.assessment.terms.cruise_speed_mps)
+    assert rig.phase is Phase.CRUISE
+    slower = sorted(set(speeds_mps[1:]), reverse=True)
+    assert len(slower) > 1
+    said = [text.rpartition(" at ")[2] for text in rig.texts("adapted")]
+    assert said == [f"{speed_mps:.2f} m/s" for speed_mps in slower]

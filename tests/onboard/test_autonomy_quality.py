@@ -4,7 +4,7 @@ from typing import Any
 
 import pytest
 
-from onboard.autonomy import Autonomy
+from onboard.autonomy import TAKE_BACK_AFTER_S, Autonomy
 from onboard.config import Contract, Mission
 from onboard.guidance import Phase
 from tests.onboard.test_autonomy import EPOCH_UNIX_S, OFFBOARD, POSCTL, Rig, box
@@ -85,9 +85,27 @@ def test_position_that_comes_back_is_hovered_at_where_the_autopilot_has_left_the
         rig.position_ned_m = (north_m, east_m + 0.01, down_m)
         rig.tick()
     rig.velocity_ned_mps, rig.fix_type = (0.0, 0.0, 0.0), 3
-    rig.run(0.5)
+    rig.run(TAKE_BACK_AFTER_S + 0.5)
     assert rig.setpoints[-1].y == pytest.approx(rig.position_ned_m[1], abs=0.1)
     assert rig.position_ned_m[1] == pytest.approx(5.0, abs=0.1)
+
+
+def test_position_that_flickers_is_left_to_the_autopilot_once(rig: Rig) -> None:
+    """Neither a storm of events, nor a stream of set-points that stutters."""
+    cruising(rig)
+    rig.estimator_flags = GOOD & ~0x18
+    rig.run(0.2)
+    assert rig.phase is Phase.HOLD
+    sent = len(rig.setpoints)
+    for _ in range(20):
+        for flags in (GOOD, GOOD & ~0x18):
+            rig.estimator_flags = flags
+            rig.run(0.2)
+    assert len(rig.texts("handed_over")) == 1
+    assert len(rig.setpoints) == sent
+    rig.estimator_flags = GOOD
+    rig.run(TAKE_BACK_AFTER_S + 0.5)
+    assert len(rig.setpoints) > sent
 
 
 @pytest.mark.parametrize("phase", [Phase.HOLD, Phase.ARRIVED])

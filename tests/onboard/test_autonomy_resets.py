@@ -302,15 +302,33 @@ def test_jump_seen_only_after_a_silence_holds_where_the_vehicle_is_said_to_be(
 
 
 def test_absurd_position_does_not_blur_the_map(contract: Contract, mission: Mission) -> None:
-    """There and back by 1e20 m, a box would have lost its place to rounding."""
+    """There and back by 1e6 m, a box would have lost digits of its place to rounding."""
     rig = flying(contract, mission, 0.0, [box((40.0, -9.0))])
     in_phase(rig, "hold")
     rig.seeing = False
     before_m, here_ned_m = placed(rig, "1"), rig.position_ned_m
-    rig.position_ned_m = (1e20, 0.0, -4.0)
+    rig.position_ned_m = (9e5, 0.0, -4.0)
     rig.tick()
     rig.position_ned_m = here_ned_m
     rig.tick()
     assert placed(rig, "1") == before_m
     rig.run(1.0)
     assert rig.position_ned_m == pytest.approx(here_ned_m, abs=0.01)
+
+
+@pytest.mark.parametrize("phase", ["cruise", "hold"])
+def test_absurd_velocity_before_a_silence_is_not_flown(
+    contract: Contract, mission: Mission, phase: str
+) -> None:
+    """Braking from it would lead to places that no message can carry."""
+    rig = flying(contract, mission, 0.0, [])
+    in_phase(rig, phase)
+    flown_ned_m, rig.velocity_ned_mps = rig.position_ned_m, (3e38, 0.0, 0.0)
+    rig.position_ned_m = (1e20, 0.0, -4.0)
+    rig.mode, rig.speaking = POSCTL, True
+    rig.told_mode = OFFBOARD
+    rig.tick()
+    rig.speaking = False
+    rig.run(1.5)
+    last = rig.setpoints[-1]
+    assert abs(last.x - flown_ned_m[0]) < 8.0

@@ -128,6 +128,15 @@ def test_position_that_is_no_number_is_counted_and_dropped(
     assert endpoint.counters.malformed_messages == 2
 
 
+@pytest.mark.parametrize(("x_m", "vx_mps"), [(1e20, 0.0), (0.0, 3e38), (-1e7, 0.0), (0.0, -2e3)])
+def test_absurd_position_is_counted_and_dropped(
+    endpoint: MavlinkEndpoint, autopilot: Autopilot, x_m: float, vx_mps: float
+) -> None:
+    endpoint.receive(autopilot.attitude() + autopilot.position(x_m, vx_mps=vx_mps), 0.0)
+    assert endpoint.pose is None
+    assert endpoint.counters.malformed_messages == 1
+
+
 def test_airborne_is_unknown_until_said(endpoint: MavlinkEndpoint, autopilot: Autopilot) -> None:
     assert endpoint.status.airborne is None
     endpoint.receive(autopilot.landed_state(mavlink.MAV_LANDED_STATE_IN_AIR), 0.0)
