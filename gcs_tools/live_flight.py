@@ -144,7 +144,7 @@ def write_configuration(
         seed=seed,
         truth_log="truth.mcap",
     )
-    # This flight has no radio, so its loss is no failsafe.
+    # This flight has no radio, so its loss triggers none.
     sitl = sitl.model_copy(
         update={"parameters": dict([_WITHOUT_RADIO[sitl.flavour]]) | sitl.parameters}
     )

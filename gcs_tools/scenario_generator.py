@@ -28,7 +28,7 @@ Breach = Literal["larger", "closer", "range", "speed"]
 
 NO_FAULT: Final = "none"
 # Drawn again until the contract complies and the field keeps it; in vain is a programming error.
-ATTEMPTS_MAX: Final = 500
+ATTEMPTS_MAX: Final = 4000
 # Declared far more than any contract here requires, to learn what it does require.
 _AMPLE_M: Final = 1000.0
 _AMPLE_DEG: Final = 359.0

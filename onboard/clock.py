@@ -16,7 +16,7 @@ from typing import Final
 from onboard.events import Event, Severity
 
 # Less than the time in which a frame's stamp and the vehicle's pose have to agree.  A slow
-# adjustment by NTP moves both clocks alike and is no step.
+# adjustment by NTP moves both clocks alike: not a step.
 STEP_MIN_S: Final = 0.01
 # A process that was interrupted between two readings cannot compare them.
 _READING_MAX_S: Final = 0.002

@@ -54,7 +54,7 @@ LATER_KEYS: Final[dict[str, tuple[str, ...]]] = {
 def pinned_run_on_speed(vehicle: dict[str, Any], speed_mps: Any) -> dict[str, Any]:
     """Return the keys of a vehicle with the speed at which the run-on was measured stated."""
     key = "setpoint_loss_run_on_speed_mps"
-    # What is no speed is reported once, under the key where it is written.
+    # A value that is not a speed is reported once, under the key where it is written.
     usable = isinstance(speed_mps, int | float) and math.isfinite(speed_mps) and speed_mps > 0.0
     stated = vehicle.get(key) is not None
     return vehicle if stated or not usable else vehicle | {key: float(speed_mps)}

@@ -75,7 +75,7 @@ class _Seen(NamedTuple):
     in_full: bool
 
     def displacement_m(self, heading_error_rad: float) -> float:
-        """How far a wrong heading displaces the farthest corner, whoever placed the box by it.
+        """Return how far a wrong heading displaces the farthest corner.
 
         Boxes in local NED are placed by the autopilot's own estimate, with the same heading.
         """

@@ -61,7 +61,7 @@ class Logs:
             self._open.close()
         except OSError as error:  # said before where a full disk has ended the logs in flight
             if self.failure is None:
-                log.error("the flight log ends here: %s", error)  # noqa: TRY400  a full disk is no defect of ours
+                log.error("the flight log ends here: %s", error)  # noqa: TRY400  a full disk is not a defect
 
     @property
     def failure(self) -> str | None:

@@ -15,7 +15,7 @@ from onboard.frames import Q
 class Terms(Generic[Q]):
     """Every number of a contract in SI units, as floats or as arrays of one shape.
 
-    `mission_altitude_m`, the lowest height of the mission above the local origin, is no key of a
+    `mission_altitude_m`, the lowest height of the mission above the local origin, is not a key of a
     contract: where it is None there is no clause about it.
     """
 

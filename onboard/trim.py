@@ -45,7 +45,7 @@ class TrimEstimator:
         self.forget()
 
     def forget(self) -> None:
-        """Begin anew, as on the ground, whose slope is no wind."""
+        """Begin anew, as on the ground, whose slope is not wind."""
         self.trim_mps2: Horizontal = (0.0, 0.0)
         self.velocity_mps: Horizontal = (0.0, 0.0)
         self.learnt_s = 0.0

@@ -1,10 +1,12 @@
 """What the autopilot believes of its own motion, and by how much that is wrong.
 
-Controller, telemetry and whoever places what a sensor sees go by the estimate; only collisions and
+Controller, telemetry and what places detections go by the estimate; only collisions and
 the truth log go by the truth.  The mechanisms:
 
 * *Wander*: each of the seven errors (position, velocity, heading) is a sum of sines of seeded
-  periods and phases, so it never exceeds its bound, and is the same at every tick rate.  Position
+  periods and phases, so it never exceeds its bound, and is the same at every tick rate.  Of the
+  heading one sine is most of it: the recorded heading swings slowly from one side to the other,
+  by 10° within 5 s where it wanders most.  Position
   and velocity wander by themselves, as the two innovations of a real filter do: a position
   controller then settles where its gain balances the velocity's error, which is most of the
   tracking error of PX4's simulator, and why a higher MPC_XY_P lowers it.
@@ -26,7 +28,9 @@ from typing import Final, NamedTuple
 
 from sitl.truth import VehicleTruth
 
-_SINES: Final = 3
+# Share of each sine in the greatest error.
+_EVEN_SHARES: Final = (1.0 / 3.0, 1.0 / 3.0, 1.0 / 3.0)
+_HEADING_SHARES: Final = (0.8, 0.1, 0.1)
 _SHARE_AT_REST: Final = 0.1
 _SHARE_TIME_S: Final = 3.0  # of the wander's growth after the take-off
 _REST_MPS: Final = 0.02
@@ -75,23 +79,30 @@ class EstimateError(NamedTuple):
 class _Wander:
     """A sum of sines that stays within a bound."""
 
-    def __init__(self, bound: float, periods_s: tuple[float, float], chance: random.Random) -> None:
+    def __init__(
+        self,
+        bound: float,
+        periods_s: tuple[float, float],
+        chance: random.Random,
+        shares: tuple[float, float, float] = _EVEN_SHARES,
+    ) -> None:
         shortest_s, longest_s = periods_s
-        self._amplitude = bound / _SINES
+        self._bound = bound
         self._sines = [
             (
+                share * bound,
                 2.0 * math.pi / (shortest_s * (longest_s / shortest_s) ** chance.random()),
                 chance.uniform(0.0, 2.0 * math.pi),
             )
-            for _ in range(_SINES)
+            for share in shares
         ]
 
     def at(self, time_s: float) -> float:
-        if self._amplitude == 0.0:
+        if self._bound == 0.0:
             return 0.0
-        (w1, p1), (w2, p2), (w3, p3) = self._sines
-        wave = math.sin(w1 * time_s + p1) + math.sin(w2 * time_s + p2) + math.sin(w3 * time_s + p3)
-        return self._amplitude * wave
+        (a1, w1, p1), (a2, w2, p2), (a3, w3, p3) = self._sines
+        first = a1 * math.sin(w1 * time_s + p1)
+        return first + a2 * math.sin(w2 * time_s + p2) + a3 * math.sin(w3 * time_s + p3)
 
 
 # The wander's shortest and longest periods [s]: PX4's errors forget themselves within 3 to 8 s.
@@ -130,9 +141,11 @@ class Estimator:
                 (profile.velocity_mps, _VELOCITY_PERIODS_S),
                 (profile.velocity_mps, _VELOCITY_PERIODS_S),
                 (profile.climb_mps, _VELOCITY_PERIODS_S),
-                (profile.heading_rad, _HEADING_PERIODS_S),
             )
         ]
+        self._wanders.append(
+            _Wander(profile.heading_rad, _HEADING_PERIODS_S, chance, _HEADING_SHARES)
+        )
         self._wanders_at_all = any(
             (profile.position_m, profile.height_m, profile.velocity_mps, profile.heading_rad)
         )

@@ -102,8 +102,14 @@ AMOUNTS: Final[dict[str, tuple[float, str]]] = {
     "position_reset": (3.0, "metres to the east, of the estimate that is told and flown by"),
     "height_reset": (4.0, "metres upwards, of the estimate that is told and flown by"),
     "mission_changed": (30.0, "degrees by which what is left of the leg turns to the right"),
-    "position_misreported": (0.3, "metres to the east, of what is told but not flown by"),
+    "position_misreported": (
+        0.3,
+        "metres to the east, of what is told but not flown by; builds up and goes at 0.5 m/s",
+    ),
 }
+
+# An estimator that drifts, rather than jumps, which is a reset: POSITION_JUMP_M of the service.
+MISREPORTED_DRIFT_MPS: Final = 0.5
 
 
 class Fault(FileModel):
@@ -152,6 +158,7 @@ class FaultInjector:
         self._overtaken: bytes | None = None
         self._skew_since_s: float | None = None
         self._now_s = 0.0
+        self._misreported_m = 0.0
         self._codec = _Codec()
         self._ways = {
             way: {
@@ -168,10 +175,13 @@ class FaultInjector:
             self._phase = phase
             self._entries[phase] = self._entries.get(phase, 0) + 1
             self._entered_s[phase, self._entries[phase]] = now_s
-        self._now_s = now_s
+        passed_s, self._now_s = now_s - self._now_s, now_s
         if not self._faults:
             return
         self._active = {fault.kind: fault for fault in self._faults if self._present(fault, now_s)}
+        step_m = MISREPORTED_DRIFT_MPS * passed_s
+        missing_m = (self.amount("position_misreported") or 0.0) - self._misreported_m
+        self._misreported_m += min(max(missing_m, -step_m), step_m)
 
     def _present(self, fault: Fault, now_s: float) -> bool:
         origin_s = 0.0 if fault.phase is None else self._entered_s.get((fault.phase, fault.entry))
@@ -253,12 +263,12 @@ class FaultInjector:
             spoilt = bytearray(data)
             spoilt[self._random.randrange(len(spoilt))] ^= 1 << self._random.randrange(8)
             data = bytes(spoilt)
-        reset = self._active.get("position_reset") or self._active.get("position_misreported")
+        reset = self._active.get("position_reset")
+        target_east_m = 0.0 if reset is None else reset.value
+        east_m = target_east_m or self._misreported_m
         level, mute = "attitude_stuck" in self._active, "heartbeats_lost" in self._active
-        if reset is None and not (level or mute):
+        if east_m == 0.0 and not (level or mute):
             return data
-        east_m = 0.0 if reset is None else reset.value
-        target_east_m = east_m if "position_reset" in self._active else 0.0
         return self._codec.edited(data, east_m, target_east_m, level=level, mute=mute)
 
     def setpoints(self, data: bytes) -> bytes:

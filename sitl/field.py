@@ -20,7 +20,7 @@ from sitl.stem_map import DISTANCE_MAX_M, Stem, read_stems
 
 FloatArray = NDArray[np.float64]
 
-# Farther from the origin nobody flies: these would be map coordinates.
+# Flights stay within this of the origin: larger numbers are map coordinates.
 Coordinate = Annotated[float, Field(ge=-DISTANCE_MAX_M, le=DISTANCE_MAX_M)]
 PositiveLength = Annotated[float, Field(gt=0.0, le=DISTANCE_MAX_M)]
 

@@ -23,6 +23,10 @@ class PinnedError:
         self.north_m = self.east_m = 0.0
         self._error_m = error_m
 
+    def forget(self) -> None:
+        """Begin anew, with no error: the vehicle has been told to stay where it is."""
+        self.north_m = self.east_m = 0.0
+
     def advance(self, toward_ned: tuple[float, float], passed_s: float) -> None:
         """Turn towards a direction: a unit vector, or zero where there is no obstacle."""
         north_m = self._error_m * toward_ned[0] - self.north_m

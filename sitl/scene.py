@@ -85,8 +85,15 @@ class Scene:
     def _pin(self, error: PinnedError) -> None:
         truth = self.vehicle.truth
         commander = self.vehicle.autopilot.commander
-        # A vehicle that has yet to depart stands where it is, as exactly as it came there.
-        self._departed |= commander.mode is Mode.OFFBOARD and truth.ground_speed_mps > _DEPARTED_MPS
+        # A vehicle that has yet to depart, or was handed back, stands where it is, as exactly as it
+        # came there: a service in standby asks for the place where it is told to be, so that an
+        # error put on top of that would add up without end.
+        if commander.mode is Mode.OFFBOARD:
+            self._departed |= truth.ground_speed_mps > _DEPARTED_MPS
+        else:
+            self._departed = False
+            error.forget()
+            self.vehicle.pin_tracking_error(error.north_m, error.east_m)
         if self._departed and commander.airborne:
             toward = self.world.toward_nearest(truth.position_ned_m)
             error.advance(toward, truth.time_s - self._pinned_s)

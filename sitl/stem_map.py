@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
 COLUMNS: Final = {"x_m": "metres north", "y_m": "metres east", "dbh_cm": "stem diameter in cm"}
-# Nobody flies farther from the origin than this; map coordinates such as UTM's lie beyond it.
+# Flights stay within this of the origin; map coordinates such as UTM's lie beyond it.
 DISTANCE_MAX_M: Final = 1e5
 # The thickest tree known has 12 m: more is another unit.
 DIAMETER_MAX_CM: Final = 2000.0

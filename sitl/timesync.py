@@ -7,14 +7,14 @@ from typing import Any, Final
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 # Neither all systems (0) nor one that is there; what an uninitialised field holds is arbitrary.
-_NOBODY: Final = bytes((0xA5, 0x5A))
+_UNINITIALISED_TARGET: Final = bytes((0xA5, 0x5A))
 
 
 class MisaddressedTimesync(mavlink.MAVLink_timesync_message):  # type: ignore[misc]  # untyped
-    """TIMESYNC with the target fields, which pymavlink's dialect lacks, that nobody goes by."""
+    """TIMESYNC with the target fields, which pymavlink's dialect lacks and no receiver reads."""
 
     def pack(self, mav: Any, force_mavlink1: bool = False) -> bytes:
         """Return the frame; see pymavlink."""
-        payload = self.unpacker.pack(self.tc1, self.ts1) + _NOBODY
+        payload = self.unpacker.pack(self.tc1, self.ts1) + _UNINITIALISED_TARGET
         packed: bytes = self._pack(mav, self.crc_extra, payload, force_mavlink1=force_mavlink1)
         return packed

@@ -99,7 +99,7 @@ def parse_url(url: str) -> tuple[str, Address]:
     try:
         parts = urlsplit(url)
         port = parts.port
-    except ValueError as error:  # a port that is no port, or an unclosed bracket
+    except ValueError as error:  # not a port, or an unclosed bracket
         raise TransportError(refusal) from error
     if parts.scheme not in {"udpout", "udpin", "tcpin"} or not parts.hostname or not port:
         raise TransportError(refusal)

@@ -1,5 +1,6 @@
 """What the documentation tells people to type: it runs, and does what it says."""
 
+import ast
 import math
 import queue
 import re
@@ -14,12 +15,16 @@ import pytest
 import yaml
 import zenoh
 
-from onboard.config import DaemonConfig, load_contract
+from gcs_tools.live_check_parameters import ReportedParameters, check_parameters
+from gcs_tools.preflight_finding import Verdict
+from onboard.config import DaemonConfig, Mission, load_contract
 from onboard.contract import assess
 from onboard.obstacles import parse_frame
 from onboard.yaml_file import load_yaml
 from onboard.zenoh_endpoints import ZenohEndpoints
 from onboard.zenoh_session import open_session
+from sitl.config import load_sitl_config
+from sitl.vehicle import SimulatedVehicle
 from tests.sitl.process import configured, free_port, running
 from tests.sitl.test_mavproxy import mavproxy
 from tests.transcripts import with_answers
@@ -70,6 +75,40 @@ def test_shipped_contracts_keep_clear_of_what_the_readme_names(path: Path) -> No
     roomy = bool(assessment.inflated.region.flat)
     covered = roomy and assessment.terms.passive_safety
     assert covered is (path.name != "paper_contract.yaml")
+
+
+@pytest.mark.parametrize(
+    ("sitl", "contract"),
+    [("sitl", "px4_contract"), ("ardupilot_sitl", "ardupilot_contract")],
+)
+def test_the_shipped_vehicles_are_set_up_for_the_contract_that_they_name(
+    sitl: str, contract: str
+) -> None:
+    text = (ROOT / "config" / f"{sitl}.yaml").read_text(encoding="utf-8")
+    assert f"config/{contract}.yaml" in text
+    vehicle = load_sitl_config(ROOT / "config" / f"{sitl}.yaml")
+    terms = load_contract(ROOT / "config" / f"{contract}.yaml")
+    assert vehicle.realism == "field"
+    assert vehicle.multirotor.radius_m == terms.vehicle.radius_m
+    assert vehicle.multirotor.thrust_to_weight == terms.vehicle.thrust_to_weight
+    (sensor,) = vehicle.sensors
+    assert sensor.range_m >= terms.sensor.detection_range_m
+    assert sensor.field_of_view_deg >= terms.sensor.field_of_view_deg
+    assert sensor.uncertainty_m <= terms.sensor.position_error_m
+    parameters = SimulatedVehicle(vehicle).autopilot.parameters
+    reported = ReportedParameters(
+        vehicle.flavour, {name: parameters[name] for name in parameters.names()}, None,
+        complete=True,
+    )  # fmt: skip
+    mission = load_yaml(ROOT / "config" / "default_mission.yaml", Mission)
+    findings = check_parameters(reported, assess(terms), mission)
+    broken = [each for each in findings if each.verdict is Verdict.BROKEN]
+    assert not broken
+
+
+def test_the_shipped_daemon_flies_the_contract_of_the_shipped_vehicle() -> None:
+    daemon = load_yaml(ROOT / "config" / "onboard.yaml", DaemonConfig)
+    assert daemon.contract.name == "px4_contract.yaml"
 
 
 @pytest.mark.parametrize("flavour", ["px4", "ardupilot"])
@@ -149,3 +188,26 @@ def test_the_sensor_of_the_vehicle_page_meets_the_shipped_daemon_and_its_operato
         finally:
             sensor.terminate()
             sensor.wait()
+
+
+FINDINGS = (ROOT / "docs" / "field_findings.md").read_text(encoding="utf-8")
+NAMED_TESTS = sorted(set(re.findall(r"`([\w/]+\.py)::(test_\w+)(?:\[(\w+)\])?`", FINDINGS)))
+
+
+@pytest.mark.parametrize(("file", "test", "case"), NAMED_TESTS, ids="::".join)
+def test_the_findings_name_tests_that_exist(file: str, test: str, case: str) -> None:
+    tree = ast.parse((ROOT / "tests" / file).read_text(encoding="utf-8"))
+    assert test in {node.name for node in tree.body if isinstance(node, ast.FunctionDef)}
+    if case:  # a scenario: the test flies all that there are
+        assert (ROOT / "config" / "scenarios" / f"{case}.yaml").is_file()
+
+
+def test_every_finding_has_its_test_or_is_said_to_be_open() -> None:
+    tables = [line for line in FINDINGS.splitlines() if line.startswith("| ")]
+    rows = [line for line in tables if "---" not in line and not line.endswith("| test |")]
+    assert len(rows) > 60
+    for row in rows:
+        assert ".py::test_" in row or "*not yet*" in row.lower(), row
+    assert len(re.findall(r"::test_", FINDINGS)) == len(
+        re.findall(r"`[\w/]+\.py::test_\w+(?:\[\w+\])?`", FINDINGS)
+    )

@@ -43,8 +43,6 @@ QUICK = GeneratedSource("quick")
 SEED = 1
 # Short: one obstacle, and fast.
 SHORT = 3
-# One obstacle, a pointed collision set, and nothing that passive safety adds.
-POINTED = 183
 
 
 @pytest.fixture(scope="module")
@@ -391,13 +389,13 @@ def test_a_cluster_that_loses_a_worker_flies_the_same_flights() -> None:
 
 
 @pytest.mark.parametrize("batch", range(20))
-def test_three_hundred_flights_hit_nothing(batch: int) -> None:
-    """Fixed seeds, one obstacle or two, from hover; two thirds of them with a fault."""
-    for number in range(5 * batch, 5 * batch + 5):
+def test_two_hundred_flights_hit_nothing(batch: int) -> None:
+    """Fixed seeds, one obstacle or two, from hover; seven in ten of them with a fault."""
+    for number in range(5 * batch, 5 * batch + 3):
         row = fly_numbered(QUICK, SEED, number)
         assert row.good, f"{replay_command(row)}\n{row.findings}"
         assert row.outcome == "arrived"
-    for number in range(10 * batch, 10 * batch + 10):
+    for number in range(10 * batch, 10 * batch + 7):
         row = fly_numbered(GeneratedSource("quick-faults"), SEED, number)
         assert row.good, f"{replay_command(row)}\n{row.findings}"
 
@@ -478,12 +476,21 @@ def test_a_failing_flight_shrinks_to_what_fails() -> None:
 # ---------------------------------------------------------------------------- does it catch bugs?
 
 
+def meets_a_pointed_set(number: int) -> bool:
+    """Whether a flight meets one obstacle, with nothing that passive safety adds."""
+    scenario = NOMINAL.case(SEED, number).scenario
+    assessment = assess(scenario.contract)
+    pointed = not assessment.inflated.region.flat
+    return pointed and not assessment.terms.passive_safety and len(scenario.obstacles) == 1
+
+
 def test_the_printed_eq_9_is_caught(monkeypatch: pytest.MonkeyPatch) -> None:
     """Erratum 3: without the factor 2 under the root, the region begins too near."""
 
     def printed(e: Encounter[float], ops: Arithmetic[float]) -> float:
         return ops.sqrt(e.size_across_m / (e.right_mps2 + e.left_mps2))
 
-    assert fly_numbered(NOMINAL, SEED, POINTED).good
+    number = next(filter(meets_a_pointed_set, range(600)))
+    assert fly_numbered(NOMINAL, SEED, number).good
     monkeypatch.setattr(region, "time_to_clear", printed)
-    assert "entered_in_time" in fly_numbered(NOMINAL, SEED, POINTED).findings
+    assert "entered_in_time" in fly_numbered(NOMINAL, SEED, number).findings

@@ -169,6 +169,24 @@ def test_live_flight_of_the_paper(tmp_path: Path) -> None:
 
 
 @pytest.mark.real_time
+def test_live_flight_of_ardupilot(written: Callable[[str, Any], Path], tmp_path: Path) -> None:
+    """A short leg; the obstacle stands beyond its end."""
+    path = CONFIG / "scenarios" / "ardupilot_three_obstacles.yaml"
+    scenario = yaml.safe_load(path.read_text(encoding="utf-8"))
+    scenario["contract"] = str(CONFIG / "ardupilot_contract.yaml")
+    scenario["field"] = scenario["field"][-1:]
+    scenario["mission"]["legs"][0]["end_ned_m"] = [15.0, 0.0]
+    del scenario["expect"]
+    with flying(tmp_path / "flight", str(written("copter.yaml", scenario))) as flight:
+        out, err = flight.communicate(timeout=120.0)
+    assert flight.returncode == 0, (out, err)
+    result = result_in(tmp_path / "flight")
+    assert result["outcome"] == "arrived"
+    assert result["violations"] == []
+    assert result["final_position_ned_m"] == pytest.approx([15.0, 0.0, -5.0], abs=0.5)
+
+
+@pytest.mark.real_time
 def test_the_autopilot_stops_the_vehicle_when_the_daemon_is_killed(
     written: Callable[[str, Any], Path], tmp_path: Path
 ) -> None:

@@ -150,7 +150,7 @@ def test_a_hole_in_a_log_is_not_flown_over(tmp_path: Path) -> None:
 
 
 def test_a_pause_of_the_stream_is_not_interpolated_over(tmp_path: Path) -> None:
-    """What is asked for after a pause, far away, is no reference of before it."""
+    """What is asked for after a pause, far away, is not a reference for what came before."""
     log, paused = Tlog().fly(), Tlog()
     for time_s, frame in log.entries:
         told = frame[6] == 196

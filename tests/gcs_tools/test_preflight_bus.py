@@ -16,9 +16,10 @@ from gcs_tools.live_check_bus import BusCheck
 from gcs_tools.preflight_finding import Finding, Verdict
 from gcs_tools.processes import free_ports
 from onboard.clearance import ClearanceGate
-from onboard.config import ZenohEndpoints, load_contract
+from onboard.config import load_contract
 from onboard.contract import assess
-from onboard.daemon import open_session
+from onboard.zenoh_endpoints import ZenohEndpoints
+from onboard.zenoh_session import open_session
 from tests.gcs_tools.running import CONFIG
 
 pytestmark = pytest.mark.real_time

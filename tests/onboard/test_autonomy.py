@@ -46,6 +46,7 @@ class Rig:
     target_ned_m: tuple[float, float, float] | None = None
     estimator_flags: int | None = 0x37F  # what PX4 says in flight; None for nothing
     fix_type: int | None = 3
+    mag_ratio: float = 0.1
     system_status: int = 4
     seeing: bool = True
     speaking: bool = True
@@ -117,7 +118,8 @@ class Rig:
 
     def say_what_the_position_is_worth(self) -> None:
         if self.estimator_flags is not None:
-            self._mav.estimator_status_send(0, self.estimator_flags, *(0.1,) * 6, 0.3, 0.3)
+            ratios = (0.1, 0.1, 0.1, self.mag_ratio, 0.1, 0.1)
+            self._mav.estimator_status_send(0, self.estimator_flags, *ratios, 0.3, 0.3)
         if self.fix_type is not None:
             self._mav.gps_raw_int_send(0, self.fix_type, 0, 0, 0, 70, 90, 0, 0, 10)
 

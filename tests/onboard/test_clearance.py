@@ -32,7 +32,7 @@ def clearance(contract: Contract, **changes: Any) -> bytes:
 
 
 def test_it_departs_once_it_is_cleared(guarded: Rig, contract: Contract) -> None:
-    guarded.run(1.0)
+    guarded.run(6.0)  # first there were no detections either, and refusals are 5 s apart
     assert guarded.texts("refused")[-1] == "not leaving standby: no pre-flight check"
     assert guarded.autonomy.snapshot(guarded.now_s)["cleared"] is False
     guarded.autonomy.receive_clearance(clearance(contract), guarded.now_s)

@@ -263,7 +263,7 @@ def test_a_cruise_above_the_speed_of_the_run_is_refused(
 
 
 def test_the_speed_of_a_run_stays_that_of_the_file(tmp_path: Path) -> None:
-    """Whoever changes the cruise speed afterwards has not measured the run again."""
+    """To change the cruise speed afterwards does not measure the run again."""
     document = {**CONTRACT, "vehicle": {**CONTRACT["vehicle"], "setpoint_loss_run_on_m": 4.0}}
     path = tmp_path / "c.yaml"
     path.write_text(yaml.safe_dump(document))

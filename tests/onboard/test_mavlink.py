@@ -267,7 +267,7 @@ def test_position_that_px4_streams_unasked_at_30_hz_is_asked_for_at_50(
             endpoint.keep_alive(now_s, active=False)
             heard = autopilot.heard(endpoint.bytes_to_send())
             asked += [int(m.param1) for m in heard if m.get_type() == "COMMAND_LONG"]
-    assert set(asked) == {32, 230}
+    assert set(asked) == {32, 85, 230}
 
 
 @pytest.mark.parametrize(

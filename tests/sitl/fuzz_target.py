@@ -106,7 +106,12 @@ class _Pair:
 
 def _vehicle(flavour: str, words: str | None) -> SimulatedVehicle:
     config = VehicleConfig.model_validate(
-        {"flavour": flavour, "start": StartConfig(position_ned_m=HOVER_NED_M)}
+        # An estimate that wanders would move the vehicle too.
+        {
+            "flavour": flavour,
+            "start": StartConfig(position_ned_m=HOVER_NED_M),
+            "realism": "ideal",
+        }
     )
     return SimulatedVehicle(config.model_copy(update={"signing_passphrase": words}))
 

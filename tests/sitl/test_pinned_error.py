@@ -6,12 +6,14 @@ import math
 from pathlib import Path
 
 import pytest
-from pydantic import ValidationError
+from pydantic import TypeAdapter, ValidationError
 
 from gcs_tools.scenario import load_scenario
 from onboard.guidance import Phase
 from sitl.config import SitlConfig, TrackingConfig
+from sitl.faults import Fault
 from sitl.field import Obstacle, ObstacleField
+from sitl.modes import Mode
 from sitl.pinned_error import PinnedError
 from sitl.simulation import SimulatedFlight, Simulation
 from sitl.world import World
@@ -19,6 +21,23 @@ from sitl.world import World
 CONFIG = Path(__file__).parents[2] / "config"
 # Of the contract's 0.2 m; the age of the telemetry counts as tracking error too.
 ERROR_M = 0.17
+
+
+def simulated(*faults: dict[str, object], toward_obstacle: bool) -> Simulation:
+    """The paper's example, with faults."""
+    read = load_scenario(CONFIG / "paper.yaml")
+    tracking = TrackingConfig(toward_obstacle=toward_obstacle, error_m=ERROR_M)
+    plant = read.plant.model_copy(update={"tracking": tracking})
+    object.__setattr__(read, "plant", plant)
+    return Simulation(
+        SimulatedFlight(
+            contract=read.contract,
+            mission=read.mission,
+            sitl=read.sitl_config(),
+            obstacles=read.obstacles,
+            faults=tuple(TypeAdapter(Fault).validate_python(fault) for fault in faults),
+        )
+    )
 
 
 def flown(
@@ -30,18 +49,7 @@ def flown(
         The flight, and while it flies, tick by tick: the clearance, the true tracking error, and
         how much of that is directed to the nearest face; the phases that it came through.
     """
-    read = load_scenario(CONFIG / "paper.yaml")
-    tracking = TrackingConfig(toward_obstacle=toward_obstacle, error_m=ERROR_M)
-    plant = read.plant.model_copy(update={"tracking": tracking})
-    object.__setattr__(read, "plant", plant)
-    simulation = Simulation(
-        SimulatedFlight(
-            contract=read.contract,
-            mission=read.mission,
-            sitl=read.sitl_config(),
-            obstacles=read.obstacles,
-        )
-    )
+    simulation = simulated(toward_obstacle=toward_obstacle)
     errors_m, phases = [], set()
     world = simulation.scene.world
     while not simulation.over and simulation.now_s < 100.0:
@@ -77,6 +85,25 @@ def test_clearance_shrinks_by_the_error_and_a_flight_inside_its_contract_hits_no
     # An avoidance begins where the vehicle is, so that its plan takes up some of the error.
     assert 0.4 * error_m < lost_m < error_m + 0.05
     assert pinned.scene.world.collisions == 0
+
+
+def test_in_standby_the_error_does_not_add_up() -> None:
+    """A service in standby asks for the place where it is told to be, error included."""
+    fault = {"kind": "operator_takes_over", "phase": "cruise", "start_s": 5.0, "duration_s": 4.3}
+    simulation = simulated(fault, toward_obstacle=True)
+    stood_m: list[tuple[float, float, float]] = []
+    while simulation.now_s < 60.0:
+        simulation.advance()
+        truth = simulation.scene.vehicle.truth
+        in_standby = simulation.autonomy.navigator.phase is Phase.STANDBY
+        if stood_m and not in_standby:
+            break
+        # Handed back, which the service hears with the next heartbeat.
+        offboard = simulation.scene.vehicle.autopilot.commander.mode is Mode.OFFBOARD
+        if in_standby and offboard and truth.position_ned_m[0] > 1.0:
+            stood_m.append(truth.position_ned_m)
+    assert len(stood_m) > 10
+    assert max(math.dist(place_m, stood_m[0]) for place_m in stood_m) < 0.5 * ERROR_M
 
 
 def test_the_error_points_to_the_nearest_face_and_turns_no_faster_than_it_may() -> None:

@@ -106,4 +106,4 @@ def test_an_almost_empty_file_works_and_the_example_too(tmp_path: Path) -> None:
     (tmp_path / "sitl.yaml").write_text("vehicle: kite\n")
     assert load_sitl_config(tmp_path / "sitl.yaml") == SitlConfig(vehicle="kite")
     example = load_sitl_config(REPOSITORY / "config" / "sitl.yaml")
-    assert example.parameters["COM_OF_LOSS_T"] == 0.5
+    assert example.parameters["COM_OF_LOSS_T"] == 0.3
