@@ -137,7 +137,9 @@ def check_obstacle(
 ) -> list[Violation]:
     """Hold one obstacle against the environment that the contract assumes."""
     found: list[Violation] = []
-    limit_m = measured_size_max(terms)
+    # What was seen from afar only is known no better than that.
+    unknown_m = max(obstacle.position_error_m - face_error_m(terms, SCALAR), 0.0)
+    limit_m = measured_size_max(terms) + 2.0 * unknown_m
     largest_m = max(obstacle.measured.size_m)
     if largest_m > limit_m:
         found.append(Violation(Assumption.OBSTACLE_SIZE, largest_m, limit_m, "m", obstacle.id))

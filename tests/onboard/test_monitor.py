@@ -70,6 +70,15 @@ def test_size_limit_allows_for_what_a_heading_error_displaces() -> None:
     ]
 
 
+@pytest.mark.parametrize(("size_m", "allowed"), [(7.9, True), (8.1, False)])
+def test_what_was_seen_from_afar_only_is_as_large_as_it_may_be(
+    size_m: float, *, allowed: bool
+) -> None:
+    """Wandering by its error of 2 m, a pillar of 4 m is enclosed by a box of 8 m."""
+    far = replace(obstacle(size_m), position_error_m=2.0)
+    assert (check_obstacle(far, None, TERMS) == []) is allowed
+
+
 def test_intersecting_regions_name_both_obstacles() -> None:
     (violation,) = check_obstacle(obstacle(1.0), obstacle(1.0), TERMS)
     assert violation.assumption is Assumption.ROI_INTERSECTION
