@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping
 from typing import Final, NamedTuple
 
-from onboard.frames import wrap_angle
+from onboard.frames import heading_displacement_m, wrap_angle
 from onboard.mavlink import Pose
 from onboard.obstacles import MAX_TRACKS, Corners
 
@@ -33,10 +33,11 @@ class BearingResidual(NamedTuple):
 
 
 class _Known(NamedTuple):
-    """A track as it was seen first: mean centre, NED, greatest extent, number of sightings."""
+    """A track as it was seen first: mean centre, NED, greatest extent and range, and how often."""
 
     center_ned_m: Point
     extent_m: float
+    range_m: float
     sightings: int
 
 
@@ -51,7 +52,11 @@ class BearingMemory:
         self._tracks.clear()
 
     def residuals(
-        self, pose: Pose, corners_ned_m: Mapping[str, Corners], error_m: float
+        self,
+        pose: Pose,
+        corners_ned_m: Mapping[str, Corners],
+        error_m: float,
+        heading_error_rad: float = 0.0,
     ) -> list[BearingResidual]:
         """Return the residuals of the tracks of one frame that are known well.
 
@@ -59,17 +64,23 @@ class BearingMemory:
             pose: where the body was.
             corners_ned_m: boxes by track, as placed with that pose.
             error_m: of each face.
+            heading_error_rad: with which a track may have been placed; from farther away than now,
+                that turns its bearing by more.
         """
         found = []
         for track_id, corners in corners_ned_m.items():
-            seen = _Known(_centre(corners), _extent(corners), 1)
+            center_ned_m = _centre(corners)
+            range_m = math.dist(center_ned_m, pose.position_ned_m[:2])
+            seen = _Known(center_ned_m, _extent(corners), range_m, 1)
             known = self._tracks.get(track_id)
             if known is None or known.sightings < KNOWN_AFTER:
                 self._learn(track_id, known, seen)
                 continue
             # Of a box that is seen in part the centre is off by half of what is missing.
             partly_m = abs(seen.extent_m - known.extent_m) / 2.0
-            off_m = 2.0 * error_m + WANDER_M + partly_m
+            farther_m = max(known.range_m - range_m, 0.0)
+            turned_m = heading_displacement_m(farther_m, heading_error_rad)
+            off_m = 2.0 * error_m + WANDER_M + partly_m + turned_m
             residual = _residual(pose, seen.center_ned_m, known.center_ned_m, off_m)
             if residual is not None:
                 found.append(residual)
@@ -86,7 +97,8 @@ class BearingMemory:
             north_m + (seen_north_m - north_m) / count,
             east_m + (seen_east_m - east_m) / count,
         )
-        self._tracks[track_id] = _Known(mean_ned_m, max(known.extent_m, seen.extent_m), count)
+        extent_m, range_m = max(known.extent_m, seen.extent_m), max(known.range_m, seen.range_m)
+        self._tracks[track_id] = _Known(mean_ned_m, extent_m, range_m, count)
 
 
 def _residual(

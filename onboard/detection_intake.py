@@ -157,7 +157,9 @@ class DetectionIntake:
             _track_id(frame, seen): corners_ned(seen, pose)
             for seen in frame.obstacles[:TRACKS_PER_FRAME]
         }
-        residuals = self.bearings.residuals(pose, corners_ned_m, terms.position_error_m)
+        residuals = self.bearings.residuals(
+            pose, corners_ned_m, terms.position_error_m, terms.heading_error_rad
+        )
         turned = heading.on_sightings(residuals, now_s, terms)
         if turned is not None:
             yield turned

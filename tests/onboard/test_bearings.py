@@ -89,3 +89,19 @@ def test_it_begins_anew_where_the_estimator_moved_everything() -> None:
     (residual,) = memory.residuals(pose(), {"a": box(0.5, 8.0)}, 0.1)
     assert isinstance(residual, BearingResidual)
     assert residual.angle_rad == pytest.approx(0.0, abs=1e-9)
+
+
+@pytest.mark.parametrize("heading_error_rad", [0.02, 0.07])
+@pytest.mark.parametrize(("known_from_m", "seen_from_m"), [(60.0, 6.0), (15.0, 5.0), (20.0, 20.0)])
+def test_what_was_placed_from_afar_by_a_tolerated_heading_shows_no_wrong_one(
+    heading_error_rad: float, known_from_m: float, seen_from_m: float
+) -> None:
+    """The vehicle has flown towards it meanwhile, and its heading errs the other way now."""
+    memory = known(BearingMemory(), a=box(heading_error_rad, known_from_m))
+    there_m = (HERE[0] + known_from_m - seen_from_m, HERE[1], -4.0)
+    here = pose()._replace(position_ned_m=there_m)
+    ahead_m = seen_from_m * math.cos(heading_error_rad) - seen_from_m
+    aside_m = -seen_from_m * math.sin(heading_error_rad)
+    seen = [(north + ahead_m, east + aside_m) for north, east in box(0.0, known_from_m)]
+    (residual,) = memory.residuals(here, {"a": seen}, 0.1, heading_error_rad)
+    assert abs(residual.angle_rad) <= residual.error_rad + 2.0 * heading_error_rad
