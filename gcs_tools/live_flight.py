@@ -301,7 +301,7 @@ class Operator:
         vehicle, standstill = self._vehicle, Standstill()
         loop = asyncio.get_running_loop()
         await vehicle.until(
-            lambda: standstill.reached(loop.time(), vehicle.state.speed_mps, stopping=True),
+            lambda: standstill.reached(loop.time(), vehicle.state.position_ned_m, stopping=True),
             2.0 * PATIENCE_S,
             lambda: "standing still",
         )

@@ -387,12 +387,13 @@ class Autonomy:
         navigator.fly_on_after_shift(reset.violation(), now_s)
 
     def _heading_violations(self, pose: Pose, now_s: float) -> list[Violation | None]:
-        """Check the heading: against its command where that is steady, and its magnetometer."""
+        """Check the heading: by its command where that is steady, magnetometer and gyros."""
         monitor = self._heading_monitor
+        drift = monitor.check_drift(self.link.heading_drift, now_s, self.assessment.terms)
         compass = monitor.check_compass(self.link.compass_ratio, now_s)
         leg_heading_rad = self.navigator.leg.heading_rad
         pointed_at_rad = leg_heading_rad if self.navigator.moving else None
-        return [compass, monitor.check_pointing(pose, pointed_at_rad)]
+        return [compass, drift, monitor.check_pointing(pose, pointed_at_rad)]
 
     def _check_tilt(self, pose: Pose) -> Violation | None:
         """Learn the trim, and check the tilt against what was asked for one attitude lag ago.

@@ -1,19 +1,22 @@
 """Whether the nose points where it is told to, and whether the estimated heading can be believed.
 
-Nothing on board measures the true heading.  Three things contradict a wrong one: the estimate
+Nothing on board measures the true heading.  Four things contradict a wrong one: the estimate
 itself, where it is not at the heading that is commanded; the magnetometer, where the estimator
-rejects it; and tracks that are seen again from the body, where they come round by an angle.
+rejects it; the gyros, where the estimate turns and they do not; and tracks that are seen again from
+the body, where they come round by an angle.
 """
 
 from __future__ import annotations
 
 import math
+from collections import deque
 from collections.abc import Sequence
 from typing import Final
 
 from onboard.bearings import BearingResidual
 from onboard.contract import Terms
 from onboard.frames import wrap_angle
+from onboard.heading_drift import HeadingDrift
 from onboard.mavlink import Pose
 from onboard.monitor import Assumption, Violation
 
@@ -24,6 +27,12 @@ POINTING_CONFIRMATION_S: Final = 1.0
 # EKF_STATUS_REPORT.compass_variance of ArduPilot.  They come once or twice a second.
 COMPASS_RATIO_MAX: Final = 1.0
 COMPASS_CONFIRMATION_S: Final = 2.0
+# Within this time the error changes by twice the contract's at most.  Gyros drift by 0.5° besides,
+# and rates between two messages are unknown; recorded swings: up to 11° where a flight went well,
+# 18° before the contact.
+DRIFT_WINDOW_S: Final = 10.0
+DRIFT_TOLERANCE_RAD: Final = math.radians(3.0)
+_DRIFT_STEP_S: Final = 0.1
 # A sensor is mounted, and boxes are fitted, to within this.
 SIGHTING_TOLERANCE_RAD: Final = math.radians(5.0)
 SIGHTING_CONFIRMATION_S: Final = 1.0
@@ -49,13 +58,15 @@ class _Lasting:
 
 
 class HeadingMonitor:
-    """Compares the estimated heading with the command, the magnetometer and what is seen."""
+    """Compares the estimated heading with the command, magnetometer, gyros and sightings."""
 
     def __init__(self) -> None:
         self._astray = _Lasting(POINTING_CONFIRMATION_S)
         self._rejected = _Lasting(COMPASS_CONFIRMATION_S)
         self._turned = _Lasting(SIGHTING_CONFIRMATION_S)
         self._sighted_s = -math.inf
+        self._drifts: deque[tuple[float, float]] = deque()
+        self._drift_begun = 0
 
     def check_pointing(self, pose: Pose, commanded_rad: float | None) -> Violation | None:
         """Tell whether the nose has been off its command: the sensor looks elsewhere.
@@ -80,6 +91,30 @@ class HeadingMonitor:
         if not self._rejected.note(now_s, exceeded=exceeded) or ratio is None:
             return None
         return Violation(Assumption.HEADING_ERROR, ratio, COMPASS_RATIO_MAX, "of gate", "compass")
+
+    def check_drift(
+        self, drift: HeadingDrift, now_s: float, terms: Terms[float]
+    ) -> Violation | None:
+        """Tell whether the estimate has turned against the gyros, from one side to the other.
+
+        Args:
+            drift: what it has turned beyond them so far.
+            now_s: the time.
+            terms: of the contract.
+        """
+        drifts = self._drifts
+        if drift.begun != self._drift_begun:
+            self._drift_begun = drift.begun
+            drifts.clear()
+        if drifts and now_s - drifts[-1][0] < _DRIFT_STEP_S:
+            return None
+        drifts.append((now_s, drift.drift_rad))
+        while now_s - drifts[0][0] > DRIFT_WINDOW_S:
+            drifts.popleft()
+        sums_rad = [drift_rad for _, drift_rad in drifts]
+        swing_rad = max(sums_rad) - min(sums_rad)
+        limit_rad = 2.0 * terms.heading_error_rad + DRIFT_TOLERANCE_RAD
+        return _violation(swing_rad, limit_rad, "gyros") if swing_rad > limit_rad else None
 
     def on_sightings(
         self, residuals: Sequence[BearingResidual], now_s: float, terms: Terms[float]

@@ -16,6 +16,7 @@ from typing import Any, Final, NamedTuple
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from onboard.autopilot_facts import POSITION_RATE_HZ, facts_of
+from onboard.heading_drift import Attitude, HeadingDrift
 from onboard.mavlink_frames import FrameReader
 from onboard.message_requests import MessageRequests
 from onboard.position_reports import (
@@ -176,6 +177,7 @@ class MavlinkEndpoint:
         }
         wanted = frozenset((*self._handlers, *_SETPOINT_MESSAGES))
         self._reader = FrameReader(mavlink, wanted, trusts_unknown=True)
+        self.heading_drift = HeadingDrift()
         self._heartbeat_due_s = -math.inf
         # Severity, chunk, id of the text, number of the chunk.
         self._texts: deque[tuple[int, bytes, int, int]] = deque(maxlen=_TEXTS_MAX)
@@ -294,8 +296,12 @@ class MavlinkEndpoint:
 
     def _on_attitude(self, message: Any, now_s: float) -> None:
         attitude_rad = (message.roll, message.pitch, message.yaw)
+        rates_radps = (message.rollspeed, message.pitchspeed, message.yawspeed)
         if all(map(math.isfinite, attitude_rad)):
             self._attitude_rad, self._attitude_s = attitude_rad, now_s
+            if all(map(math.isfinite, rates_radps)):
+                measured_s = message.time_boot_ms / 1e3
+                self.heading_drift.add(Attitude(measured_s, *attitude_rad, *rates_radps))
         else:
             self.counters.malformed_messages += 1
 

@@ -21,6 +21,8 @@ from onboard.monitor import Assumption, Violation
 TARGET_TOLERANCE: Final = 0.15
 # Greatest gain from position error to velocity that PX4 accepts: MPC_XY_P (default 0.95), MPC_Z_P.
 PX4_GAIN_MAX_PER_S: Final = 2.0
+# A target that lacks position or velocity, which we always ask for, differs by at least this.
+LACKING: Final = 1.0
 # Foreign targets before they count, how long they must span (a pilot's mode change looks the same
 # until the next heartbeat), and within which time: a rival that sends less often than we do is
 # overwritten before most echoes leave.
@@ -100,7 +102,7 @@ def _nearest(
 def _distance(target: Target, asked: Target, pose: Pose, gain_max_per_s: float) -> float:
     """Return how far apart two targets are: metres, or unexplained m/s where that is more.
 
-    Infinite where either lacks a number: we always ask for a position and a velocity.
+    At least `LACKING` where either lacks a number: we always ask for a position and a velocity.
     """
     (position_ned_m, velocity_ned_mps), (asked_ned_m, asked_ned_mps) = target, asked
     position_m = math.dist(position_ned_m, asked_ned_m)
@@ -108,8 +110,8 @@ def _distance(target: Target, asked: Target, pose: Pose, gain_max_per_s: float) 
     error = [ours - here for ours, here in zip(asked_ned_m, pose.position_ned_m, strict=True)]
     horizontal_mps = _unexplained(added[:2], error[:2], gain_max_per_s)
     vertical_mps = _unexplained(added[2:], error[2:], gain_max_per_s)
-    away = max(position_m, math.hypot(horizontal_mps, vertical_mps))
-    return away if math.isfinite(position_m + horizontal_mps + vertical_mps) else math.inf
+    parts = (position_m, math.hypot(horizontal_mps, vertical_mps))
+    return max(part if math.isfinite(part) else LACKING for part in parts)
 
 
 def _unexplained(added_mps: list[float], error_m: list[float], gain_max_per_s: float) -> float:

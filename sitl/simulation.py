@@ -201,8 +201,8 @@ class Simulation:
         ended = phase in (Phase.ARRIVED, Phase.HOLD) and not self._dead
         handed_over = self.operator.step in (Step.HAND_OVER, Step.WATCH)
         idle = handed_over and (self._dead or phase is Phase.STANDBY)
-        speed_mps = math.hypot(*self.scene.vehicle.estimate.velocity_ned_mps)
-        stands = self._standstill.reached(self.now_s, speed_mps, stopping=ended)
+        told_ned_m = self.scene.vehicle.estimate.position_ned_m
+        stands = self._standstill.reached(self.now_s, told_ned_m, stopping=ended)
         self._idle_since_s = _since(self._idle_since_s, self.now_s, present=idle)
         if self._faults.present("operator_takes_over"):
             self.operator.take_over()

@@ -5,10 +5,9 @@ from __future__ import annotations
 import math
 from typing import Final
 
-# Real PX4 hovers at 0.2 to 0.6 m/s by its own estimate, so slowness has to last, but is not waited
-# for beyond all measure: a full stop takes a few seconds.
-STILL_MPS: Final = 0.3
-STILL_FOR_S: Final = 1.0
+from onboard.rest import RestDetector
+
+# Rest is not waited for beyond all measure: a full stop takes a few seconds.
 PATIENCE_S: Final = 10.0
 
 
@@ -17,22 +16,21 @@ class Standstill:
 
     def __init__(self) -> None:
         self._stopping_since_s = math.inf
-        self._still_since_s = math.inf
+        self._rest = RestDetector()
 
-    def reached(self, now_s: float, speed_mps: float, *, stopping: bool) -> bool:
+    def reached(
+        self, now_s: float, position_ned_m: tuple[float, float, float], *, stopping: bool
+    ) -> bool:
         """Tell whether it stands, or has had all the time that it may take to.
 
         Args:
             now_s: time.
-            speed_mps: of the vehicle, as it is told.
+            position_ned_m: of the vehicle, as it is told.
             stopping: whether it should stand by now.
         """
         if not stopping:
-            self._stopping_since_s = self._still_since_s = math.inf
+            self._stopping_since_s, self._rest = math.inf, RestDetector()
             return False
         self._stopping_since_s = min(self._stopping_since_s, now_s)
-        still = speed_mps < STILL_MPS
-        self._still_since_s = min(self._still_since_s, now_s) if still else math.inf
-        return now_s - self._still_since_s >= STILL_FOR_S or (
-            now_s - self._stopping_since_s >= PATIENCE_S
-        )
+        self._rest.add(now_s, position_ned_m)
+        return self._rest.at_rest or now_s - self._stopping_since_s >= PATIENCE_S

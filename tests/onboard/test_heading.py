@@ -1,9 +1,11 @@
 import math
+from collections.abc import Callable
 from dataclasses import replace
 
 import pytest
 
 from onboard.bearings import BearingResidual
+from onboard.frames import wrap_angle
 from onboard.heading import (
     COMPASS_CONFIRMATION_S,
     POINTING_CONFIRMATION_S,
@@ -11,8 +13,9 @@ from onboard.heading import (
     SIGHTING_GAP_S,
     HeadingMonitor,
 )
+from onboard.heading_drift import Attitude, HeadingDrift
 from onboard.mavlink import Pose
-from onboard.monitor import Assumption
+from onboard.monitor import Assumption, Violation
 from tests.onboard.example_terms import TERMS
 
 RATE_HZ = 20.0
@@ -135,3 +138,75 @@ def test_sightings_far_apart_confirm_nothing() -> None:
 
 def test_frames_without_a_known_track_say_nothing() -> None:
     assert HeadingMonitor().on_sightings([], 0.0, TERMS) is None
+
+
+def drifting(
+    heading_deg: Callable[[float], float], turned_deg: Callable[[float], float]
+) -> tuple[float, Violation] | None:
+    """Fly 40 s with an estimated heading while the body turns; return the first violation."""
+    monitor, drift = HeadingMonitor(), HeadingDrift()
+    terms = replace(TERMS, heading_error_rad=math.radians(4.0))
+    for n in range(2000):
+        time_s = n / 50.0
+        roll_rad = math.radians(15.0) * math.sin(time_s)
+        rate_radps = math.radians(turned_deg(time_s + 0.005) - turned_deg(time_s - 0.005)) / 0.01
+        # A turn about the vertical, as the gyros of a body that is rolled have it.
+        pitch_rate, yaw_rate = rate_radps * math.sin(roll_rad), rate_radps * math.cos(roll_rad)
+        yaw_rad = wrap_angle(math.radians(heading_deg(time_s)))
+        drift.add(Attitude(time_s, roll_rad, 0.0, yaw_rad, 0.0, pitch_rate, yaw_rate))
+        found = monitor.check_drift(drift, time_s, terms)
+        if found is not None:
+            return time_s, found
+    return None
+
+
+def swing(amplitude_deg: float, period_s: float) -> Callable[[float], float]:
+    return lambda time_s: amplitude_deg * math.sin(2.0 * math.pi * time_s / period_s)
+
+
+@pytest.mark.parametrize(
+    ("heading_deg", "turned_deg"),
+    [
+        (swing(0.0, 1.0), swing(0.0, 1.0)),
+        (swing(3.5, 15.0), swing(0.0, 1.0)),  # wanders, and the nose stays
+        (swing(0.0, 1.0), swing(3.5, 15.0)),  # the controller turns the nose by the wander
+        (lambda t: 40.0 * t, lambda t: 40.0 * t),  # turns, round and round
+        (lambda t: 175.0 + 20.0 * math.sin(t), lambda t: 20.0 * math.sin(t)),  # across south
+        (swing(0.0, 1.0), lambda t: 0.05 * t),  # bias of the gyros
+    ],
+)
+def test_a_heading_that_the_gyros_confirm_is_believed(
+    heading_deg: Callable[[float], float], turned_deg: Callable[[float], float]
+) -> None:
+    assert drifting(heading_deg, turned_deg) is None
+
+
+@pytest.mark.parametrize("period_s", [15.0, 20.0, 30.0])
+@pytest.mark.parametrize("sign", [-1.0, 1.0])
+@pytest.mark.parametrize("turns", [False, True])
+def test_a_heading_that_swings_against_the_gyros_is_noticed(
+    period_s: float, sign: float, *, turns: bool
+) -> None:
+    swinging, still = swing(sign * 18.0, period_s), swing(0.0, 1.0)
+    noticed = drifting(still, swinging) if turns else drifting(swinging, still)
+    assert noticed is not None
+    time_s, violation = noticed
+    assert time_s < period_s / 4.0
+    assert violation.assumption is Assumption.HEADING_ERROR
+    assert violation.subject == "gyros"
+
+
+def test_what_the_heading_did_across_a_silence_does_not_count() -> None:
+    drift = HeadingDrift()
+    for time_s, yaw_deg in ((0.0, 0.0), (0.02, 0.0), (1.0, 30.0), (1.02, 30.0), (0.5, 90.0)):
+        drift.add(Attitude(time_s, 0.0, 0.0, math.radians(yaw_deg), 0.0, 0.0, 0.0))
+    assert drift.drift_rad == pytest.approx(0.0)
+    assert drift.begun == 3
+
+
+def test_an_attitude_that_comes_twice_or_late_is_left_out() -> None:
+    drift = HeadingDrift()
+    for time_s in (0.0, 0.02, 0.02, 0.06, 0.04, 0.08):
+        drift.add(Attitude(time_s, 0.0, 0.0, time_s, 0.0, 0.0, 0.0))
+    assert drift.drift_rad == pytest.approx(0.08)
+    assert drift.begun == 1

@@ -136,6 +136,7 @@ def test_target_that_keeps_being_anothers_is_a_second_commander(
     time_s, violation = noticed
     assert violation.assumption is Assumption.SECOND_COMMANDER
     assert SPAN_MIN_S <= time_s <= 3.0
+    assert math.isfinite(violation.measured)
 
 
 @FLAVOURS

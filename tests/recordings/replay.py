@@ -279,7 +279,8 @@ def replay(
     navigator = autonomy.navigator
     if isinstance(navigator, FollowingNavigator):
         navigator.recording = recording
-    sensor = _Sensor(recording, sightings, placed, body=body)
+    range_m = contract.sensor.detection_range_m
+    sensor = _Sensor(recording, sightings, placed, range_m, body=body)
     replayed, at = Replayed(), 0
     for tick in range(1, math.ceil(recording.duration_s / TICK_S) + 1):
         now_s = tick * TICK_S
@@ -310,6 +311,7 @@ class _Sensor:
         recording: Recording,
         sightings: Sightings | None,
         placed: tuple[BoxNed, ...],
+        range_m: float,
         *,
         body: bool,
     ) -> None:
@@ -323,7 +325,7 @@ class _Sensor:
             )
             for number, (north_0, east_0, north_1, east_1) in enumerate(placed)
         ]
-        self._body = body
+        self._range_m, self._body = range_m, body
         self._sequence = 0
 
     def frames(self, now_s: float) -> Iterator[bytes]:
@@ -339,7 +341,7 @@ class _Sensor:
         )
         for sighting in (*measured, *self._placed):
             ahead_m = sighting.center_ned_m[0] - sighting.size_m[0] / 2.0 - north_m
-            if -sighting.size_m[0] < ahead_m < 15.0:
+            if -sighting.size_m[0] < ahead_m < self._range_m:
                 seen.append(self._detection(sighting, stamp_s))
         yield json.dumps(
             {
@@ -348,7 +350,7 @@ class _Sensor:
                 "sequence": self._sequence,
                 "stamp_unix_s": self._recording.epoch_unix_s + stamp_s,
                 "frame": "body_frd" if self._body else "local_ned",
-                "range_m": 15.0,
+                "range_m": self._range_m,
                 "field_of_view_deg": 90.0,
                 "obstacles": seen,
             }

@@ -50,6 +50,15 @@ def test_wander_uses_its_bounds_and_never_exceeds_them(seed: int, flavour: str) 
         assert 0.25 * bound < max(map(abs, column)) <= bound
 
 
+@given(st.integers(0, 10_000))
+@settings(max_examples=30, deadline=None)
+def test_the_heading_swings_nearly_to_its_bound_on_both_sides(seed: int) -> None:
+    profile = EstimatorProfile(heading_rad=math.radians(18.0))
+    found_rad = [error.yaw_rad for error in errors(Estimator(profile, seed), 100.0, 0.5)]
+    assert min(found_rad) < -0.6 * profile.heading_rad
+    assert max(found_rad) > 0.6 * profile.heading_rad
+
+
 def test_the_same_seed_wanders_alike_at_any_rate_and_another_otherwise() -> None:
     coarse, fine = (errors(Estimator(PROFILES["px4"], 7), 30.0, step_s) for step_s in (0.1, 0.02))
     assert coarse[-1] == pytest.approx(fine[-5], abs=0.01)

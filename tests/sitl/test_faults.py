@@ -1,10 +1,12 @@
 """Every fault does what it says, and every broken assumption ends as its scenario expects."""
 
 import json
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
 import pytest
+from pymavlink.dialects.v20.common import MAVLink
 
 from gcs_tools.flight_log import read_log
 from gcs_tools.result import result_of
@@ -137,6 +139,20 @@ def through(kind: FaultKind, amount: float) -> tuple[list[bytes], list[bytes]]:
         down.append(injector.telemetry(sent))
         up.append(injector.setpoints(sent))
     return [d for d in down if d], [d for d in up if d]
+
+
+def test_a_misreported_position_drifts_off_and_back() -> None:
+    fault = Fault(kind="position_misreported", start_s=1.0, duration_s=3.0, amount=0.42)
+    injector, out, back = FaultInjector((fault,), seed=1), MAVLink(None, 1, 1), MAVLink(None)
+    told_m = []
+    for step in range(300):
+        injector.advance(step * 0.02, "cruise")
+        position = out.local_position_ned_encode(20 * step, *(0.0,) * 6)
+        (heard,) = back.parse_buffer(injector.telemetry(position.pack(out)))
+        told_m.append(heard.y)
+    assert max(abs(later - before) for before, later in pairwise(told_m)) <= 0.5 * 0.02 + 1e-6
+    assert told_m[49] == told_m[-1] == 0.0
+    assert told_m[100] == pytest.approx(0.42)
 
 
 def test_links_lose_and_double_as_named() -> None:

@@ -14,7 +14,9 @@ TICK_S = 0.02
     ("flavour", "estimator"), [("px4", "ESTIMATOR_STATUS"), ("ardupilot", "EKF_STATUS_REPORT")]
 )
 def test_position_and_its_quality_arrive_as_asked(flavour: str, estimator: str) -> None:
-    vehicle = SimulatedVehicle(VehicleConfig.model_validate({"flavour": flavour}))
+    # In the air: at rest on the ground PX4 says that it makes its position up.
+    config = {"flavour": flavour, "start": {"position_ned_m": [0.0, 0.0, -4.0]}}
+    vehicle = SimulatedVehicle(VehicleConfig.model_validate(config))
     vehicle.autopilot.open_link(0)
     endpoint = MavlinkEndpoint(system_id=1)
     positions: list[float] = []

@@ -2,44 +2,53 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 
 import pytest
 
-from sitl.standstill import PATIENCE_S, STILL_FOR_S, STILL_MPS, Standstill
+from onboard.rest import MOVED_MAX_M, WINDOW_S
+from sitl.standstill import PATIENCE_S, Standstill
 
 STEP_S = 0.1
 
 
-def landed_after_s(speed_mps: Callable[[float], float]) -> float:
+def at(north_m: float) -> tuple[float, float, float]:
+    return north_m, 0.0, -4.0
+
+
+def landed_after_s(north_m: Callable[[float], float]) -> float:
     standstill = Standstill()
     for index in range(1000):
-        if standstill.reached(index * STEP_S, speed_mps(index * STEP_S), stopping=True):
-            return index * STEP_S
-    return float("inf")
+        now_s = index * STEP_S
+        if standstill.reached(now_s, at(north_m(now_s)), stopping=True):
+            return now_s
+    return math.inf
 
 
 @pytest.mark.parametrize(
-    ("speed_mps", "expected_s"),
+    ("north_m", "expected_s"),
     [
-        (lambda _: 0.0, STILL_FOR_S),
-        (lambda now_s: max(2.8 - now_s, 0.0), 2.8 - STILL_MPS + STILL_FOR_S),
-        (lambda _: 0.4, PATIENCE_S),  # drifts on and on
+        (lambda _: 0.0, WINDOW_S),
+        # Brakes with 1 m/s² from 2.8 m/s; rest when a second moves it by less than half a metre.
         (
-            lambda now_s: 0.5 * (round(now_s / STEP_S) % 8 == 0),
-            PATIENCE_S,
-        ),  # slow, but not for long
+            lambda t: -((2.8 - min(t, 2.8)) ** 2) / 2.0,
+            2.8 - math.sqrt(2.0 * MOVED_MAX_M) + WINDOW_S,
+        ),
+        (lambda t: 0.3 * math.sin(t), WINDOW_S),  # hovers, by an estimate that wanders
+        (lambda t: 1.0 * t, PATIENCE_S),  # drifts on and on
+        (lambda _: math.nan, PATIENCE_S),  # has not been told
     ],
 )
-def test_slowness_has_to_last_but_is_not_waited_for_for_ever(
-    speed_mps: Callable[[float], float], expected_s: float
+def test_rest_has_to_last_but_is_not_waited_for_for_ever(
+    north_m: Callable[[float], float], expected_s: float
 ) -> None:
-    assert landed_after_s(speed_mps) == pytest.approx(expected_s, abs=2 * STEP_S)
+    assert landed_after_s(north_m) == pytest.approx(expected_s, abs=2 * STEP_S)
 
 
 def test_it_begins_anew_when_the_vehicle_flies_on() -> None:
     standstill = Standstill()
-    assert not standstill.reached(0.0, 0.0, stopping=True)
-    assert not standstill.reached(2.0, 0.0, stopping=False)
-    assert not standstill.reached(2.1, 0.0, stopping=True)
-    assert standstill.reached(2.1 + STILL_FOR_S, 0.0, stopping=True)
+    assert not standstill.reached(0.0, at(0.0), stopping=True)
+    assert not standstill.reached(2.0, at(0.0), stopping=False)
+    assert not standstill.reached(2.1, at(0.0), stopping=True)
+    assert standstill.reached(2.1 + WINDOW_S, at(0.0), stopping=True)
