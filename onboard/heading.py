@@ -97,11 +97,16 @@ class HeadingMonitor:
     ) -> Violation | None:
         """Tell whether the estimate has turned against the gyros, from one side to the other.
 
+        Never where no heading error is declared: boxes are then placed by another heading than the
+        autopilot's, and real estimates swing by several degrees without any harm to them.
+
         Args:
             drift: what it has turned beyond them so far.
             now_s: the time.
             terms: of the contract.
         """
+        if terms.heading_error_rad == 0.0:
+            return None
         drifts = self._drifts
         if drift.begun != self._drift_begun:
             self._drift_begun = drift.begun

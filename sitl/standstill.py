@@ -7,7 +7,9 @@ from typing import Final
 
 from onboard.rest import RestDetector
 
-# Rest is not waited for beyond all measure: a full stop takes a few seconds.
+# Rest has to last, since the last half metre of a braking looks like it, but is not waited for
+# beyond all measure: a full stop takes a few seconds.
+STILL_FOR_S: Final = 1.0
 PATIENCE_S: Final = 10.0
 
 
@@ -15,7 +17,7 @@ class Standstill:
     """Waits for the vehicle that an operator watches to stand still."""
 
     def __init__(self) -> None:
-        self._stopping_since_s = math.inf
+        self._stopping_since_s = self._still_since_s = math.inf
         self._rest = RestDetector()
 
     def reached(
@@ -29,8 +31,12 @@ class Standstill:
             stopping: whether it should stand by now.
         """
         if not stopping:
-            self._stopping_since_s, self._rest = math.inf, RestDetector()
+            self._stopping_since_s = self._still_since_s = math.inf
+            self._rest = RestDetector()
             return False
         self._stopping_since_s = min(self._stopping_since_s, now_s)
         self._rest.add(now_s, position_ned_m)
-        return self._rest.at_rest or now_s - self._stopping_since_s >= PATIENCE_S
+        self._still_since_s = min(self._still_since_s, now_s) if self._rest.at_rest else math.inf
+        return now_s - self._still_since_s >= STILL_FOR_S or (
+            now_s - self._stopping_since_s >= PATIENCE_S
+        )

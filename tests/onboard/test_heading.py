@@ -141,11 +141,14 @@ def test_frames_without_a_known_track_say_nothing() -> None:
 
 
 def drifting(
-    heading_deg: Callable[[float], float], turned_deg: Callable[[float], float]
+    heading_deg: Callable[[float], float],
+    turned_deg: Callable[[float], float],
+    *,
+    declared_deg: float = 4.0,
 ) -> tuple[float, Violation] | None:
     """Fly 40 s with an estimated heading while the body turns; return the first violation."""
     monitor, drift = HeadingMonitor(), HeadingDrift()
-    terms = replace(TERMS, heading_error_rad=math.radians(4.0))
+    terms = replace(TERMS, heading_error_rad=math.radians(declared_deg))
     for n in range(2000):
         time_s = n / 50.0
         roll_rad = math.radians(15.0) * math.sin(time_s)
@@ -179,6 +182,10 @@ def test_a_heading_that_the_gyros_confirm_is_believed(
     heading_deg: Callable[[float], float], turned_deg: Callable[[float], float]
 ) -> None:
     assert drifting(heading_deg, turned_deg) is None
+
+
+def test_where_no_heading_error_is_declared_the_gyros_are_not_asked() -> None:
+    assert drifting(swing(18.0, 15.0), swing(0.0, 1.0), declared_deg=0.0) is None
 
 
 @pytest.mark.parametrize("period_s", [15.0, 20.0, 30.0])

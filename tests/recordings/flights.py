@@ -28,19 +28,13 @@ BoxNed = tuple[float, float, float, float]
 def contract(
     *,
     tracking_error_m: float,
-    heading_error_deg: float,
     velocity_error_mps: tuple[float, float],
     reaction_time_s: float,
     setpoint_loss_timeout_s: float,
     setpoint_loss_run_on_m: float,
     separation_m: float,
-    detection_range_m: float = 15.0,
 ) -> Contract:
-    """Return the contract as it was flown: not the shipped one of today, which may differ.
-
-    Only the heading error is today's, and the separation that follows: contracts did not state any
-    then, and the gyros show one.
-    """
+    """Return the contract as it was flown: not the shipped one of today, which may differ."""
     return Contract(
         vehicle=VehicleTerms(
             roll_max_deg=15.0,
@@ -49,7 +43,6 @@ def contract(
             cruise_speed_mps=2.8,
             radius_m=0.4,
             tracking_error_m=tracking_error_m,
-            heading_error_deg=heading_error_deg,
             velocity_error_mps=velocity_error_mps,
             reaction_time_s=reaction_time_s,
             attitude_lag_s=0.27,
@@ -59,7 +52,7 @@ def contract(
         ),
         requirements=Requirements(stop=True, passive_safety=True),
         sensor=SensorTerms(
-            detection_range_m=detection_range_m,
+            detection_range_m=15.0,
             field_of_view_deg=90.0,
             frame_age_max_s=0.3,
             position_error_m=0.1,
@@ -74,37 +67,20 @@ def contract(
 
 ARDUPILOT = contract(
     tracking_error_m=0.35,
-    heading_error_deg=2.0,
     velocity_error_mps=(0.45, 0.5),
     reaction_time_s=0.25,
     setpoint_loss_timeout_s=0.5,
     setpoint_loss_run_on_m=3.4,
-    separation_m=25.0,
+    separation_m=22.0,
 )
-
-
-def px4(
-    *, heading_error_deg: float, separation_m: float, detection_range_m: float = 15.0
-) -> Contract:
-    return contract(
-        tracking_error_m=0.8,
-        heading_error_deg=heading_error_deg,
-        velocity_error_mps=(0.75, 1.0),
-        reaction_time_s=0.4,
-        setpoint_loss_timeout_s=1.0,
-        setpoint_loss_run_on_m=4.7,
-        separation_m=separation_m,
-        detection_range_m=detection_range_m,
-    )
-
-
-PX4 = px4(heading_error_deg=4.0, separation_m=45.0)
-# Solved again with a larger tracking error, it needs more range besides.
-PX4_SEEING_FARTHER = px4(heading_error_deg=4.0, separation_m=45.0, detection_range_m=18.0)
-# The heading swings by 13° before GPS is lost.
-PX4_SWINGING = px4(heading_error_deg=6.0, separation_m=45.0, detection_range_m=18.0)
-# Where the tests place an obstacle by the regions of then, the contract is as it was then.
-PX4_OF_THEN = px4(heading_error_deg=0.0, separation_m=31.0)
+PX4 = contract(
+    tracking_error_m=0.8,
+    velocity_error_mps=(0.75, 1.0),
+    reaction_time_s=0.4,
+    setpoint_loss_timeout_s=1.0,
+    setpoint_loss_run_on_m=4.7,
+    separation_m=31.0,
+)
 
 
 def mission(end_north_m: float) -> Mission:
@@ -146,9 +122,9 @@ FLIGHTS = {
     flight.name: flight
     for flight in (
         Flight("px4_nominal", PX4, mission(122.0), (23.0, 50.0)),
-        Flight("px4_nominal_tracking_1.2m", PX4_SEEING_FARTHER, mission(122.0), (20.5, 47.0)),
+        Flight("px4_nominal_tracking_1.2m", PX4, mission(122.0), (20.5, 47.0)),
         Flight("px4_false_second_commander", PX4, mission(122.0), (17.5, 25.0)),
-        Flight("px4_gps_lost_contact", PX4_SWINGING, mission(89.0), (10.2, 26.9)),
+        Flight("px4_gps_lost_contact", PX4, mission(89.0), (10.2, 26.9)),
         Flight(
             "px4_body_frame_heading_wander_contact",
             PX4,
@@ -158,14 +134,14 @@ FLIGHTS = {
         ),
         Flight(
             "px4_handback_vertex_6383s",
-            PX4_OF_THEN,
+            PX4,
             mission(89.0),
             (13.0, 37.8),
             placed=((25.36, -0.21, 26.16, 1.5),),
         ),
         Flight(
             "px4_refused_every_tick",
-            PX4_OF_THEN,
+            PX4,
             mission(89.0),
             (13.0, 44.0),
             placed=((25.36, -0.21, 26.16, 1.5),),

@@ -279,8 +279,7 @@ def replay(
     navigator = autonomy.navigator
     if isinstance(navigator, FollowingNavigator):
         navigator.recording = recording
-    range_m = contract.sensor.detection_range_m
-    sensor = _Sensor(recording, sightings, placed, range_m, body=body)
+    sensor = _Sensor(recording, sightings, placed, body=body)
     replayed, at = Replayed(), 0
     for tick in range(1, math.ceil(recording.duration_s / TICK_S) + 1):
         now_s = tick * TICK_S
@@ -311,7 +310,6 @@ class _Sensor:
         recording: Recording,
         sightings: Sightings | None,
         placed: tuple[BoxNed, ...],
-        range_m: float,
         *,
         body: bool,
     ) -> None:
@@ -325,7 +323,7 @@ class _Sensor:
             )
             for number, (north_0, east_0, north_1, east_1) in enumerate(placed)
         ]
-        self._range_m, self._body = range_m, body
+        self._body = body
         self._sequence = 0
 
     def frames(self, now_s: float) -> Iterator[bytes]:
@@ -341,7 +339,7 @@ class _Sensor:
         )
         for sighting in (*measured, *self._placed):
             ahead_m = sighting.center_ned_m[0] - sighting.size_m[0] / 2.0 - north_m
-            if -sighting.size_m[0] < ahead_m < self._range_m:
+            if -sighting.size_m[0] < ahead_m < 15.0:
                 seen.append(self._detection(sighting, stamp_s))
         yield json.dumps(
             {
@@ -350,7 +348,7 @@ class _Sensor:
                 "sequence": self._sequence,
                 "stamp_unix_s": self._recording.epoch_unix_s + stamp_s,
                 "frame": "body_frd" if self._body else "local_ned",
-                "range_m": self._range_m,
+                "range_m": 15.0,
                 "field_of_view_deg": 90.0,
                 "obstacles": seen,
             }

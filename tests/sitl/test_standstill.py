@@ -8,7 +8,7 @@ from collections.abc import Callable
 import pytest
 
 from onboard.rest import MOVED_MAX_M, WINDOW_S
-from sitl.standstill import PATIENCE_S, Standstill
+from sitl.standstill import PATIENCE_S, STILL_FOR_S, Standstill
 
 STEP_S = 0.1
 
@@ -29,13 +29,16 @@ def landed_after_s(north_m: Callable[[float], float]) -> float:
 @pytest.mark.parametrize(
     ("north_m", "expected_s"),
     [
-        (lambda _: 0.0, WINDOW_S),
+        (lambda _: 0.0, WINDOW_S + STILL_FOR_S),
         # Brakes with 1 m/s² from 2.8 m/s; rest when a second moves it by less than half a metre.
         (
             lambda t: -((2.8 - min(t, 2.8)) ** 2) / 2.0,
-            2.8 - math.sqrt(2.0 * MOVED_MAX_M) + WINDOW_S,
+            2.8 - math.sqrt(2.0 * MOVED_MAX_M) + WINDOW_S + STILL_FOR_S,
         ),
-        (lambda t: 0.3 * math.sin(t), WINDOW_S),  # hovers, by an estimate that wanders
+        (
+            lambda t: 0.3 * math.sin(t),
+            WINDOW_S + STILL_FOR_S,
+        ),  # hovers, by an estimate that wanders
         (lambda t: 1.0 * t, PATIENCE_S),  # drifts on and on
         (lambda _: math.nan, PATIENCE_S),  # has not been told
     ],
@@ -51,4 +54,5 @@ def test_it_begins_anew_when_the_vehicle_flies_on() -> None:
     assert not standstill.reached(0.0, at(0.0), stopping=True)
     assert not standstill.reached(2.0, at(0.0), stopping=False)
     assert not standstill.reached(2.1, at(0.0), stopping=True)
-    assert standstill.reached(2.1 + WINDOW_S, at(0.0), stopping=True)
+    assert not standstill.reached(2.1 + WINDOW_S, at(0.0), stopping=True)
+    assert standstill.reached(2.1 + WINDOW_S + STILL_FOR_S + STEP_S, at(0.0), stopping=True)
