@@ -90,11 +90,15 @@ def _style(name: str, monitor: dict[str, Any]) -> str:
 
 
 def _margins(margins: dict[str, Any]) -> RenderableType:
+    """Two clauses in a row, so that all of them and the events below fit a terminal."""
     table = Table.grid(padding=(0, 2))
+    cells: list[RenderableType] = []
     for clause in margins.get("clauses", ()):
         margin = f"{clause['margin']:+.2f} {clause['unit']}"
         style = "green" if clause["holds"] else "bold red"
-        table.add_row(clause["name"].replace("_", " "), Text(margin, style=style))
+        cells += [clause["name"].replace("_", " "), Text(margin, style=style)]
+    for first in range(0, len(cells), 4):
+        table.add_row(*cells[first : first + 4])
     return table
 
 
