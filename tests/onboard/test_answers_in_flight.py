@@ -83,7 +83,7 @@ def test_a_wind_is_answered_as_the_wind_that_it_is(
 def test_no_declared_heading_error_covers_a_rejected_magnetometer(
     contract: Contract, mission: Mission, heading_error_deg: float
 ) -> None:
-    """A ratio of 1.4 is no error of 1.4 degrees."""
+    """A ratio of 1.4 is not read as 1.4 degrees."""
     rig = cruising(contract, mission, {"heading_error_deg": heading_error_deg}, {})
     rig.compass_ratio = 1.4
     rig.run(2.5, until=lambda: see(rig))
