@@ -27,7 +27,7 @@ lint: $(VENV)/.dev
 	$(BIN)/mypy tests
 
 bench: $(VENV)/.dev
-	$(BIN)/python -m tests.bench $(if $(ONLY),--only $(ONLY)) --output build/bench.json
+	$(BIN)/python -m tests.benchmarks $(if $(ONLY),--only $(ONLY)) --output build/bench.json
 
 $(VENV)/bin/python:
 	$(PYTHON) -m venv $(VENV)
@@ -40,7 +40,7 @@ $(VENV)/.ground: pyproject.toml constraints.txt | $(VENV)/bin/python
 # compile the simulator, once instead of in every test process.
 $(VENV)/.dev: pyproject.toml constraints.txt | $(VENV)/bin/python
 	grep -v '^#' constraints.txt | xargs -P 2 -n 12 $(PIP_INSTALL) --no-deps
-	$(BIN)/python -c 'from sitl.vehicle import warm_up; warm_up()' & \
+	$(BIN)/python -c 'from sitl.vehicle.vehicle import warm_up; warm_up()' & \
 	$(PIP_INSTALL) --editable '.[dev]' && wait
 	touch $@ $(VENV)/.ground
 

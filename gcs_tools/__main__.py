@@ -9,10 +9,10 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from gcs_tools.argument_types import count, natural, port, positive
-from gcs_tools.errors import CommandError
-from gcs_tools.standard_output import with_output
-from onboard.yaml_file import FileError
+from gcs_tools.console.argument_types import count, natural, port, positive
+from gcs_tools.console.errors import CommandError
+from gcs_tools.console.standard_output import with_output
+from onboard.files.yaml_file import FileError
 
 _REFUSED = 1
 _BAD_INPUT = 2
@@ -238,7 +238,7 @@ def _add_output_options(parser: argparse.ArgumentParser, *forms: str) -> None:
 
 
 def _fly(options: argparse.Namespace) -> int:
-    from gcs_tools.flight import fly  # noqa: PLC0415
+    from gcs_tools.fly.command import fly  # noqa: PLC0415
 
     succeeded = fly(
         options.scenario,
@@ -251,7 +251,7 @@ def _fly(options: argparse.Namespace) -> int:
 
 
 def _preflight(options: argparse.Namespace) -> int:
-    from gcs_tools.preflight import PreflightFiles, run_preflight  # noqa: PLC0415
+    from gcs_tools.preflight.command import PreflightFiles, run_preflight  # noqa: PLC0415
 
     verdict = run_preflight(
         PreflightFiles(
@@ -274,7 +274,7 @@ def _preflight(options: argparse.Namespace) -> int:
 
 
 def _contract_show(options: argparse.Namespace) -> int:
-    from gcs_tools.contract_show import show_contract  # noqa: PLC0415
+    from gcs_tools.contract.show import show_contract  # noqa: PLC0415
 
     show_contract(
         options.contract,
@@ -287,7 +287,7 @@ def _contract_show(options: argparse.Namespace) -> int:
 
 
 def _contract_solve(options: argparse.Namespace) -> int:
-    from gcs_tools.contract_solve import solve_contract  # noqa: PLC0415
+    from gcs_tools.contract.solve import solve_contract  # noqa: PLC0415
 
     solve_contract(
         options.contract,
@@ -301,7 +301,7 @@ def _contract_solve(options: argparse.Namespace) -> int:
 
 
 def _contract_surface(options: argparse.Namespace) -> int:
-    from gcs_tools.contract_surface import SurfaceRequest, write_surface  # noqa: PLC0415
+    from gcs_tools.contract.surface import SurfaceRequest, write_surface  # noqa: PLC0415
 
     request = SurfaceRequest(
         figure=options.figure,
@@ -323,7 +323,7 @@ def _contract_surface(options: argparse.Namespace) -> int:
 
 
 def _report(options: argparse.Namespace) -> int:
-    from gcs_tools.report import run_report  # noqa: PLC0415
+    from gcs_tools.flight_report.command import run_report  # noqa: PLC0415
 
     logs = [options.log] if options.other is None else [options.log, options.other]
     run_report(logs, options.output)
@@ -331,7 +331,7 @@ def _report(options: argparse.Namespace) -> int:
 
 
 def _watch(options: argparse.Namespace) -> int:
-    from gcs_tools.watch import bus_of, watch  # noqa: PLC0415
+    from gcs_tools.watch.command import bus_of, watch  # noqa: PLC0415
 
     bus = bus_of(options.zenoh_config, options.daemon_config)
     watch(bus, host=options.host, port=options.port, terminal=options.tui)
@@ -339,7 +339,7 @@ def _watch(options: argparse.Namespace) -> int:
 
 
 def _identify(options: argparse.Namespace) -> int:
-    from gcs_tools.identify import identify  # noqa: PLC0415
+    from gcs_tools.identify.command import identify  # noqa: PLC0415
 
     paths, number = options.logs, options.system_id
     identify(paths, number, margin=options.margin, form=options.form, output=options.output)
@@ -347,7 +347,7 @@ def _identify(options: argparse.Namespace) -> int:
 
 
 def _campaign(options: argparse.Namespace) -> int:
-    from gcs_tools.campaign import CampaignRequest, run_campaign  # noqa: PLC0415
+    from gcs_tools.campaign.command import CampaignRequest, run_campaign  # noqa: PLC0415
 
     request = CampaignRequest(
         scenarios=tuple(options.scenarios),

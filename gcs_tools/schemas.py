@@ -9,12 +9,12 @@ from types import MappingProxyType
 from pydantic import BaseModel
 from pydantic.json_schema import GenerateJsonSchema
 
-from gcs_tools.errors import CommandError
-from gcs_tools.live_check_bus import BusConfig
+from gcs_tools.console.errors import CommandError
+from gcs_tools.preflight.live.bus import BusConfig
 from gcs_tools.scenario import ScenarioFile
-from onboard.config import Contract, DaemonConfig, Mission
-from sitl.config import SitlConfig
-from sitl.field import ObstacleList
+from onboard.files.models import Contract, DaemonConfig, Mission
+from onboard.files.obstacle_field import ObstacleList
+from sitl.vehicle.config import SitlConfig
 
 MODELS: MappingProxyType[str, type[BaseModel]] = MappingProxyType(
     {

@@ -12,12 +12,12 @@ from pathlib import Path
 import zenoh
 
 from onboard import daemon
-from onboard.config import Contract, DaemonConfig, Mission
-from onboard.contract import assess
-from onboard.flight_logs import LogFileError
-from onboard.link_url import LinkError
+from onboard.contract.assessment import assess
+from onboard.files.models import Contract, DaemonConfig, Mission
+from onboard.files.yaml_file import FileError, load_yaml
 from onboard.log_format import configure_logging
-from onboard.yaml_file import FileError, load_yaml
+from onboard.mavlink.link_url import LinkError
+from onboard.recording.flight_logs import LogFileError
 
 
 def main(arguments: list[str] | None = None) -> int:

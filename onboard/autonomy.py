@@ -16,31 +16,35 @@ from collections import deque
 from collections.abc import Callable
 from typing import Any, Final
 
-from onboard.agility import InputSet
-from onboard.clearance import ClearanceGate
-from onboard.config import Contract, Mission
-from onboard.contract import Assessment, assess
-from onboard.departure import Refusal, RefusalKind, RefusalReport
-from onboard.detection_intake import DetectionCounters, DetectionIntake
-from onboard.estimator_reset import EstimatorReset, PoseMonitor, ResetLedger
+from onboard.contract.agility import InputSet
+from onboard.contract.assessment import Assessment, assess
 from onboard.event_limiter import EventLimiter
 from onboard.events import Event, Severity
-from onboard.guidance import Phase
-from onboard.heading import HeadingMonitor
-from onboard.loop_overrun import LoopOverrunMonitor
-from onboard.mavlink import MavlinkEndpoint, Pose, Setpoint
-from onboard.monitor import Assumption, Violation, check_obstacle
-from onboard.navigator import Navigator
-from onboard.obstacles import Obstacle
-from onboard.payload import MalformedPayloadError, parse
-from onboard.planner import Planner
-from onboard.pose_history import PoseHistory
-from onboard.position_quality import DEAD_RECKONING_S, PositionQualityMonitor, Sign
-from onboard.second_commander import PX4_GAIN_MAX_PER_S, SecondCommanderMonitor
-from onboard.tilt_response import TiltResponseMonitor
-from onboard.tracking import TrackingMonitor
-from onboard.trim import TrimEstimator
-from onboard.wind import WindMonitor
+from onboard.files.json_payload import MalformedPayloadError, parse
+from onboard.files.models import Contract, Mission
+from onboard.guidance.departure import Refusal, RefusalKind, RefusalReport
+from onboard.guidance.navigator import Navigator
+from onboard.guidance.phases import Phase
+from onboard.mavlink.endpoint import MavlinkEndpoint, Pose, Setpoint
+from onboard.monitoring.assumptions import Assumption, Violation, check_obstacle
+from onboard.monitoring.estimator.heading import HeadingMonitor
+from onboard.monitoring.estimator.position_quality import (
+    DEAD_RECKONING_S,
+    PositionQualityMonitor,
+    Sign,
+)
+from onboard.monitoring.estimator.resets import EstimatorReset, PoseMonitor, ResetLedger
+from onboard.monitoring.flight_authorization import ClearanceGate
+from onboard.monitoring.loop_overrun import LoopOverrunMonitor
+from onboard.monitoring.response.second_commander import PX4_GAIN_MAX_PER_S, SecondCommanderMonitor
+from onboard.monitoring.response.tilt import TiltResponseMonitor
+from onboard.monitoring.response.tracking import TrackingMonitor
+from onboard.monitoring.response.trim import TrimEstimator
+from onboard.monitoring.response.wind import WindMonitor
+from onboard.perception.intake import DetectionCounters, DetectionIntake
+from onboard.perception.obstacle_map import Obstacle
+from onboard.perception.pose_history import PoseHistory
+from onboard.planning.planner import Planner
 
 log = logging.getLogger(__name__)
 

@@ -20,14 +20,14 @@ from typing import Final
 import zenoh
 
 from onboard.autonomy import Autonomy
-from onboard.clock import Clock
-from onboard.config import Contract, DaemonConfig, Mission
-from onboard.contract import TICK_S
-from onboard.event_log import EventLog
-from onboard.flight_logs import Logs
-from onboard.journal import Journal
-from onboard.links import Link, open_link
-from onboard.record import Record
+from onboard.contract.assessment import TICK_S
+from onboard.files.models import Contract, DaemonConfig, Mission
+from onboard.mavlink.connections import Link, open_link
+from onboard.recording.event_log import EventLog
+from onboard.recording.flight_logs import Logs
+from onboard.recording.journal import Journal
+from onboard.recording.record import Record
+from onboard.timing import Clock
 from onboard.zenoh_session import open_session
 
 log = logging.getLogger(__name__)

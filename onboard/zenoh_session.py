@@ -9,8 +9,8 @@ from typing import Final
 
 import zenoh
 
-from onboard.yaml_file import FileError
-from onboard.zenoh_endpoints import ZenohEndpoints
+from onboard.files.yaml_file import FileError
+from onboard.files.zenoh_endpoints import ZenohEndpoints
 
 # Peers that only connect never meet each other, not through a router either: each needs a listener
 # by which the others can be told of it.  This one is for processes of this computer.

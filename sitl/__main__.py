@@ -8,11 +8,11 @@ import logging
 import sys
 from pathlib import Path
 
-from onboard.yaml_file import FileError
-from sitl.config import load_sitl_config
-from sitl.live import ZenohError, serve
-from sitl.parameters import ParameterError
-from sitl.transport import TransportError
+from onboard.files.yaml_file import FileError
+from sitl.autopilot.flavours.parameters import ParameterError
+from sitl.live.service import ZenohError, serve
+from sitl.live.transport import TransportError
+from sitl.vehicle.config import load_sitl_config
 
 
 def main(arguments: list[str] | None = None) -> int:

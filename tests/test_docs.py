@@ -15,19 +15,19 @@ import pytest
 import yaml
 import zenoh
 
-from gcs_tools.live_check_parameters import ReportedParameters, check_parameters
-from gcs_tools.preflight_finding import Verdict
-from onboard.config import DaemonConfig, Mission, load_contract
-from onboard.contract import assess
-from onboard.obstacles import parse_frame
-from onboard.yaml_file import load_yaml
-from onboard.zenoh_endpoints import ZenohEndpoints
+from gcs_tools.preflight.finding import Verdict
+from gcs_tools.preflight.live.parameters import ReportedParameters, check_parameters
+from onboard.contract.assessment import assess
+from onboard.files.models import DaemonConfig, Mission, load_contract
+from onboard.files.yaml_file import load_yaml
+from onboard.files.zenoh_endpoints import ZenohEndpoints
+from onboard.perception.obstacle_map import parse_frame
 from onboard.zenoh_session import open_session
-from sitl.config import load_sitl_config
-from sitl.vehicle import SimulatedVehicle
+from sitl.vehicle.config import load_sitl_config
+from sitl.vehicle.vehicle import SimulatedVehicle
+from tests.sitl.autopilot.protocol.test_mavproxy import mavproxy
 from tests.sitl.process import configured, free_port, running
-from tests.sitl.test_mavproxy import mavproxy
-from tests.transcripts import with_answers
+from tests.tools.transcripts import with_answers
 
 ROOT = Path(__file__).parents[1]
 PAGES = (ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md")))

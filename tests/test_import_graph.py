@@ -13,23 +13,23 @@ ROOT = Path(__file__).parents[1]
 PACKAGES = ("onboard", "sitl", "gcs_tools")
 
 # Pure geometry: these may know one another, in this order, and nobody else.
-INNERMOST = ("onboard.frames", "onboard.agility", "onboard.region")
+INNERMOST = ("onboard.geometry.frames", "onboard.contract.agility", "onboard.contract.region")
 
 # What touches sockets, threads, event loops and clocks, and the modules that may.
 IO_LIBRARIES = {"asyncio", "mavsdk", "select", "serial", "socket", "threading", "time", "zenoh"}
 IO_MODULES = {
     "onboard.__main__",
     "onboard.daemon",
-    "onboard.links",
-    "onboard.clock",
-    "onboard.log_thread",
+    "onboard.mavlink.connections",
+    "onboard.timing",
+    "onboard.recording.writer_thread",
     "onboard.message_thread",
-    "onboard.serial_line",
+    "onboard.mavlink.serial_line",
     "onboard.zenoh_session",
     "sitl.__main__",
-    "sitl.live",
-    "sitl.simulation",  # a stopwatch: how long the simulation took
-    "sitl.transport",
+    "sitl.live.service",
+    "sitl.virtual.simulation",  # a stopwatch: how long the simulation took
+    "sitl.live.transport",
 }
 
 
@@ -82,7 +82,7 @@ def broken_rule(module: str, name: str) -> str | None:
         if within(name, "gcs_tools"):
             return "the simulation does not know the operator's tools"
         if within(name, "onboard") and not may_import_onboard(module, name):
-            return "only sitl.simulation may, so that no sign error is shared"
+            return "only sitl.virtual.simulation may, so that no sign error is shared"
     if module in INNERMOST and within(name, "onboard"):
         earlier = INNERMOST[: INNERMOST.index(module)]
         if not any(within(name, inner) for inner in earlier) and name != "onboard":
@@ -96,17 +96,17 @@ def broken_rule(module: str, name: str) -> str | None:
 
 # Files, bytes and distances: nothing in them has a sign that both sides could get wrong alike.
 SHARED = (
-    "onboard.yaml_file",
-    "onboard.mavlink_frames",
-    "onboard.rest",
-    "onboard.zenoh_endpoints",
+    "onboard.files.yaml_file",
+    "onboard.files.mavlink_frames",
+    "onboard.geometry.rest",
+    "onboard.files.zenoh_endpoints",
     "onboard.zenoh_session",
 )
 
 
 def may_import_onboard(module: str, name: str) -> bool:
     shared = any(within(name, one) for one in SHARED)
-    return module == "sitl.simulation" or name == "onboard" or shared
+    return module == "sitl.virtual.simulation" or name == "onboard" or shared
 
 
 def test_dependencies_point_inward() -> None:
@@ -130,17 +130,17 @@ def test_every_package_is_read() -> None:
 @pytest.mark.parametrize(
     ("module", "source"),
     [
-        ("onboard.planner", "from sitl.world import World"),
-        ("onboard.planner", "def f():\n    import gcs_tools.result"),
-        ("sitl.controller", "from onboard.agility import Agility"),
-        ("sitl.controller", "from onboard import agility"),
-        ("sitl.world", "import gcs_tools"),
-        ("onboard.frames", "from onboard.region import Box"),
-        ("onboard.region", "from onboard.contract import assess"),
+        ("onboard.planning.planner", "from sitl.environment.world import World"),
+        ("onboard.planning.planner", "def f():\n    import gcs_tools.logs.result"),
+        ("sitl.plant.controller", "from onboard.contract.agility import Agility"),
+        ("sitl.plant.controller", "from onboard import agility"),
+        ("sitl.environment.world", "import gcs_tools"),
+        ("onboard.geometry.frames", "from onboard.contract.region import Box"),
+        ("onboard.contract.region", "from onboard.contract.assessment import assess"),
         ("onboard.autonomy", "import time"),
-        ("onboard.guidance", "import asyncio"),
-        ("sitl.autopilot", "from socket import socket"),
-        ("onboard.obstacles", "import zenoh.ext"),
+        ("onboard.guidance.phases", "import asyncio"),
+        ("sitl.autopilot.autopilot", "from socket import socket"),
+        ("onboard.perception.obstacle_map", "import zenoh.ext"),
     ],
 )
 def test_the_rules_catch(module: str, source: str) -> None:
@@ -150,12 +150,12 @@ def test_the_rules_catch(module: str, source: str) -> None:
 @pytest.mark.parametrize(
     ("module", "source"),
     [
-        ("sitl.simulation", "from onboard.autonomy import Autonomy"),
-        ("sitl.config", "from onboard.yaml_file import FileModel"),
-        ("sitl.operator", "from onboard.mavlink_frames import FrameReader"),
-        ("onboard.region", "from onboard.agility import AccelerationLimits"),
+        ("sitl.virtual.simulation", "from onboard.autonomy import Autonomy"),
+        ("sitl.vehicle.config", "from onboard.files.yaml_file import FileModel"),
+        ("sitl.virtual.scripted_operator", "from onboard.files.mavlink_frames import FrameReader"),
+        ("onboard.contract.region", "from onboard.contract.agility import AccelerationLimits"),
         ("onboard.daemon", "import asyncio, time, zenoh"),
-        ("gcs_tools.flight", "import asyncio\nfrom onboard.config import Contract"),
+        ("gcs_tools.fly.command", "import asyncio\nfrom onboard.files.models import Contract"),
     ],
 )
 def test_the_rules_allow(module: str, source: str) -> None:

@@ -11,15 +11,15 @@ import numpy as np
 import pytest
 import yaml
 
-from gcs_tools.live_check_bus import BusConfig
-from gcs_tools.live_flight import Endpoints, write_configuration
+from gcs_tools.fly.live_flight import Endpoints, write_configuration
+from gcs_tools.preflight.live.bus import BusConfig
 from gcs_tools.scenario import Scenario, ScenarioFile, load_scenario, obstacle_list
 from gcs_tools.schemas import MODELS
-from onboard.config import Contract, DaemonConfig, Mission, load_contract
-from onboard.yaml_file import load_yaml
-from sitl.config import SitlConfig
-from sitl.field import ObstacleField, load_field
-from sitl.vehicle import SimulatedVehicle
+from onboard.files.models import Contract, DaemonConfig, Mission, load_contract
+from onboard.files.obstacle_field import ObstacleField, load_field
+from onboard.files.yaml_file import load_yaml
+from sitl.vehicle.config import SitlConfig
+from sitl.vehicle.vehicle import SimulatedVehicle
 from tests.gcs_tools.running import CONFIG, Clearway
 
 SCENARIOS = ("paper", "default", "intersecting_rois")

@@ -2,8 +2,8 @@ from pathlib import Path
 
 import pytest
 
-from onboard.config import Contract, Mission, load_contract
-from onboard.yaml_file import load_yaml
+from onboard.files.models import Contract, Mission, load_contract
+from onboard.files.yaml_file import load_yaml
 
 CONFIG = Path(__file__).parents[2] / "config"
 CONTRACTS = Path(__file__).parents[1] / "contracts"

@@ -10,16 +10,16 @@ import pytest
 from pymavlink.dialects.v20 import common as mavlink
 
 from onboard.autonomy import Autonomy
-from onboard.avoidance import Envelope
-from onboard.config import Contract, Mission, Requirements
-from onboard.contract import TICK_S
-from onboard.detection_intake import MAX_PENDING_FRAMES
+from onboard.contract.assessment import TICK_S
 from onboard.events import Event
-from onboard.guidance import Phase
-from onboard.journal import Journal
-from onboard.manoeuvre import cruise
-from onboard.planner import NoPlan, Planner
-from onboard.trajectory import State
+from onboard.files.models import Contract, Mission, Requirements
+from onboard.guidance.phases import Phase
+from onboard.motion.trajectory import State
+from onboard.perception.intake import MAX_PENDING_FRAMES
+from onboard.planning.closed_form import cruise
+from onboard.planning.planner import NoPlan, Planner
+from onboard.planning.problem import Envelope
+from onboard.recording.journal import Journal
 from tests.status_texts import status_texts
 
 EPOCH_UNIX_S = 1_790_000_000.0
@@ -670,7 +670,7 @@ def test_cruise_that_does_not_certify_is_not_flown(
     def too_fast(state: State, start_s: float, envelope: Envelope, *_: object, **__: object) -> Any:
         return cruise(state, start_s, envelope, 4.0)
 
-    monkeypatch.setattr("onboard.navigator.stop_at", too_fast)
+    monkeypatch.setattr("onboard.guidance.navigator.stop_at", too_fast)
     rig.mode = OFFBOARD
     rig.run(6.0)
     assert rig.phase is Phase.HOLD

@@ -20,12 +20,12 @@ import zenoh
 from mcap.reader import make_reader
 from pymavlink.dialects.v20 import common as mavlink
 
-from gcs_tools.flight_log import read_log
-from onboard.config import Contract, DaemonConfig, Mission, load_contract
+from gcs_tools.logs.flight_log import read_log
 from onboard.daemon import run
-from onboard.flight_logs import LogFileError, Logs
-from onboard.yaml_file import load_yaml
-from onboard.zenoh_endpoints import ZenohEndpoints
+from onboard.files.models import Contract, DaemonConfig, Mission, load_contract
+from onboard.files.yaml_file import load_yaml
+from onboard.files.zenoh_endpoints import ZenohEndpoints
+from onboard.recording.flight_logs import LogFileError, Logs
 from onboard.zenoh_session import open_session
 
 CONFIG = Path(__file__).parents[2] / "config"

@@ -15,12 +15,12 @@ from typing import Any
 import pytest
 import zenoh
 
-from gcs_tools.live_check_bus import load_bus
-from gcs_tools.watch import bus_of
-from onboard.yaml_file import FileError, validate
-from onboard.zenoh_endpoints import ZenohEndpoints
+from gcs_tools.preflight.live.bus import load_bus
+from gcs_tools.watch.command import bus_of
+from onboard.files.yaml_file import FileError, validate
+from onboard.files.zenoh_endpoints import ZenohEndpoints
 from onboard.zenoh_session import open_session
-from sitl.config import load_sitl_config
+from sitl.vehicle.config import load_sitl_config
 
 KEY = "clearway/v1/obstacles"
 

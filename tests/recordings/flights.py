@@ -9,7 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from onboard.config import (
+from onboard.files.models import (
     Contract,
     EnvironmentTerms,
     Leg,

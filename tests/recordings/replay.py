@@ -26,14 +26,14 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 import onboard.autonomy
 from onboard.autonomy import Autonomy
-from onboard.config import Contract, Mission
-from onboard.contract import TICK_S
+from onboard.contract.assessment import TICK_S
 from onboard.events import Event
-from onboard.frames import Vector
-from onboard.guidance import Phase
-from onboard.mavlink import COMPONENT_ID, Setpoint
-from onboard.navigator import Navigator
-from onboard.trajectory import State
+from onboard.files.models import Contract, Mission
+from onboard.geometry.frames import Vector
+from onboard.guidance.navigator import Navigator
+from onboard.guidance.phases import Phase
+from onboard.mavlink.endpoint import COMPONENT_ID, Setpoint
+from onboard.motion.trajectory import State
 from tests.recordings.flights import ARDUPILOT, FLIGHTS, PX4, BoxNed, Flight, mission
 from tests.recordings.sightings import (
     Sighting,

@@ -14,7 +14,7 @@ from collections import defaultdict
 from dataclasses import dataclass
 from pathlib import Path
 
-from gcs_tools.flight_log import read_log
+from gcs_tools.logs.flight_log import read_log
 
 # A hull has grown if a face has moved by more than rounding.
 _GROWN_M = 1e-3

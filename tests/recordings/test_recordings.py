@@ -13,8 +13,8 @@ from typing import Any
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from onboard.guidance import Phase
-from onboard.mavlink import COMPONENT_ID
+from onboard.guidance.phases import Phase
+from onboard.mavlink.endpoint import COMPONENT_ID
 from tests.recordings.cut import SIZE_MAX_BYTES, excerpt
 from tests.recordings.flights import EXCERPTS, FLIGHTS
 from tests.recordings.replay import (

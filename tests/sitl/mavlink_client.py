@@ -9,9 +9,9 @@ from typing import Any
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from sitl.config import StartConfig, VehicleConfig
-from sitl.modes import Mode
-from sitl.vehicle import SimulatedVehicle
+from sitl.autopilot.modes import Mode
+from sitl.vehicle.config import StartConfig, VehicleConfig
+from sitl.vehicle.vehicle import SimulatedVehicle
 
 COMPANION = mavlink.MAV_COMP_ID_OBSTACLE_AVOIDANCE
 STREAM_S = 0.02

@@ -1,0 +1,1 @@
+"""``clearway campaign``: many seeded flights, judged and counted."""

@@ -1,0 +1,277 @@
+"""``clearway campaign``: many seeded flights in virtual time, judged by oracles and counted.
+
+A flight is determined by where it comes from (a generator or a scenario file), the campaign's seed
+and its own number; how many flights there are, which process flies them and in which order changes
+nothing.  So a campaign that was interrupted goes on where it was, and a finding replays alone.
+"""
+
+from __future__ import annotations
+
+import os
+import shlex
+import sys
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+from rich.console import Console
+from rich.markup import escape
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+from rich.table import Table
+
+from gcs_tools.campaign.flight import FileSource, FlightRow, GeneratedSource, Source
+from gcs_tools.campaign.forest import ForestSource
+from gcs_tools.campaign.generator.scenarios import GENERATORS
+from gcs_tools.campaign.report import write_report
+from gcs_tools.campaign.shrink import shrink
+from gcs_tools.campaign.statistics import CONFIDENCE, ClassSummary, summarise, total
+from gcs_tools.campaign.table import read_table, write_table
+from gcs_tools.campaign.workers import Order, fly_locally, fly_on_cluster
+from gcs_tools.console.errors import CommandError
+from gcs_tools.console.output import write_text
+from gcs_tools.scenario import Scenario, load_scenario, obstacle_list
+from onboard.files.obstacle_field import load_field
+from onboard.files.yaml_file import dump_document
+
+# A campaign that is killed loses at most this many flights.
+_ROWS_BETWEEN_WRITES: Final = 200
+# Tables keep this width where there is no terminal to fit.
+_FILE_WIDTH: Final = 130
+# Shrinking a flight ends after this many.
+_FLIGHTS_PER_SHRINKING: Final = 60
+# Named on the terminal; the table has them all.
+_FAILURES_SHOWN: Final = 20
+
+
+@dataclass(frozen=True)
+class CampaignRequest:
+    """What the command line asks for.
+
+    Attributes:
+        scenarios: names of generators, or scenario files.
+        flights: how many in all, shared out evenly over the scenarios.
+        seed: of the campaign.
+        only: fly this number of every scenario and nothing else.
+        jobs: processes; ignored on a cluster.
+        dask: address of a Dask scheduler.
+        out: directory for what the campaign leaves behind.
+        shrink: reduce this many of the failing flights to minimal scenarios.
+    """
+
+    scenarios: tuple[str, ...]
+    flights: int
+    seed: int
+    only: int | None = None
+    jobs: int | None = None
+    dask: str | None = None
+    out: Path | None = None
+    shrink: int = 3
+
+
+def run_campaign(request: CampaignRequest) -> bool:
+    """Fly a campaign; return whether every flight met its expectation.
+
+    Leaves ``flights.parquet``, ``summary.html`` and a scenario file of every failed flight in the
+    output directory.  Flights that are in the table there already are not flown again.
+
+    Raises:
+        FileError: a scenario is not usable.
+        CommandError: the output cannot be written, a worker died, or no scheduler answers.
+    """
+    sources = [_source(name) for name in request.scenarios]
+    directory = _prepared(request)
+    orders = _orders(sources, request)
+    table = directory / "flights.parquet"
+    rows = _flown_before(table, orders)
+    known = {(row.source, row.number) for row in rows}
+    missing = [order for order in orders if (order.source.name, order.number) not in known]
+    console = Console(width=None if sys.stdout.isatty() else _FILE_WIDTH, highlight=False)
+    if rows:
+        console.print(f"{len(rows)} flights are in {table} already", soft_wrap=True)
+    try:
+        for row in _with_progress(_flown(missing, request), len(missing), console):
+            rows.append(row)
+            if len(rows) % _ROWS_BETWEEN_WRITES == 0:
+                write_table(rows, table)
+                if not console.is_terminal:
+                    bad = sum(not each.good for each in rows)
+                    console.print(f"{len(rows)} of {len(orders)} flights, {bad} failed")
+    finally:
+        write_table(rows, table)
+    write_report(rows, directory / "summary.html")
+    failed = [row for row in rows if not row.good]
+    _keep_scenarios(failed, sources, directory / "failed")
+    _print_summary(rows, console)
+    _print_failures(failed, console)
+    _shrink_failures(failed[: request.shrink], sources, directory / "failed", console)
+    console.print(f"table, report, scenarios of failed flights: {directory}", soft_wrap=True)
+    return not failed
+
+
+# ------------------------------------------------------------------ what is to be flown
+
+
+def _source(name: str) -> Source:
+    if name in GENERATORS:
+        return GeneratedSource(name)
+    if Path(name).suffix.lower() == ".csv":
+        load_field(Path(name))
+        return ForestSource(name)
+    if not Path(name).suffix:
+        raise CommandError(
+            f"{name}: neither a scenario file, a stem map (CSV) nor one of {', '.join(GENERATORS)}"
+        )
+    return FileSource(name, load_scenario(Path(name)))
+
+
+def _prepared(request: CampaignRequest) -> Path:
+    names = "-".join(Path(name).stem for name in request.scenarios[:3])
+    which = request.seed if request.only is None else f"{request.seed}-{request.only}"
+    directory = request.out or Path("campaigns") / f"{names}-{which}"
+    try:
+        directory.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise CommandError(f"{directory}: cannot be written: {error.strerror or error}") from error
+    return directory
+
+
+def _orders(sources: Sequence[Source], request: CampaignRequest) -> list[Order]:
+    if request.only is not None:
+        return [Order(source, request.seed, request.only) for source in sources]
+    return [
+        Order(sources[index % len(sources)], request.seed, index // len(sources))
+        for index in range(request.flights)
+    ]
+
+
+def _flown_before(table: Path, orders: Sequence[Order]) -> list[FlightRow]:
+    """Return the rows of an earlier run of this campaign, as far as they are asked for."""
+    if not table.exists():
+        return []
+    asked = {(order.source.name, order.campaign_seed, order.number) for order in orders}
+    before = read_table(table)
+    rows = [row for row in before if (row.source, row.campaign_seed, row.number) in asked]
+    if len(rows) < len(before):
+        raise CommandError(f"{table}: holds flights of another campaign: use another --out")
+    return rows
+
+
+def _flown(orders: Iterable[Order], request: CampaignRequest) -> Iterator[FlightRow]:
+    if request.dask is not None:
+        return fly_on_cluster(orders, request.dask)
+    return fly_locally(orders, request.jobs or os.cpu_count() or 1)
+
+
+def _with_progress(rows: Iterator[FlightRow], count: int, console: Console) -> Iterator[FlightRow]:
+    columns = (
+        TextColumn("{task.description}"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TimeRemainingColumn(),
+    )
+    with Progress(*columns, console=console, disable=not console.is_terminal) as progress:
+        bar = progress.add_task("flying", total=count)
+        failed = 0
+        for row in rows:
+            failed += not row.good
+            description = f"flying, [red]{failed} failed[/]" if failed else "flying"
+            progress.update(bar, advance=1, description=description)
+            yield row
+
+
+# ------------------------------------------------------------------ what came of it
+
+
+def _keep_scenarios(failed: Iterable[FlightRow], sources: Sequence[Source], place: Path) -> None:
+    named = {source.name: source for source in sources}
+    for row in failed:
+        case = named[row.source].case(row.campaign_seed, row.number)
+        path = place / f"{Path(row.source).stem}-{row.campaign_seed}-{row.number}.yaml"
+        heading = f"# {replay_command(row)}\n" + "".join(
+            f"# {line}\n" for line in row.findings.splitlines()
+        )
+        document = scenario_document(case.scenario)
+        text = dump_document(document)
+        place.mkdir(exist_ok=True)
+        write_text(heading + text, path)
+
+
+def _shrink_failures(
+    failed: Sequence[FlightRow], sources: Sequence[Source], place: Path, console: Console
+) -> None:
+    named = {source.name: source for source in sources}
+    for row in failed:
+        case = named[row.source].case(row.campaign_seed, row.number)
+        oracles = frozenset(line.split(":", 1)[0] for line in row.findings.splitlines())
+        document = scenario_document(case.scenario)
+        shrunk = shrink(document, oracles, case.seed, _FLIGHTS_PER_SHRINKING)
+        if shrunk is None:
+            continue
+        path = place / f"minimal-{Path(row.source).stem}-{row.campaign_seed}-{row.number}.yaml"
+        replay = f"clearway campaign {shlex.quote(str(path))} --seed {case.seed} --only 0"
+        text = dump_document(shrunk.document)
+        found = "".join(f"# {line}\n" for line in shrunk.findings.splitlines())
+        write_text(f"# {replay}\n{found}{text}", path)
+        console.print(f"shrunk in {shrunk.flights} flights: {replay}", markup=False, soft_wrap=True)
+
+
+def scenario_document(scenario: Scenario) -> dict[str, Any]:
+    """Return a scenario as it would be written in YAML, everything in one file."""
+    return {
+        "contract": scenario.contract.model_dump(mode="json"),
+        "field": [each.model_dump(mode="json") for each in obstacle_list(scenario.obstacles)],
+        "mission": scenario.mission.model_dump(mode="json"),
+        "sitl": scenario.plant.model_dump(mode="json", exclude_defaults=True),
+        "faults": [fault.model_dump(mode="json", exclude_none=True) for fault in scenario.faults],
+        "field_known": scenario.field_known,
+        "force": scenario.force,
+        "expect": scenario.expect.model_dump(mode="json", exclude_none=True),
+    }
+
+
+def replay_command(row: FlightRow) -> str:
+    """Return the command that flies one flight of a campaign again, exactly."""
+    return (
+        f"clearway campaign {shlex.quote(row.source)} --seed {row.campaign_seed} "
+        f"--only {row.number}"
+    )
+
+
+def _print_summary(rows: Sequence[FlightRow], console: Console) -> None:
+    table = Table(title=f"Bounds at {CONFIDENCE:.0%} (Clopper-Pearson)", title_justify="left")
+    table.add_column("scenario")
+    table.add_column("fault or breach")
+    for column in ("flights", "refused", "arrived", "held", "fallback", "collided", "failed"):
+        table.add_column(column, justify="right")
+    table.add_column("collision rate", justify="right")
+    table.add_column("clearance", justify="right")
+    for each in (*summarise(rows), total(rows)):
+        table.add_row(*_cells(each), style="bold red" if each.failed else "")
+    console.print(table)
+
+
+def _cells(each: ClassSummary) -> tuple[str, ...]:
+    lower, upper = each.collision_rate
+    rate = f"{lower:.2%} to {upper:.2%}" if each.collided else f"≤ {upper:.2%}"
+    clearance = "" if each.clearance_min_m is None else f"{each.clearance_min_m:.2f} m"
+    variant = each.variant if each.covered else f"{each.variant} (nothing promised)"
+    counts = (
+        each.flights,
+        each.refused,
+        each.arrived,
+        each.held,
+        each.fell_back,
+        each.collided,
+        each.failed,
+    )
+    flew = each.flights > each.refused
+    return each.source, variant, *map(str, counts), rate if flew else "", clearance
+
+
+def _print_failures(failed: Sequence[FlightRow], console: Console) -> None:
+    for row in failed[:_FAILURES_SHOWN]:
+        console.print(f"[red]failed[/] {escape(row.findings)}", soft_wrap=True)
+        console.print(f"  {replay_command(row)}", markup=False, soft_wrap=True)
+    if len(failed) > _FAILURES_SHOWN:
+        console.print(f"… and {len(failed) - _FAILURES_SHOWN} more, in the table")

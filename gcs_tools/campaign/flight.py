@@ -1,0 +1,273 @@
+"""One flight of a campaign: flown in memory, judged by every oracle, boiled down to one row."""
+
+from __future__ import annotations
+
+import time
+import traceback
+from collections import defaultdict
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, Final, Protocol
+
+from gcs_tools.campaign.generator.scenarios import Case, generated
+from gcs_tools.campaign.oracles import Evidence, findings
+from gcs_tools.logs.flight_log import Log
+from gcs_tools.logs.result import Result, result_of
+from gcs_tools.preflight.command import Preflight, check
+from gcs_tools.scenario import Scenario
+from onboard.contract.assessment import Assessment
+from sitl.environment.truth_log import truth_record
+from sitl.virtual.scripted_operator import Step
+from sitl.virtual.simulation import (
+    EPOCH_UNIX_S,
+    SimulatedFlight,
+    Simulation,
+    ticks,
+    without_cycle_collection,
+)
+
+# Take-off and alignment, and then the leg at this share of the cruise speed.
+_OVERHEAD_S: Final = 90.0
+_PACE_MIN: Final = 0.25
+_AT_REST_MPS: Final = 0.1
+# What results and oracles are made of; the rest of the flight log is for people.
+_TOPICS: Final = frozenset({"state", "events", "plan"})
+
+
+class Source(Protocol):
+    """Where the flights of a campaign come from; travels to worker processes."""
+
+    @property
+    def name(self) -> str:
+        """What the command line calls it."""
+
+    def case(self, campaign_seed: int, number: int) -> Case:
+        """Return flight ``number``: the same for the same arguments, on every machine."""
+
+
+@dataclass(frozen=True)
+class GeneratedSource:
+    """Scenarios drawn by a generator."""
+
+    name: str
+
+    def case(self, campaign_seed: int, number: int) -> Case:
+        """Draw one."""
+        return generated(self.name, campaign_seed, number)
+
+
+@dataclass(frozen=True)
+class FileSource:
+    """One scenario file, flown with one seed after another."""
+
+    name: str
+    scenario: Scenario
+
+    def case(self, campaign_seed: int, number: int) -> Case:
+        """Return the scenario with a seed of its own, held to what it expects."""
+        expected, scenario = self.scenario.expect, self.scenario
+        return Case(
+            scenario,
+            seed=campaign_seed + number,
+            variant=scenario.faults[0].kind if scenario.faults else "none",
+            outcomes=(expected.outcome,),
+            covered=expected.collisions == 0,
+            expectation=True,
+        )
+
+
+@dataclass(frozen=True)
+class FlightRow:
+    """One line of the campaign's table; every number of the contract that was drawn with it.
+
+    Attributes:
+        source, campaign_seed, number: which flight; these three replay it.
+        seed: of its simulation.
+        variant, trigger: breach or kind of fault, and when it began.
+        covered: whether the contract promises that nothing is hit.
+        refused: the pre-flight check refused, so it was not flown.
+        outcome, reason, collisions, clearance_min_m, obstacles_avoided: as in ``result.json``.
+        true_tracking_error_m: from ground truth, against the reference.
+        tracking_share: of the declared tracking error that was used.
+        plans_qp, plans_vertex, plans_brake: how many plans of each kind.
+        violations: assumptions that were seen to fail, one a line.
+        findings: what the oracles found, one a line; empty for a good flight.
+        csb_shape: of the collision set boundary, ``flat`` or ``pointed``.
+        virtual_s, wall_s: simulated time, and the processor time that it took.
+    """
+
+    source: str
+    campaign_seed: int
+    number: int
+    seed: int
+    variant: str
+    trigger: str
+    covered: bool
+    refused: bool
+    outcome: str
+    reason: str
+    collisions: int
+    clearance_min_m: float | None
+    obstacles: int
+    obstacles_avoided: int
+    true_tracking_error_m: float
+    tracking_share: float
+    plans_qp: int
+    plans_vertex: int
+    plans_brake: int
+    violations: str
+    findings: str
+    csb_shape: str
+    cruise_speed_mps: float
+    roll_max_deg: float
+    pitch_max_deg: float
+    obstacle_size_max_m: float
+    separation_m: float
+    passive_safety: bool
+    virtual_s: float
+    wall_s: float
+
+    @property
+    def fell_back(self) -> bool:
+        """Whether it took more than the plan: an assumption's failure answered, or a brake."""
+        return bool(self.violations) or self.outcome == "held" or self.plans_brake > 0
+
+    @property
+    def good(self) -> bool:
+        """Whether no oracle found anything."""
+        return not self.findings
+
+
+@without_cycle_collection()
+def fly_numbered(source: Source, campaign_seed: int, number: int) -> FlightRow:
+    """Fly one flight of a campaign; an exception is a finding, not the end of the campaign."""
+    began_s = time.process_time()
+    case = source.case(campaign_seed, number)
+    checked = _checked(case.scenario)
+    which = {"source": source.name, "campaign_seed": campaign_seed, "number": number}
+    if not (checked.compliant or case.scenario.force):
+        return _row(which, case, checked.assessment, _refused(case, checked), time_s=(0.0, 0.0))
+    try:
+        evidence = fly_case(case)
+        found = findings(evidence)
+    except Exception:  # noqa: BLE001  whatever it is, it is what campaigns are for
+        crashed = _aborted(case, traceback.format_exc().strip().splitlines()[-1])
+        found = {"exception": "\n".join(traceback.format_exc().strip().splitlines()[-5:])}
+        return _row(which, case, checked.assessment, crashed, found=found, time_s=(0.0, 0.0))
+    virtual_s = evidence.states[-1]["time_s"] - EPOCH_UNIX_S
+    return _row(
+        which,
+        case,
+        checked.assessment,
+        evidence.result,
+        found=found,
+        tracking_m=evidence.true_tracking_error_m,
+        time_s=(virtual_s, time.process_time() - began_s),
+    )
+
+
+def fly_case(case: Case) -> Evidence:
+    """Fly until the vehicle is at rest after its mission and about to land."""
+    scenario = case.scenario
+    simulation = Simulation(
+        SimulatedFlight(
+            contract=scenario.contract,
+            mission=scenario.mission,
+            sitl=scenario.sitl_config(seed=case.seed),
+            obstacles=scenario.obstacles,
+            seed=case.seed,
+            faults=scenario.faults,
+            fly_outside_contract=scenario.force,
+            time_limit_s=_time_limit_s(scenario),
+        )
+    )
+    vehicle, world = simulation.scene.vehicle, simulation.scene.world
+    messages: defaultdict[str, list[dict[str, Any]]] = defaultdict(list)
+    truths: list[dict[str, Any]] = []
+    at_rest = False
+    for records in ticks(simulation, shown=False):
+        for record in records:
+            if record.topic in _TOPICS:
+                messages[f"/{record.topic}"].append(record.payload)
+        truths.append(truth_record(vehicle.truth, world, EPOCH_UNIX_S))
+        landing = simulation.operator.step in (Step.LAND, Step.DONE)
+        at_rest = landing and vehicle.truth.ground_speed_mps < _AT_REST_MPS
+        if at_rest:
+            break
+    metadata = {"clearway": {"contract_sha256": scenario.contract.sha256}}
+    flight, truth = Log(messages, metadata, True), Log({"/truth": truths}, {}, True)
+    aborted = simulation.operator.gave_up
+    if not at_rest:
+        aborted = "the vehicle did not come to rest within the time limit"
+    result = result_of(flight, truth, seed=case.seed, aborted=aborted)
+    return Evidence(case, result, flight, truth, at_rest)
+
+
+def _checked(scenario: Scenario) -> Preflight:
+    known = scenario.obstacles if scenario.field_known else None
+    return check(scenario.contract, known, scenario.mission)
+
+
+def _time_limit_s(scenario: Scenario) -> float:
+    way_m, (north_m, east_m) = 0.0, scenario.mission.start_ned_m
+    for leg in scenario.mission.legs:
+        end_north_m, end_east_m = leg.end_ned_m
+        way_m += abs(end_north_m - north_m) + abs(end_east_m - east_m)
+        north_m, east_m = leg.end_ned_m
+    return _OVERHEAD_S + way_m / (_PACE_MIN * scenario.contract.vehicle.cruise_speed_mps)
+
+
+def _refused(case: Case, checked: Preflight) -> Result:
+    return _aborted(case, f"refused: {'; '.join(checked.refusals)}")
+
+
+def _aborted(case: Case, reason: str) -> Result:
+    """Return the result of a flight of which there is no log."""
+    nothing = Log({}, {}, True)
+    return result_of(nothing, nothing, seed=case.seed, aborted=reason)
+
+
+def _row(
+    which: Mapping[str, Any],
+    case: Case,
+    assessment: Assessment,
+    result: Result,
+    *,
+    time_s: tuple[float, float],
+    found: Mapping[str, str] | None = None,
+    tracking_m: float = 0.0,
+) -> FlightRow:
+    vehicle, environment = case.scenario.contract.vehicle, case.scenario.contract.environment
+    refused = result.outcome == "aborted" and result.reason.startswith("refused: ")
+    if refused and not case.refusable and "aborted" not in case.outcomes:
+        found = {"outcome": result.reason}
+    return FlightRow(
+        **which,
+        seed=case.seed,
+        variant=case.variant,
+        trigger=case.trigger,
+        covered=case.covered,
+        refused=refused,
+        outcome=result.outcome,
+        reason=result.reason,
+        collisions=result.collisions,
+        clearance_min_m=result.clearance_min_m,
+        obstacles=len(case.scenario.obstacles),
+        obstacles_avoided=result.obstacles_avoided,
+        true_tracking_error_m=tracking_m,
+        tracking_share=tracking_m / max(vehicle.tracking_error_m, 1e-9),
+        plans_qp=result.plans["qp"],
+        plans_vertex=result.plans["vertex"],
+        plans_brake=result.plans["brake"],
+        violations="\n".join(result.violations),
+        findings="\n".join(f"{name}: {text}" for name, text in (found or {}).items()),
+        csb_shape="flat" if assessment.nominal.region.flat else "pointed",
+        cruise_speed_mps=vehicle.cruise_speed_mps,
+        roll_max_deg=vehicle.roll_max_deg,
+        pitch_max_deg=vehicle.pitch_max_deg,
+        obstacle_size_max_m=environment.obstacle_size_max_m,
+        separation_m=environment.obstacle_separation_min_m,
+        passive_safety=case.scenario.contract.requirements.passive_safety,
+        virtual_s=time_s[0],
+        wall_s=time_s[1],
+    )

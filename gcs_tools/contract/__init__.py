@@ -1,0 +1,1 @@
+"""``clearway contract``: show, solve, surface."""

@@ -1,0 +1,66 @@
+"""An assessed contract as the JSON document that every command shares."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from onboard.contract.agility import AccelerationLimits
+from onboard.contract.assessment import Assessment, Clause, Derived
+
+
+def contract_document(assessment: Assessment) -> dict[str, Any]:
+    """Return everything that was derived from a contract, with the published keys."""
+    return {
+        "contract_sha256": assessment.contract.sha256,
+        "input_set": assessment.terms.input_set,
+        "accel_mps2": _accelerations(assessment.limits),
+        "nominal": derived_document(assessment.nominal),
+        "inflated": derived_document(assessment.inflated),
+        "clauses": [clause_document(clause) for clause in assessment.clauses],
+        "binding": assessment.binding.name,
+        "compliant": assessment.compliant,
+    }
+
+
+def derived_document(derived: Derived[float]) -> dict[str, Any]:
+    """Return one reading of a contract; lengths in metres.
+
+    The lane of the inflated reading includes the coasting after a lost setpoint stream (theory H).
+    """
+    region = derived.region
+    return {
+        "collision_set_depth_m": region.collision_set_depth_m,
+        "csb_shape": "flat" if region.flat else "pointed",
+        "lane_overhang_m": {
+            "left": region.overhang_left_m + region.coast_left_m,
+            "right": region.overhang_right_m + region.coast_right_m,
+        },
+        "pob_depth_m": region.pob_depth_m,
+        "roi_length_m": derived.roi_length_m,
+        "roi_width_m": derived.roi_width_m,
+        "required_detection_range_m": derived.required_detection_range_m,
+        "required_separation_m": derived.required_separation_m,
+        "stopping_distance_m": derived.stopping_distance_m,
+    }
+
+
+def clause_document(clause: Clause[float]) -> dict[str, Any]:
+    """Return one clause; ``required``, ``declared`` and ``margin`` are in ``unit``."""
+    return {
+        "name": clause.name,
+        "required": clause.required,
+        "declared": clause.declared,
+        "margin": clause.margin,
+        "unit": clause.unit,
+        "holds": bool(clause.holds),
+        "reason": clause.reason,
+    }
+
+
+def _accelerations(limits: AccelerationLimits) -> dict[str, float]:
+    return {
+        "brake": limits.brake_mps2,
+        "forward": limits.forward_mps2,
+        "left": limits.left_mps2,
+        "right": limits.right_mps2,
+    }

@@ -1,0 +1,274 @@
+"""What a contract requires, over any two of its keys.
+
+The grid is evaluated by the formulas that decide before a flight, on arrays (`region.ARRAY`), in
+blocks that stay in the processor's cache.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, fields, replace
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gcs_tools.console.errors import CommandError
+from gcs_tools.console.progress import tracked
+from gcs_tools.contract.keys import ContractKey, contract_key
+from onboard.contract.agility import InputSet
+from onboard.contract.assessment import Clause, Derived, Terms, clauses, derive
+from onboard.contract.region import ARRAY
+from onboard.files.models import Contract
+from onboard.geometry.frames import FloatArray
+
+Reading = Literal["nominal", "inflated"]
+BoolArray = NDArray[np.bool_]
+
+MAX_POINTS = 25_000_000
+
+# Points per block: some sixty arrays of this size pass through the cache.
+_BLOCK_POINTS = 16_384
+
+
+@dataclass(frozen=True)
+class Axis:
+    """Values of one key, or of several keys that are driven together.
+
+    Attributes:
+        keys: of the contract.
+        values: in the keys' unit, ascending.
+    """
+
+    keys: tuple[ContractKey, ...]
+    values: FloatArray
+
+    @property
+    def name(self) -> str:
+        """As written on the command line."""
+        return "+".join(key.path for key in self.keys)
+
+    @property
+    def unit(self) -> str:
+        """Unit of the values."""
+        return self.keys[0].unit
+
+    @classmethod
+    def parse(cls, text: str) -> Axis:
+        """Read ``KEY=LO:HI:N``, or ``KEY+KEY=LO:HI:N``.
+
+        Raises:
+            CommandError: the text does not describe an axis.
+        """
+        names, _, span = text.partition("=")
+        keys = tuple(contract_key(name) for name in names.split("+"))
+        if len({key.unit for key in keys}) > 1:
+            raise CommandError(f"{names}: keys that are driven together must have the same unit")
+        try:
+            low, high, count = span.split(":")
+            start, stop, number = float(low), float(high), int(count)
+        except ValueError:
+            raise CommandError(f"{text}: write KEY=LO:HI:N") from None
+        if not (math.isfinite(start) and math.isfinite(stop) and start < stop and number >= 2):
+            raise CommandError(f"{text}: LO must be less than HI, and N at least 2")
+        return cls(keys, np.linspace(start, stop, number))
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """Something to draw over two keys.
+
+    Attributes:
+        name: on the command line.
+        label: for people.
+        unit: of the values.
+        clause: name of the clause whose requirement this is; '' if it is none's.
+        of: its values.
+    """
+
+    name: str
+    label: str
+    unit: str
+    clause: str
+    of: Callable[[Derived[FloatArray], tuple[Clause[FloatArray], ...]], FloatArray]
+
+
+def _length(name: str, label: str, of: Callable[[Derived[FloatArray]], FloatArray]) -> Quantity:
+    return Quantity(name, label, "m", "", lambda derived, _: of(derived))
+
+
+MARGIN = Quantity(
+    "margin",
+    "least margin of all clauses, as a part of what is declared",
+    "",
+    "",
+    lambda _, found: 1.0 - _largest(clause.required / clause.declared for clause in found),
+)
+_LENGTHS = (
+    _length(
+        "collision_set_depth_m", "collision set depth", lambda d: d.region.collision_set_depth_m
+    ),
+    _length("pob_depth_m", "front face to post-obstacle border", lambda d: d.region.pob_depth_m),
+    _length("roi_length_m", "region of influence, length", lambda d: d.roi_length_m),
+    _length("roi_width_m", "region of influence, width", lambda d: d.roi_width_m),
+    _length("stopping_distance_m", "stopping distance", lambda d: d.stopping_distance_m),
+    _length(
+        "required_detection_range_m",
+        "detection range required",
+        lambda d: d.required_detection_range_m,
+    ),
+    _length("required_separation_m", "separation required", lambda d: d.required_separation_m),
+)
+
+
+def quantity_called(name: str, units_of_clauses: dict[str, str]) -> Quantity:
+    """Return a derived length, ``margin``, or what a clause requires in its unit.
+
+    Raises:
+        CommandError: there is no such quantity.
+    """
+    known = {quantity.name: quantity for quantity in (MARGIN, *_LENGTHS)}
+    if name in known:
+        return known[name]
+    if (unit := units_of_clauses.get(name)) is not None:
+        label = f"{name.replace('_', ' ')} required"
+        return Quantity(name, label, unit, name, lambda _, found: _clause_of(found, name).required)
+    names = ", ".join((*known, *units_of_clauses))
+    raise CommandError(f"unknown quantity {name!r}; expected one of {names}")
+
+
+@dataclass(frozen=True)
+class Surface:
+    """A quantity over two keys.
+
+    Attributes:
+        x, y: the axes.
+        quantity: what was evaluated.
+        reading: nominal or inflated.
+        input_set: which box of accelerations.
+        values: (len(y), len(x)).
+        margin: what the quantity's clause declares less what it requires, as a part of what it
+            declares; of all clauses the least, if the quantity belongs to none.
+        declared: what the quantity's clause declares, if that is the same everywhere.
+        compliant: where every clause holds.
+    """
+
+    x: Axis
+    y: Axis
+    quantity: Quantity
+    reading: Reading
+    input_set: InputSet
+    values: FloatArray
+    margin: FloatArray
+    declared: float | None
+    compliant: BoolArray
+
+    @property
+    def safe(self) -> BoolArray:
+        """Where the quantity's clause holds; every clause, if it belongs to none."""
+        return self.margin > 0.0
+
+
+def evaluate(
+    contract: Contract,
+    x: Axis,
+    y: Axis,
+    quantity_name: str,
+    *,
+    reading: Reading = "inflated",
+    input_set: InputSet = "inner",
+) -> Surface:
+    """Evaluate a quantity on the grid of two axes.
+
+    Raises:
+        FileError: an end of an axis is not admissible.
+        CommandError: the grid is too large, the axes share a key, or there is no such quantity.
+    """
+    _check(_read_as(contract, reading), x, y)
+    terms = _as_arrays(Terms.of(contract, input_set))
+    if reading == "nominal":
+        terms = terms.idealised()
+    units = {clause.name: clause.unit for clause in clauses(terms, derive(terms, ARRAY), ARRAY)}
+    quantity = quantity_called(quantity_name, units)
+    shape = len(y.values), len(x.values)
+    values, margin, compliant = np.empty(shape), np.empty(shape), np.empty(shape, dtype=bool)
+    declared: set[float] = set()
+    steps = range(0, len(y.values), max(1, _BLOCK_POINTS // len(x.values)))
+    for start in tracked(steps, len(steps), "evaluating the contract"):
+        rows = slice(start, start + steps.step)
+        block = _block(terms, x, y, rows)
+        derived = derive(block, ARRAY)
+        found = clauses(block, derived, ARRAY)
+        values[rows] = quantity.of(derived, found)
+        compliant[rows] = np.logical_and.reduce(
+            [np.broadcast_to(clause.holds, values[rows].shape) for clause in found]
+        )
+        if quantity.clause:
+            own = _clause_of(found, quantity.clause)
+            margin[rows] = own.margin / own.declared
+            declared |= set(np.unique(own.declared).tolist())
+        else:
+            margin[rows] = MARGIN.of(derived, found)
+    return Surface(
+        x=x,
+        y=y,
+        quantity=quantity,
+        reading=reading,
+        input_set=input_set,
+        values=values,
+        margin=margin,
+        declared=declared.pop() if len(declared) == 1 else None,
+        compliant=compliant,
+    )
+
+
+def _read_as(contract: Contract, reading: Reading) -> Contract:
+    """Return the contract without the clause that the nominal reading does not have.
+
+    The run-on, and with it the speed above which it is unknown, belongs to passive safety.
+    """
+    if reading == "inflated":
+        return contract
+    requirements = contract.requirements.model_copy(update={"passive_safety": False})
+    return contract.model_copy(update={"requirements": requirements})
+
+
+def _check(contract: Contract, x: Axis, y: Axis) -> None:
+    if len(x.values) * len(y.values) > MAX_POINTS:
+        raise CommandError(f"more than {MAX_POINTS:,} points: choose a smaller N")
+    if shared := {key.path for key in x.keys} & {key.path for key in y.keys}:
+        raise CommandError(f"{', '.join(sorted(shared))} cannot be on both axes")
+    for x_value in x.values[[0, -1]]:
+        for y_value in y.values[[0, -1]]:
+            corner = contract
+            for axis, value in ((x, float(x_value)), (y, float(y_value))):
+                for key in axis.keys:
+                    corner = key.changed(corner, value)
+
+
+def _as_arrays(terms: Terms[float]) -> Terms[FloatArray]:
+    numbers: dict[str, Any] = {field.name: getattr(terms, field.name) for field in fields(terms)}
+    for name, value in numbers.items():
+        if isinstance(value, float):
+            numbers[name] = np.asarray(value)
+    return Terms(**numbers)
+
+
+def _block(terms: Terms[FloatArray], x: Axis, y: Axis, rows: slice) -> Terms[FloatArray]:
+    """Return the terms in some rows of the grid; what varies with x alone stays one row."""
+    across = {key.term: x.values[np.newaxis, :] * key.term_per_unit for key in x.keys}
+    down = {key.term: y.values[rows, np.newaxis] * key.term_per_unit for key in y.keys}
+    changes: dict[str, Any] = across | down
+    return replace(terms, **changes)
+
+
+def _clause_of(found: tuple[Clause[FloatArray], ...], name: str) -> Clause[FloatArray]:
+    return next(clause for clause in found if clause.name == name)
+
+
+def _largest(values: Iterator[FloatArray]) -> FloatArray:
+    largest = next(values)
+    for value in values:
+        largest = np.maximum(largest, value)
+    return largest

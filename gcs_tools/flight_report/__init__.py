@@ -1,0 +1,1 @@
+"""``clearway report``: a flight as one HTML file."""

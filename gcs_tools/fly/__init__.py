@@ -1,0 +1,1 @@
+"""``clearway fly``: one command from a scenario file to a flown, logged and judged flight."""

@@ -1,0 +1,212 @@
+"""``clearway fly``: one command from a scenario file to a flown, logged and judged flight."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import asdict
+from pathlib import Path
+
+from rich.console import Console
+from rich.markup import escape
+from rich.table import Table
+
+from gcs_tools.console.errors import CommandError
+from gcs_tools.console.progress import FlightProgress, Report, progress_bar
+from gcs_tools.flight_report.command import write_report
+from gcs_tools.flight_report.document import Flight, document_of
+from gcs_tools.logs.flight_log import Log, read_log
+from gcs_tools.logs.result import Result, result_of
+from gcs_tools.preflight import command as preflight
+from gcs_tools.preflight.command import Preflight
+from gcs_tools.scenario import Scenario, load_scenario
+
+DEFAULT_SCENARIO = Path(__file__).parents[2] / "config" / "paper.yaml"
+_LEFT_BEHIND = (
+    "flight.mcap",
+    "flight.tlog",
+    "truth.mcap",
+    "result.json",
+    "flight.png",
+    "report.html",
+)
+_COLOURS = {"arrived": "green", "held": "yellow", "collided": "red", "aborted": "red"}
+
+
+def fly(path: Path | None, *, virtual: bool, seed: int, out: Path | None, force: bool) -> bool:
+    """Fly a scenario; return whether the mission was flown without collision or violation.
+
+    What the scenario expects is reported, but does not change that: an expected hold is still not
+    an arrival.  Leaves ``flight.mcap``, ``truth.mcap``, ``result.json``, ``flight.png``
+    and ``report.html`` in the output directory; a live flight leaves a ``flight.tlog`` too.
+
+    Args:
+        path: the scenario; None for the paper's example.
+        virtual: in virtual time, in this process.
+        seed: of everything random in the simulation.
+        out: directory for everything that the flight leaves behind.
+        force: fly although the pre-flight check refuses.
+
+    Raises:
+        FileError: the scenario or one of its files is not usable.
+        CommandError: the flight could not begin, or was interrupted.
+    """
+    scenario = load_scenario(path or DEFAULT_SCENARIO)
+    console = Console(highlight=False)
+    known = scenario.obstacles if scenario.field_known else None
+    checked = preflight.check(scenario.contract, known, scenario.mission)
+    forced = force or scenario.force
+    if not _may_fly(checked, forced, console):
+        return False
+    if scenario.faults and not virtual:
+        raise CommandError(f"{scenario.name}: faults are injected in virtual time only: --virtual")
+    directory = _prepared(out or Path("flights") / f"{scenario.name}-{seed}")
+    if virtual:
+        result, logs = _fly_virtual(scenario, seed, directory, forced, console)
+    else:
+        result, logs = _fly_live(scenario, seed, directory, forced)
+    result.write(directory / "result.json")
+    _draw(scenario, logs, result, directory / "flight.png")
+    if logs[0].topic("/state"):  # a daemon that died at once left nothing to show
+        document = document_of(Flight(directory.name, *logs, result=asdict(result)))
+        write_report([document], directory / "report.html")
+    _print_summary(scenario, result, directory, console)
+    return result.succeeded
+
+
+def _may_fly(checked: Preflight, forced: bool, console: Console) -> bool:
+    if checked.compliant:
+        console.print("pre-flight check: [green]compliant[/]")
+        return True
+    verdict = "[yellow]not compliant, flying all the same[/]" if forced else "[red]refused[/]"
+    console.print(f"pre-flight check: {verdict}")
+    for refusal in checked.refusals:
+        console.print(f"  • {refusal}", markup=False, soft_wrap=True)
+    return forced
+
+
+def _prepared(directory: Path) -> Path:
+    try:
+        directory.mkdir(parents=True, exist_ok=True)
+        for name in _LEFT_BEHIND:
+            (directory / name).unlink(missing_ok=True)
+    except OSError as error:
+        raise CommandError(f"{directory}: cannot be written: {error.strerror or error}") from error
+    return directory
+
+
+def _fly_live(
+    scenario: Scenario, seed: int, directory: Path, forced: bool
+) -> tuple[Result, tuple[Log, Log]]:
+    # MAVSDK and Zenoh, which a virtual flight does not need.
+    from gcs_tools.fly.live_flight import fly_live  # noqa: PLC0415
+
+    with _progress(scenario, "preparing") as report:
+        aborted = fly_live(scenario, seed=seed, out=directory, forced=forced, report=report)
+    flight, truth = _logs(directory)
+    return result_of(flight, truth, seed=seed, aborted=aborted), (flight, truth)
+
+
+def _fly_virtual(
+    scenario: Scenario, seed: int, directory: Path, forced: bool, console: Console
+) -> tuple[Result, tuple[Log, Log]]:
+    # The live flight leaves the simulation to a process of its own; only this one needs it here.
+    from sitl.autopilot.flavours.parameters import ParameterError  # noqa: PLC0415
+    from sitl.virtual.simulation import SimulatedFlight, Simulation  # noqa: PLC0415
+    from sitl.virtual.simulation import fly as simulate  # noqa: PLC0415
+
+    planned = SimulatedFlight(
+        contract=scenario.contract,
+        mission=scenario.mission,
+        sitl=scenario.sitl_config(seed=seed),
+        obstacles=scenario.obstacles,
+        seed=seed,
+        faults=scenario.faults,
+        fly_outside_contract=forced,
+    )
+    try:
+        with _progress(scenario, "flying in virtual time") as show:
+
+            def watch(simulation: Simulation) -> None:
+                vehicle, phase = simulation.scene.vehicle, simulation.autonomy.navigator.phase
+                show(f"{phase.value:<7} {simulation.now_s:5.0f} s", vehicle.truth.position_ned_m)
+
+            report = simulate(planned, directory, watch)
+    except (OSError, ParameterError) as error:
+        raise CommandError(f"{directory}: {error}") from error
+    console.print(
+        f"{report.virtual_s:.0f} s flown in {report.wall_s:.1f} s "
+        f"({report.virtual_s / report.wall_s:.0f} times real time)"
+    )
+    flight, truth = _logs(directory)
+    times_s = report.plan_times_s
+    result = result_of(flight, truth, seed=seed, aborted=report.aborted, plan_times_s=times_s)
+    return result, (flight, truth)
+
+
+def _logs(directory: Path) -> tuple[Log, Log]:
+    return read_log(directory / "flight.mcap"), read_log(directory / "truth.mcap")
+
+
+@contextmanager
+def _progress(scenario: Scenario, text: str) -> Iterator[Report]:
+    """Yield a function that shows one changing line; silent where there is no terminal."""
+    way = FlightProgress(scenario.mission)
+    with progress_bar(text, way.total_m) as bar:
+
+        def report(text: str, position_ned_m: Sequence[float] | None = None) -> None:
+            if position_ned_m is None:
+                bar.show(text=text)
+            elif bar.due:
+                bar.show(way.travelled_m(position_ned_m), text)
+
+        yield report
+
+
+def _draw(scenario: Scenario, logs: tuple[Log, Log], result: Result, path: Path) -> None:
+    # matplotlib takes a second to import: after the flight it costs nobody anything.
+    from gcs_tools.fly.picture import draw_flight  # noqa: PLC0415
+
+    try:
+        draw_flight(scenario, *logs, result, path)
+    except OSError as error:
+        raise CommandError(f"{path}: cannot be written: {error.strerror or error}") from error
+
+
+def _print_summary(scenario: Scenario, result: Result, directory: Path, console: Console) -> None:
+    console.print(
+        f"[bold {_COLOURS[result.outcome]}]{result.outcome.upper()}[/]  {escape(result.reason)}",
+        soft_wrap=True,
+    )
+    table = Table(show_header=False, box=None, padding=(0, 2, 0, 0))
+    for name, value in _summary(scenario, result):
+        table.add_row(name, value)
+    console.print(table)
+    for violation in result.violations:
+        console.print(f"violated: {violation}", style="red", markup=False, soft_wrap=True)
+    expected = "met" if result.meets(scenario.expect) else "NOT met"
+    console.print(f"expectation of {scenario.name}: {expected}")
+    console.print(f"log, report and picture: {directory}", soft_wrap=True)
+
+
+def _summary(scenario: Scenario, result: Result) -> Iterator[tuple[str, str]]:
+    vehicle = scenario.contract.vehicle
+    x_mps, y_mps = result.velocity_error_max_mps
+    clearance_m = result.clearance_min_m
+    yield "obstacles avoided", str(result.obstacles_avoided)
+    yield "collisions", str(result.collisions)
+    yield "least clearance", "open space" if clearance_m is None else f"{clearance_m:.2f} m"
+    yield "tracking error", f"{result.tracking_error_max_m:.3f} of {vehicle.tracking_error_m} m"
+    allowed_x_mps, allowed_y_mps = vehicle.velocity_error_mps
+    yield (
+        "velocity error",
+        f"{x_mps:.3f} of {allowed_x_mps}, {y_mps:.3f} of {allowed_y_mps} m/s",
+    )
+    yield "plans", ", ".join(f"{count} {kind}" for kind, count in result.plans.items() if count)
+    if result.plan_time_ms["max"] is not None:
+        times = (f"{name} {ms:.1f}" for name, ms in result.plan_time_ms.items() if ms is not None)
+        yield "plan time", ", ".join(times) + " ms"
+    yield "mission time", f"{result.duration_s:.1f} s"
+    if result.final_position_ned_m is not None:
+        place = ", ".join(f"{value:.1f}" for value in result.final_position_ned_m)
+        yield "final position", f"{place} m north, east, down"

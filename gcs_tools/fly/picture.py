@@ -1,0 +1,217 @@
+"""``flight.png``: a flight from above, its height, and how well the reference was followed."""
+
+from __future__ import annotations
+
+import math
+from itertools import groupby, pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+from matplotlib.patches import Circle, Polygon
+
+from gcs_tools.logs.flight_log import Log
+from gcs_tools.logs.result import Result
+from gcs_tools.scenario import Scenario
+from onboard.contract.assessment import assess
+from onboard.files.obstacle_field import ObstacleField
+from onboard.geometry.frames import FloatArray
+
+_FLOWN, _REFERENCE, _OBSTACLE, _REGION, _LIMIT = (
+    "#1f5fa8",
+    "#e07b00",
+    "#5b7f4f",
+    "#b03a48",
+    "#b03a48",
+)
+_PHASES = {"cruise": "#ffffff", "avoid": "#fdeccf", "arrived": "#e3f1e1", "hold": "#f6dada"}
+_MARGIN_M = 2.5
+# Shorter ones leave no room for their name.
+_NAMED_PHASE_S = 1.5
+
+
+def draw_flight(scenario: Scenario, flight: Log, truth: Log, result: Result, path: Path) -> None:
+    """Draw a flight as a PNG.
+
+    Args:
+        scenario: obstacles, contract and vehicle radius.
+        flight: the daemon's log.
+        truth: the simulation's log.
+        result: for the title.
+        path: the file to write.
+
+    Raises:
+        OSError: the file cannot be written.
+    """
+    figure = Figure(figsize=(11.0, 6.6), layout="constrained")
+    FigureCanvasAgg(figure)
+    top, height, error = figure.subplots(3, 1, height_ratios=(1.7, 1.0, 1.0))
+    states = [state for state in flight.topic("/state") if state["position_ned_m"] is not None]
+    flown = [record for record in truth.topic("/truth") if record["position_ned_m"][2] < -0.1]
+    start_s = _departure_s(states)
+    _draw_top_view(top, scenario, flight, states, flown)
+    _draw_height(height, states, flown, start_s)
+    _draw_error(error, scenario, states, start_s)
+    for axes in (height, error):
+        _shade_phases(axes, states, start_s)
+        axes.sharex(height)
+    figure.suptitle(_title(scenario, result), fontsize=12, fontweight="bold", ha="left", x=0.01)
+    figure.savefig(path, dpi=120)
+
+
+def _title(scenario: Scenario, result: Result) -> str:
+    clearance = (
+        "no obstacle near"
+        if result.clearance_min_m is None
+        else f"clearance {result.clearance_min_m:.2f} m"
+    )
+    return (
+        f"{scenario.name}: {result.outcome}, {result.obstacles_avoided} avoided, "
+        f"{result.collisions} collisions, {clearance}, "
+        f"tracking error {result.tracking_error_max_m:.2f} m"
+    )
+
+
+def _departure_s(states: list[dict[str, Any]]) -> float:
+    """Time of day when the daemon took control, or of the first state."""
+    flying = (state["time_s"] for state in states if state["phase"] != "standby")
+    return float(next(flying, states[0]["time_s"] if states else 0.0))
+
+
+def _draw_top_view(
+    axes: Axes,
+    scenario: Scenario,
+    flight: Log,
+    states: list[dict[str, Any]],
+    flown: list[dict[str, Any]],
+) -> None:
+    regions = _regions(flight)
+    for number, corners in enumerate(regions):
+        label = "region of influence" if number == 0 else None
+        axes.add_patch(Polygon(corners, fill=False, edgecolor=_REGION, linestyle="--", label=label))
+    for number, corners in enumerate(_obstacle_corners(scenario.obstacles)):
+        label = "obstacle" if number == 0 else None
+        axes.add_patch(Polygon(corners, facecolor=_OBSTACLE, edgecolor="black", label=label))
+    legs = [scenario.mission.start_ned_m, *(leg.end_ned_m for leg in scenario.mission.legs)]
+    for number, leg in enumerate(pairwise(legs)):
+        label = "leg" if number == 0 else None
+        axes.plot(*np.array(leg).T, color="0.75", linewidth=1.0, linestyle=":", label=label)
+    reference = _column(states, "reference_position_ned_m")
+    axes.plot(*reference[:, :2].T, color=_REFERENCE, linewidth=3.0, alpha=0.6, label="reference")
+    path = _column(flown, "position_ned_m")
+    axes.plot(*path[:, :2].T, color=_FLOWN, linewidth=1.4, label="flown")
+    _draw_vehicle(axes, scenario, flown)
+    _frame_top_view(axes, np.vstack([path[:, :2], np.array(legs), *regions]))
+
+
+def _draw_vehicle(axes: Axes, scenario: Scenario, flown: list[dict[str, Any]]) -> None:
+    """Mark the vehicle where it started, ended, and was nearest to an obstacle."""
+    if not flown:
+        return
+    _mark_vehicle(axes, scenario, flown[0], "start", above=True)
+    _mark_vehicle(axes, scenario, flown[-1], "end", above=True)
+    near = [record for record in flown if record["clearance_m"] is not None]
+    if near:
+        nearest = min(near, key=lambda record: float(record["clearance_m"]))
+        centers_m = scenario.obstacles.center_ned_m
+        offsets_m = centers_m - np.array(nearest["position_ned_m"][:2])
+        _, east_m = offsets_m[np.argmin(np.hypot(*offsets_m.T))]
+        label = f"{nearest['clearance_m']:.2f} m clear"
+        _mark_vehicle(axes, scenario, nearest, label, above=bool(east_m > 0.0))
+
+
+def _mark_vehicle(
+    axes: Axes, scenario: Scenario, record: dict[str, Any], label: str, *, above: bool
+) -> None:
+    position_m, radius_m = record["position_ned_m"][:2], scenario.plant.multirotor.radius_m
+    axes.add_patch(Circle(position_m, radius_m, facecolor=_FLOWN, alpha=0.55))
+    offset = (0, 9 if above else -16)
+    axes.annotate(label, position_m, offset, textcoords="offset points", ha="center", size=8)
+
+
+def _frame_top_view(axes: Axes, points_m: FloatArray) -> None:
+    lowest, highest = np.nanmin(points_m, axis=0), np.nanmax(points_m, axis=0)
+    axes.set_xlim(lowest[0] - _MARGIN_M, highest[0] + _MARGIN_M)
+    # Seen from above with north to the right, east is down.
+    axes.set_ylim(highest[1] + _MARGIN_M / 2, lowest[1] - _MARGIN_M / 2)
+    axes.set_aspect("equal")
+    axes.set_xlabel("north (m)")
+    axes.set_ylabel("east (m)")
+    axes.legend(loc="upper center", bbox_to_anchor=(0.5, 1.2), ncols=5, frameon=False, fontsize=9)
+
+
+def _draw_height(
+    axes: Axes, states: list[dict[str, Any]], flown: list[dict[str, Any]], start_s: float
+) -> None:
+    reference = _column(states, "reference_position_ned_m")
+    times_s = np.array([state["time_s"] for state in states]) - start_s
+    axes.plot(times_s, -reference[:, 2], color=_REFERENCE, linewidth=3.0, alpha=0.6)
+    path = _column(flown, "position_ned_m")
+    truth_times_s = np.array([record["time_unix_s"] for record in flown]) - start_s
+    axes.plot(truth_times_s, -path[:, 2], color=_FLOWN, linewidth=1.4)
+    axes.set_ylim(top=1.3 * axes.get_ylim()[1])
+    axes.set_ylabel("height (m)")
+    axes.grid(alpha=0.25)
+    axes.tick_params(labelbottom=False)
+
+
+def _draw_error(
+    axes: Axes, scenario: Scenario, states: list[dict[str, Any]], start_s: float
+) -> None:
+    flying = [state for state in states if state["phase"] in {"cruise", "avoid"}]
+    times_s = [state["time_s"] - start_s for state in flying]
+    axes.plot(times_s, [state["tracking_error_m"] for state in flying], color=_FLOWN, linewidth=1.2)
+    allowed_m = assess(scenario.contract).terms.tracking_error_m
+    axes.axhline(allowed_m, color=_LIMIT, linestyle="--", linewidth=1.0)
+    axes.annotate(
+        "$E_{tr}$ of the contract", (0.005, allowed_m), (0, 3),
+        xycoords=("axes fraction", "data"), textcoords="offset points", color=_LIMIT, size=8,
+    )  # fmt: skip
+    axes.set_ylim(0.0, 1.35 * max(allowed_m, *(s["tracking_error_m"] for s in flying), 0.01))
+    axes.set_ylabel("tracking error (m)")
+    axes.set_xlabel("time since departure (s)")
+    axes.grid(alpha=0.25)
+
+
+def _shade_phases(axes: Axes, states: list[dict[str, Any]], start_s: float) -> None:
+    """Colour the background by phase; name the phases along the upper edge."""
+    for phase, group in groupby(states, key=lambda state: str(state["phase"])):
+        colour, times_s = _PHASES.get(phase), [state["time_s"] - start_s for state in group]
+        if colour is None:
+            continue
+        axes.axvspan(times_s[0], times_s[-1], color=colour, zorder=0)
+        if times_s[-1] - times_s[0] > _NAMED_PHASE_S:
+            axes.annotate(
+                phase, ((times_s[0] + times_s[-1]) / 2.0, 0.88), size=8, color="0.45",
+                xycoords=("data", "axes fraction"), ha="center",
+            )  # fmt: skip
+
+
+def _regions(flight: Log) -> list[FloatArray]:
+    """Corners of the region of each obstacle, as last known."""
+    latest: dict[str, FloatArray] = {}
+    for message in flight.topic("/obstacles"):
+        for obstacle in message["obstacles"]:
+            latest[obstacle["id"]] = np.array(obstacle["region_ned_m"])
+    return list(latest.values())
+
+
+def _obstacle_corners(obstacles: ObstacleField) -> list[FloatArray]:
+    corners = np.array([(1.0, 1.0), (-1.0, 1.0), (-1.0, -1.0), (1.0, -1.0)])
+    found = []
+    columns = obstacles.center_ned_m, obstacles.half_size_m, obstacles.yaw_rad.tolist()
+    for center_m, half_m, yaw_rad in zip(*columns, strict=True):
+        cosine, sine = math.cos(yaw_rad), math.sin(yaw_rad)
+        turn = np.array([[cosine, -sine], [sine, cosine]])
+        found.append(center_m + (corners * half_m) @ turn.T)
+    return found
+
+
+def _column(records: list[dict[str, Any]], key: str) -> FloatArray:
+    """Return a vector of each record, (N, 3); NaN where it is null."""
+    missing = (math.nan, math.nan, math.nan)
+    rows = [record[key] if record[key] is not None else missing for record in records]
+    return np.array(rows, dtype=np.float64).reshape(-1, 3)

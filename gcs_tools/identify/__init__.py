@@ -1,0 +1,1 @@
+"""``clearway identify``: contract values from recorded flights."""

@@ -1,0 +1,149 @@
+"""``clearway identify``: what flights have shown, and the contract values to declare for it."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import asdict
+from functools import partial
+from pathlib import Path
+
+from rich.console import Console
+from rich.markup import escape
+from rich.table import Table
+
+from gcs_tools.console.errors import CommandError
+from gcs_tools.console.output import Format, write_document
+from gcs_tools.identify.logs import NotALogError, read_recording
+from gcs_tools.identify.recording import Measured, measure
+
+# Declared values are rounded up to this.
+_RESOLUTION = 0.01
+
+
+def identify(
+    paths: list[Path],
+    system_id: int | None = None,
+    *,
+    margin: float,
+    form: Format,
+    output: Path | None,
+) -> None:
+    """Measure flights, and write what to declare.
+
+    Args:
+        paths: logs of the same vehicle, and directories of such logs.
+        system_id: MAVLink id of the vehicle, in logs of several.
+        margin: added to what was measured, as a part of it.
+        form: how to write.
+        output: where to; standard output without it.
+
+    Raises:
+        CommandError: a log cannot be used, or the output cannot be written.
+    """
+    flights: list[Measured] = []
+    skipped: list[str] = []
+    for path in paths:
+        if path.is_dir():
+            _measure_directory(path, system_id, flights, skipped)
+        else:
+            flights.append(measure(read_recording(path, system_id)))
+    declared = contract_values(flights, margin)
+    document = {
+        "margin": margin,
+        "contract": declared,
+        "worst": max(flights, key=lambda each: each.tracking_error_m).source,
+        "flights": [asdict(flight) for flight in flights],
+        "skipped": skipped,
+    }
+    table = partial(_print, flights, declared, margin, skipped)
+    write_document(document, table, form=form, path=output)
+
+
+def _measure_directory(
+    path: Path, system_id: int | None, flights: list[Measured], skipped: list[str]
+) -> None:
+    """Measure every flight in a directory and below; what is not a log is passed over.
+
+    Raises:
+        CommandError: no log in it holds a flight.
+    """
+    measured, unusable = len(flights), len(skipped)
+    for file in sorted(each for each in path.rglob("*") if each.is_file()):
+        try:
+            flights.append(measure(read_recording(file, system_id)))
+        except NotALogError:
+            continue
+        except CommandError as error:
+            skipped.append(str(error))
+    if len(flights) == measured:
+        first = f", first {skipped[unusable]}" if len(skipped) > unusable else ""
+        raise CommandError(f"{path}: no flight log in this directory can be used{first}")
+
+
+def contract_values(flights: list[Measured], margin: float) -> dict[str, float | None]:
+    """Return the worst of all flights, with its margin, by contract key; None if none shows it."""
+    columns: dict[str, list[float | None]] = {
+        "vehicle.tracking_error_m": [each.tracking_error_m for each in flights],
+        "vehicle.tracking_error_z_m": [each.tracking_error_z_m for each in flights],
+        "vehicle.velocity_error_mps.0": [each.velocity_error_mps[0] for each in flights],
+        "vehicle.velocity_error_mps.1": [each.velocity_error_mps[1] for each in flights],
+        "vehicle.reaction_time_s": [each.reaction_time_s for each in flights],
+        "vehicle.attitude_lag_s": [each.attitude_lag_s for each in flights],
+        "vehicle.heading_error_deg": [each.heading_error_deg for each in flights],
+    }
+    return {key: _declared(values, margin) for key, values in columns.items()}
+
+
+def _declared(values: list[float | None], margin: float) -> float | None:
+    known = [value for value in values if value is not None]
+    if not known:
+        return None
+    steps = math.ceil(max(known) * (1.0 + margin) / _RESOLUTION - 1e-9)
+    return round(steps * _RESOLUTION, 6)
+
+
+def _print(
+    flights: list[Measured],
+    declared: dict[str, float | None],
+    margin: float,
+    skipped: list[str],
+    console: Console,
+) -> None:
+    table = Table(title="Measured", title_justify="left")
+    table.add_column("log", overflow="fold")
+    for column in _COLUMNS:
+        table.add_column(column, justify="right")
+    for each in flights:
+        errors = (each.tracking_error_m, each.tracking_error_z_m, *each.velocity_error_mps)
+        rest = (each.reaction_time_s, each.attitude_lag_s, each.heading_error_deg)
+        asked = "-" if each.tilt_asked_deg is None else f"{each.tilt_asked_deg:.1f}"
+        tilt = f"{each.tilt_max_deg:.1f}, {asked}"
+        table.add_row(escape(each.source), *map(_number, (*errors, *rest)), tilt)
+    console.print(table)
+    say = partial(console.print, markup=False, soft_wrap=True)
+    worst = max(flights, key=lambda each: each.tracking_error_m)
+    say(f"worst: {worst.source}, {worst.worst}")
+    for each in flights:
+        for note in each.notes:
+            say(f"{each.source}: {note}")
+    for reason in skipped:
+        say(f"skipped: {reason}")
+    say(f"\nto declare, {100.0 * margin:g} % above what was measured:")
+    for key, value in declared.items():
+        say(f"  {key}: {'these logs do not show it' if value is None else value}")
+
+
+_COLUMNS = (
+    "E_tr m",
+    "E_z m",
+    "dV_x m/s",
+    "dV_y m/s",
+    "reaction s",
+    "lag s",
+    "heading °",
+    "tilt °, asked",
+)
+
+
+def _number(value: float | None) -> str:
+    return "-" if value is None else f"{value:.3f}"

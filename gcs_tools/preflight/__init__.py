@@ -1,0 +1,1 @@
+"""``clearway preflight``: contract, field, vehicle and detections checked before a flight."""

@@ -1,0 +1,379 @@
+"""An obstacle field held against a contract, leg by leg, before anything flies.
+
+The field is what is known beforehand, for instance a survey; the flight itself still sees only
+what its sensor sees.  Every obstacle counts, also far beside the leg: avoidance drifts and never
+recovers (erratum 16), so nothing beside the leg is out of reach.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, field, fields, replace
+from functools import partial
+from itertools import islice
+from typing import Any
+
+import numpy as np
+from scipy.spatial import KDTree
+
+from gcs_tools.preflight.field_merging import PAIRS_MAX, intersecting_pairs, merge
+from onboard.contract.assessment import Assessment, Terms, worst_encounter
+from onboard.contract.region import ARRAY, Box, dimensions
+from onboard.files.models import Mission
+from onboard.files.obstacle_field import ObstacleField
+from onboard.geometry.frames import FloatArray, LegFrame
+
+# Named in a report; a field that breaks a rule in a million places breaks it all the same.
+OFFENDERS_MAX = 100
+MERGED_SHOWN = 5
+
+# One part in a billion: sizes and distances are sums of floats that were written down as equal.
+_ROUND_OFF = 1e-9
+
+# The rules about regions, which depend on how fast the vehicle flies.
+RULES_OF_SPEED = frozenset({"roi_disjoint", "start_clear", "end_clear"})
+
+
+@dataclass(frozen=True)
+class FieldRule:
+    """One rule, held against the whole field.
+
+    Attributes:
+        name: of the rule.
+        required, declared: the rule holds while ``declared`` is at least ``required``.
+        unit: of both.
+        reason: why there is such a rule.
+        offenders: who breaks it, at most `OFFENDERS_MAX`.
+        note: what it holds thanks to, or how far it was followed; empty if there is nothing to say.
+    """
+
+    name: str
+    required: float
+    declared: float
+    unit: str
+    reason: str
+    offenders: tuple[str, ...] = ()
+    note: str = ""
+
+    @property
+    def margin(self) -> float:
+        """Declared less required; not negative is compliant."""
+        return self.declared - self.required
+
+    @property
+    def holds(self) -> bool:
+        """Whether the field keeps the rule."""
+        return self.margin >= -_ROUND_OFF * max(1.0, abs(self.required))
+
+
+@dataclass(frozen=True)
+class Stretch:
+    """One leg without its obstacles.
+
+    Attributes:
+        name: for reports.
+        frame: origin at the start of the leg.
+        start, end: where the leg may begin and end, in its frame: as far beside or beyond its two
+            points as the mission allows.
+    """
+
+    name: str
+    frame: LegFrame
+    start: Box
+    end: Box
+
+
+@dataclass(frozen=True)
+class LegField:
+    """The field as one leg meets it.
+
+    Attributes:
+        stretch: the leg.
+        single_ids: names of the N obstacles.
+        single_boxes_m: the obstacles in the leg frame, (N, 4): x from, x to, y from, y to.
+        ids: names of what is avoided as one; those of merged obstacles are joined by ``+``.
+        boxes_m: what is avoided as one, (M, 4).
+        regions_m: their Regions of Influence, alike.
+    """
+
+    stretch: Stretch
+    single_ids: tuple[str, ...]
+    single_boxes_m: FloatArray
+    ids: tuple[str, ...]
+    boxes_m: FloatArray
+    regions_m: FloatArray
+
+    @classmethod
+    def of(cls, stretch: Stretch, assessment: Assessment, obstacles: ObstacleField) -> LegField:
+        """Place every obstacle in the frame of the leg, merge them, and add the regions."""
+        boxes_m = leg_boxes(stretch.frame, obstacles)
+        regions_of = partial(region_extents, assessment)
+        merged = merge(boxes_m, regions_of, assessment.terms.obstacle_size_max_m)
+        names = tuple("+".join(obstacles.ids[n] for n in each) for each in merged.members)
+        return cls(stretch, obstacles.ids, boxes_m, names, merged.boxes_m, merged.regions_m)
+
+    @property
+    def sizes_m(self) -> FloatArray:
+        """Extents of the obstacles along and across the leg, (N, 2)."""
+        sizes_m: FloatArray = self.single_boxes_m[:, 1::2] - self.single_boxes_m[:, ::2]
+        return sizes_m
+
+    @property
+    def centers_m(self) -> FloatArray:
+        """Centres of what is avoided as one, in the leg frame, (M, 2)."""
+        centers_m: FloatArray = (self.boxes_m[:, ::2] + self.boxes_m[:, 1::2]) / 2.0
+        return centers_m
+
+    def regions_at(self, place: Box) -> list[int]:
+        """Return the indices of the regions that share a point with a place."""
+        x_min_m, x_max_m, y_min_m, y_max_m = self.regions_m.T
+        along = (x_min_m <= place.x_max_m) & (x_max_m >= place.x_min_m)
+        across = (y_min_m <= place.y_max_m) & (y_max_m >= place.y_min_m)
+        found: list[int] = np.flatnonzero(along & across).tolist()
+        return found
+
+    def called(self, name: str) -> str:
+        """Name of an obstacle on this leg."""
+        return f"{name} ({self.stretch.name})"
+
+
+@dataclass
+class _Count:
+    """How often a rule is broken, and by whom first."""
+
+    total: int = 0
+    offenders: list[str] = field(default_factory=list)
+
+    def add(self, offender: str) -> None:
+        self.total += 1
+        if len(self.offenders) < OFFENDERS_MAX:
+            self.offenders.append(offender)
+
+
+def check_field(
+    assessment: Assessment, obstacles: ObstacleField, mission: Mission | None
+) -> tuple[FieldRule, ...]:
+    """Hold a field against the contract's assumptions and the induction's conditions.
+
+    Without a mission the one leg runs north from the origin, and its start and end are not checked.
+    """
+    legs = legs_of(assessment, obstacles, mission)
+    rules = (
+        _largest(legs, assessment),
+        _thinnest(legs, assessment),
+        _nearest(legs, assessment),
+        _disjoint(legs),
+    )
+    return rules if mission is None else (*rules, _start_clear(legs), _end_clear(legs))
+
+
+def legs_of(
+    assessment: Assessment, obstacles: ObstacleField, mission: Mission | None
+) -> tuple[LegField, ...]:
+    """Return the field as each leg of a mission meets it."""
+    return tuple(LegField.of(each, assessment, obstacles) for each in _stretches(mission))
+
+
+def regions_clear(legs: tuple[LegField, ...]) -> bool:
+    """Tell whether the rules about regions hold, as soon as that is known."""
+    places = [(leg, place) for leg in legs for place in (leg.stretch.start, leg.stretch.end)]
+    occupied = any(leg.regions_at(place) for leg, place in places)
+    return not occupied and not any(any(intersecting_pairs(leg.regions_m)) for leg in legs)
+
+
+def _stretches(mission: Mission | None) -> Iterator[Stretch]:
+    if mission is None:
+        nowhere = Box(math.inf, math.inf, 0.0, 0.0)
+        yield Stretch("heading north", LegFrame((0.0, 0.0, 0.0), 0.0), nowhere, nowhere)
+        return
+    start_ned_m = np.array([(*mission.start_ned_m, 0.0)])
+    point_ned_m = mission.start_ned_m
+    for number, leg in enumerate(mission.legs, start=1):
+        frame = LegFrame.between((*point_ned_m, 0.0), (*leg.end_ned_m, 0.0))
+        length_m, half_m = math.dist(point_ned_m, leg.end_ned_m), leg.target_half_width_m
+        # An avoidance near the end may leave no room to stop there, only beyond.
+        end_m = np.array([(length_m, -half_m, 0.0), (length_m + half_m, half_m, 0.0)])
+        start_m = frame.position_leg_from_ned(start_ned_m)
+        yield Stretch(f"leg {number}", frame, _enclosing(start_m), _enclosing(end_m))
+        # Where this leg may end, the next may begin; it runs in another direction.
+        start_ned_m, point_ned_m = frame.position_ned_from_leg(end_m), leg.end_ned_m
+
+
+def _enclosing(points_m: FloatArray) -> Box:
+    """Return the smallest box around points (N, 3)."""
+    (x_min_m, y_min_m, _), (x_max_m, y_max_m, _) = points_m.min(axis=0), points_m.max(axis=0)
+    return Box(float(x_min_m), float(x_max_m), float(y_min_m), float(y_max_m))
+
+
+def leg_boxes(frame: LegFrame, obstacles: ObstacleField) -> FloatArray:
+    """Return the axis-aligned boxes in the leg frame that enclose the obstacles, (N, 4)."""
+    turn_rad = obstacles.yaw_rad - frame.heading_rad
+    cosine, sine = np.abs(np.cos(turn_rad)), np.abs(np.sin(turn_rad))
+    along_m, across_m = obstacles.half_size_m.T
+    half_x_m, half_y_m = cosine * along_m + sine * across_m, sine * along_m + cosine * across_m
+    down_m = np.zeros((len(obstacles), 1))
+    x_m, y_m, _ = frame.position_leg_from_ned(np.hstack((obstacles.center_ned_m, down_m))).T
+    return np.column_stack((x_m - half_x_m, x_m + half_x_m, y_m - half_y_m, y_m + half_y_m))
+
+
+def region_extents(assessment: Assessment, boxes_m: FloatArray) -> FloatArray:
+    """Return the regions of measured boxes, all at once; (N, 4) -> (N, 4).
+
+    As `Assessment.region_around` does for one box.
+    """
+    terms = assessment.terms
+    margin_m = terms.radius_m + terms.tracking_error_m + assessment.face_error_m
+    x_min_m, x_max_m, y_min_m, y_max_m = (boxes_m + margin_m * np.array([-1.0, 1.0, -1.0, 1.0])).T
+    numbers: dict[str, Any] = {
+        each.name: np.full(len(boxes_m), value)
+        for each in fields(terms)
+        if isinstance(value := getattr(terms, each.name), float)
+    }
+    arrays: Terms[FloatArray] = Terms(
+        **numbers, passive_safety=terms.passive_safety, input_set=terms.input_set
+    )
+    encounter = worst_encounter(arrays, x_max_m - x_min_m, y_max_m - y_min_m, ARRAY)
+    size = dimensions(encounter, ARRAY)
+    return np.column_stack(
+        (
+            x_min_m - size.front_m,
+            x_min_m + size.pob_depth_m,
+            y_min_m - size.overhang_left_m - size.coast_left_m,
+            y_max_m + size.overhang_right_m + size.coast_right_m,
+        )
+    )
+
+
+def _largest(legs: tuple[LegField, ...], assessment: Assessment) -> FieldRule:
+    allowed_m = assessment.terms.obstacle_size_max_m
+    largest_m, count = 0.0, _Count()
+    for leg in legs:
+        sizes_m = leg.sizes_m.max(axis=1)
+        largest_m = max(largest_m, float(sizes_m.max(initial=0.0)))
+        for index in np.flatnonzero(sizes_m > allowed_m * (1.0 + _ROUND_OFF)).tolist():
+            count.add(f"{leg.called(leg.single_ids[index])}: {sizes_m[index]:.2f} m")
+    return FieldRule(
+        "obstacle_size_max",
+        largest_m,
+        allowed_m,
+        "m",
+        "no obstacle may be larger, in the leg frame, than the contract assumes",
+        tuple(count.offenders),
+    )
+
+
+def _thinnest(legs: tuple[LegField, ...], assessment: Assessment) -> FieldRule:
+    assumed_m = assessment.terms.obstacle_size_min_m
+    thinnest_m, count = math.inf, _Count()
+    for leg in legs:
+        sizes_m = leg.sizes_m[:, 0]
+        thinnest_m = min(thinnest_m, float(sizes_m.min(initial=math.inf)))
+        for index in np.flatnonzero(sizes_m < assumed_m * (1.0 - _ROUND_OFF)).tolist():
+            count.add(f"{leg.called(leg.single_ids[index])}: {sizes_m[index]:.2f} m")
+    return FieldRule(
+        "obstacle_size_min",
+        assumed_m,
+        thinnest_m,
+        "m",
+        "no obstacle may be thinner along the leg than the contract assumes",
+        tuple(count.offenders),
+    )
+
+
+def _nearest(legs: tuple[LegField, ...], assessment: Assessment) -> FieldRule:
+    assumed_m = assessment.terms.obstacle_separation_min_m
+    nearest_m, pairs = math.inf, {}
+    for leg in legs:
+        distance_m, neighbour = _nearest_neighbours(leg.centers_m)
+        nearest_m = min(nearest_m, float(distance_m.min(initial=math.inf)))
+        near = np.flatnonzero(distance_m < assumed_m * (1.0 - _ROUND_OFF))
+        for i, j in zip(near.tolist(), neighbour[near].tolist(), strict=True):
+            pairs[leg.ids[min(i, j)], leg.ids[max(i, j)]] = distance_m[i]
+    return FieldRule(
+        "separation",
+        assumed_m,
+        nearest_m,
+        "m",
+        "no two obstacles may stand closer, centre to centre, than the contract assumes",
+        tuple(
+            f"{one} and {other}: {apart_m:.2f} m"
+            for (one, other), apart_m in list(pairs.items())[:OFFENDERS_MAX]
+        ),
+    )
+
+
+def _nearest_neighbours(points_m: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Distance to, and index of, the nearest other point; (N, 2) -> (N,), (N,)."""
+    if len(points_m) < 2:
+        return np.full(len(points_m), math.inf), np.full(len(points_m), -1)
+    distance_m, index = KDTree(points_m).query(points_m, k=2)
+    # Of two obstacles in one place, either may come first.
+    itself_first = index[:, 0] == np.arange(len(points_m))
+    return distance_m[:, 1], np.where(itself_first, index[:, 1], index[:, 0])
+
+
+def _disjoint(legs: tuple[LegField, ...]) -> FieldRule:
+    count = _Count()
+    for leg in legs:
+        for i, j in islice(intersecting_pairs(leg.regions_m), PAIRS_MAX - count.total):
+            count.add(f"{leg.ids[i]} and {leg.called(leg.ids[j])}")
+    rule = _none_of(
+        count,
+        "roi_disjoint",
+        "pairs",
+        "regions of influence of two obstacles must not intersect: the induction needs one at a "
+        "time",
+    )
+    return replace(rule, note=_merging_note(legs, counted_all=count.total < PAIRS_MAX))
+
+
+def _merging_note(legs: tuple[LegField, ...], *, counted_all: bool) -> str:
+    names = [
+        leg.called(name)
+        for leg in legs
+        if len(leg.ids) < len(leg.single_ids)
+        for name in sorted(set(leg.ids) - set(leg.single_ids))
+    ]
+    notes = []
+    if names:
+        first = "; ".join(names[:MERGED_SHOWN])
+        more = "; …" if len(names) > MERGED_SHOWN else ""
+        notes.append(f"what stands close is avoided as one: {first}{more}")
+    if not counted_all:
+        notes.append(f"counted no further than {PAIRS_MAX}")
+    return ", ".join(notes)
+
+
+def _start_clear(legs: tuple[LegField, ...]) -> FieldRule:
+    count = _Count()
+    for leg in legs:
+        _count_regions_at(leg, leg.stretch.start, count)
+    return _none_of(
+        count,
+        "start_clear",
+        "regions",
+        "a leg must start outside every region of influence (pre-condition)",
+    )
+
+
+def _end_clear(legs: tuple[LegField, ...]) -> FieldRule:
+    count = _Count()
+    for leg in legs:
+        _count_regions_at(leg, leg.stretch.end, count)
+    return _none_of(
+        count,
+        "end_clear",
+        "regions",
+        "a leg must end outside every region of influence (post-condition)",
+    )
+
+
+def _count_regions_at(leg: LegField, place: Box, count: _Count) -> None:
+    for index in leg.regions_at(place):
+        count.add(leg.called(leg.ids[index]))
+
+
+def _none_of(count: _Count, name: str, unit: str, reason: str) -> FieldRule:
+    """Return a rule that allows no offender at all."""
+    return FieldRule(name, float(count.total), 0.0, unit, reason, tuple(count.offenders))

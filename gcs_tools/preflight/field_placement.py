@@ -1,0 +1,59 @@
+"""Whether an obstacle field lies where the mission flies, or in other coordinates."""
+
+from __future__ import annotations
+
+import math
+from itertools import pairwise
+
+import numpy as np
+
+from gcs_tools.preflight.field_check import FieldRule
+from onboard.files.models import Mission
+from onboard.files.obstacle_field import ObstacleField
+from onboard.geometry.frames import FloatArray
+
+# A survey of the site may reach far beyond the mission; none of it within this is another site.
+SITE_M = 1000.0
+AXES = "x_m and center_ned_m begin with metres north, then metres east, of the mission's origin"
+
+
+def check_placement(obstacles: ObstacleField, mission: Mission, range_m: float) -> FieldRule:
+    """Return a rule that a field breaks which can hardly be meant for this mission.
+
+    It is broken if no obstacle comes within sensor range of the mission and either the nearest is
+    `SITE_M` away, or some would with north and east swapped.
+
+    Args:
+        obstacles: the field.
+        mission: what is to be flown.
+        range_m: how far the sensor sees.
+    """
+    nearest_m = float(_distances_m(obstacles, obstacles.center_ned_m, mission).min())
+    name, reason = "placement", "the field has to be where the mission is"
+    if nearest_m <= range_m:
+        return FieldRule(name, nearest_m, range_m, "m", reason)
+    swapped_m = _distances_m(obstacles, obstacles.center_ned_m[:, ::-1], mission)
+    count = int((swapped_m <= range_m).sum())
+    if count:
+        reason = f"{count} obstacles would be on the mission's way with north and east swapped"
+        limit_m = range_m
+    else:
+        reason = f"the nearest obstacle is {nearest_m:,.0f} m from the mission"
+        limit_m = SITE_M
+    note = f"no obstacle is within sensor range of the mission; {AXES}"
+    return FieldRule(name, nearest_m, limit_m, "m", reason, note=note)
+
+
+def _distances_m(
+    obstacles: ObstacleField, centers_ned_m: FloatArray, mission: Mission
+) -> FloatArray:
+    """Return how far each obstacle is from the nearest leg, at the least, (N,)."""
+    points = np.array([mission.start_ned_m, *(leg.end_ned_m for leg in mission.legs)])
+    distances_m = np.full(len(centers_ned_m), math.inf)
+    for start_m, end_m in pairwise(points):
+        along_m = end_m - start_m
+        share = (centers_ned_m - start_m) @ along_m / (along_m @ along_m)
+        foot_m = start_m + np.clip(share, 0.0, 1.0)[:, None] * along_m
+        distances_m = np.minimum(distances_m, np.hypot(*(centers_ned_m - foot_m).T))
+    nearest_m: FloatArray = np.maximum(0.0, distances_m - np.hypot(*obstacles.half_size_m.T))
+    return nearest_m

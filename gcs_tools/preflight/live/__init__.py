@@ -1,0 +1,1 @@
+"""The live part of the pre-flight check: vehicle, detections and daemon."""

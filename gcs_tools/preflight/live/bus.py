@@ -1,0 +1,154 @@
+"""What Zenoh can tell before a flight: detections, and the daemon that is to fly on them."""
+
+from __future__ import annotations
+
+import json
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Annotated
+
+import zenoh
+from pydantic import Field
+
+from gcs_tools.preflight.finding import Finding, Verdict
+from gcs_tools.preflight.live.daemon import (
+    ANSWER_TIMEOUT_S,
+    Status,
+    clock_ahead_s,
+    contract_finding,
+    detections_finding,
+    telemetry_finding,
+)
+from gcs_tools.preflight.live.detections import Sample, check_detections
+from onboard.contract.assessment import Assessment
+from onboard.files.models import Contract
+from onboard.files.yaml_file import load_yaml
+from onboard.files.zenoh_endpoints import ZenohEndpoints
+from onboard.monitoring.flight_authorization import Clearance
+
+# How long detections are counted.
+LISTEN_S = 3.0
+
+_POLL_S = 0.05
+
+
+class BusConfig(ZenohEndpoints):
+    """``--zenoh-config F``: how to join Zenoh, and which vehicle to look at."""
+
+    vehicle: Annotated[str, Field(pattern=r"^[A-Za-z0-9_-]+$")] = "vehicle"
+
+
+def load_bus(path: Path) -> BusConfig:
+    """Read a ``--zenoh-config``; paths in it are relative to it.
+
+    Raises:
+        FileError: the file is not usable.
+    """
+    return load_yaml(path, BusConfig).relative_to(path.parent)
+
+
+class BusCheck:
+    """Looks at one vehicle's keys, and tells its daemon what came of the whole check.
+
+    Args:
+        session: an open session.
+        vehicle: name in the keys.
+    """
+
+    def __init__(self, session: zenoh.Session, vehicle: str) -> None:
+        self._session = session
+        self._prefix = f"clearway/{vehicle}"
+        self._statuses: list[Status] = []
+        self._daemon_ahead_s: float | None = None
+        # A step of this computer's clock during the check must not look like one of another's.
+        self._epoch_unix_s = time.time() - time.monotonic()
+
+    def run(self, assessment: Assessment) -> list[Finding]:
+        """Listen for `LISTEN_S`, ask the daemon, and check all against the contract."""
+        samples: list[Sample] = []
+        listeners = [
+            self._session.declare_subscriber(
+                f"{self._prefix}/obstacles",
+                lambda sample: samples.append(
+                    Sample(self._now_unix_s(), sample.payload.to_bytes())
+                ),
+            ),
+            self._session.declare_subscriber(f"{self._prefix}/status", self._on_status),
+        ]
+        announced = self._announced()
+        # It may take a moment to meet the peers: counting starts with the first frame.
+        self._until(lambda: bool(samples))
+        time.sleep(LISTEN_S)
+        for listener in listeners:
+            listener.undeclare()  # type: ignore[no-untyped-call]  # untyped in its own stubs
+        heard, statuses, terms = tuple(samples), tuple(self._statuses), assessment.terms
+        self._daemon_ahead_s = clock_ahead_s(statuses)
+        return [
+            *check_detections(heard, announced, terms, LISTEN_S, self._daemon_ahead_s),
+            self._contract(assessment.contract),
+            detections_finding(statuses, terms),
+            telemetry_finding(statuses),
+        ]
+
+    def clear(self, contract: Contract, findings: list[Finding], *, compliant: bool) -> Finding:
+        """Tell the daemon what came of the whole check, and see that it has heard it.
+
+        The daemon judges the age of a check by its own clock, so that one is used.
+
+        Args:
+            contract: that was checked.
+            findings: everything that was looked at live.
+            compliant: whether the check on paper has passed.
+        """
+        verdict = Verdict.worst(each.verdict for each in findings)
+        passed = compliant and verdict is Verdict.HOLDS
+        clearance = Clearance(
+            contract_sha256=contract.sha256,
+            stamp_unix_s=self._now_unix_s() + (self._daemon_ahead_s or 0.0),
+            passed=passed,
+            checks={f"{each.subject} {each.name}": each.verdict.value for each in findings},
+        )
+        self._statuses.clear()
+        listener = self._session.declare_subscriber(f"{self._prefix}/status", self._on_status)
+        self._session.put(f"{self._prefix}/clearance", clearance.model_dump_json().encode())
+        heard = passed and self._until(
+            lambda: any(each.document.get("cleared") is True for each in self._statuses)
+        )
+        listener.undeclare()  # type: ignore[no-untyped-call]  # untyped in its own stubs
+        if not passed:
+            verdict = Verdict.worst([Verdict.of(holds=compliant), verdict])
+            return Finding("daemon", "clearance", verdict, "withheld: the check has not passed")
+        if not heard:
+            text = f"given, but the daemon has not said so within {ANSWER_TIMEOUT_S:g} s"
+            return Finding("daemon", "clearance", Verdict.UNKNOWN, text)
+        return Finding("daemon", "clearance", Verdict.HOLDS, "given, and heard by the daemon")
+
+    def _now_unix_s(self) -> float:
+        return self._epoch_unix_s + time.monotonic()
+
+    def _until(self, condition: Callable[[], bool]) -> bool:
+        deadline_s = time.monotonic() + ANSWER_TIMEOUT_S
+        while not (holds := condition()) and time.monotonic() < deadline_s:
+            time.sleep(_POLL_S)
+        return holds
+
+    def _on_status(self, sample: zenoh.Sample) -> None:
+        try:
+            status = json.loads(sample.payload.to_bytes())
+        except ValueError:  # a neighbour that speaks something else is no status
+            return
+        if isinstance(status, dict):
+            self._statuses.append(Status(self._now_unix_s(), status))
+
+    def _announced(self) -> list[str]:
+        replies = self._session.liveliness().get(
+            f"{self._prefix}/obstacles/*", timeout=ANSWER_TIMEOUT_S
+        )
+        keys = [str(reply.ok.key_expr) for reply in replies if reply.ok is not None]
+        return [key.rpartition("/")[2] for key in keys]
+
+    def _contract(self, contract: Contract) -> Finding:
+        replies = self._session.get(f"{self._prefix}/contract", timeout=ANSWER_TIMEOUT_S)
+        answers = [reply.ok.payload.to_bytes() for reply in replies if reply.ok is not None]
+        return contract_finding(answers, contract)

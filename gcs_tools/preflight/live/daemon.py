@@ -1,0 +1,98 @@
+"""What the daemon itself says: its contract, what it sees and hears, and by which clock."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+from gcs_tools.preflight.finding import Finding, Verdict
+from onboard.contract.assessment import Terms
+from onboard.files.models import Contract
+
+# How long an answer may take.
+ANSWER_TIMEOUT_S = 3.0
+# Telemetry this old has missed several messages on the daemon's link.
+TELEMETRY_AGE_MAX_S = 0.25
+
+
+class Status(NamedTuple):
+    """A status of the daemon as it arrived.
+
+    Attributes:
+        arrived_unix_s: when, by this computer's clock.
+        document: what it says.
+    """
+
+    arrived_unix_s: float
+    document: dict[str, Any]
+
+
+def clock_ahead_s(statuses: Sequence[Status]) -> float | None:
+    """Return the daemon's clock less this computer's; None if no status tells the time.
+
+    The status that was on its way for the least time tells it best: the true value is greater by
+    that time.
+    """
+    times_s = [(_number(each.document.get("time_s")), each.arrived_unix_s) for each in statuses]
+    known_s = [time_s - arrived_s for time_s, arrived_s in times_s if time_s is not None]
+    return max(known_s, default=None)
+
+
+def contract_finding(answers: list[bytes], contract: Contract) -> Finding:
+    """Compare the contract that the daemon has with the one that was checked."""
+    if not answers:
+        text = f"no daemon has answered within {ANSWER_TIMEOUT_S:g} s"
+        return Finding("daemon", "contract", Verdict.UNKNOWN, text)
+    try:
+        found = {str(json.loads(answer)["sha256"]) for answer in answers}
+    except (ValueError, TypeError, KeyError):
+        return Finding("daemon", "contract", Verdict.UNKNOWN, "the answer is not a contract")
+    if found == {contract.sha256}:
+        return Finding("daemon", "contract", Verdict.HOLDS, f"the same, {contract.sha256[:12]}")
+    others = ", ".join(sorted(each[:12] for each in found))
+    text = f"the daemon has {others}, checked was {contract.sha256[:12]}"
+    return Finding("daemon", "contract", Verdict.BROKEN, text)
+
+
+def detections_finding(statuses: Sequence[Status], terms: Terms[float]) -> Finding:
+    """Tell whether the daemon itself sees: what is heard here may not be what it relies on."""
+    return _age_finding(
+        statuses,
+        "detections",
+        "detection_age_s",
+        terms.frame_age_max_s,
+        ("the daemon says that it has no detections", "what each of its sensors saw last is"),
+    )
+
+
+def telemetry_finding(statuses: Sequence[Status]) -> Finding:
+    """Tell whether the daemon's own link brings fresh telemetry."""
+    return _age_finding(
+        statuses,
+        "telemetry",
+        "telemetry_age_s",
+        TELEMETRY_AGE_MAX_S,
+        ("the daemon says that it has heard no position", "the position on its link is"),
+    )
+
+
+def _age_finding(
+    statuses: Sequence[Status], name: str, key: str, limit_s: float, words: tuple[str, str]
+) -> Finding:
+    lacking, subject = words
+    if not statuses:
+        return Finding("daemon", name, Verdict.UNKNOWN, "no status from a daemon")
+    ages_s = [_number(each.document.get(key)) for each in statuses]
+    known_s = [age_s for age_s in ages_s if age_s is not None]
+    if len(known_s) < len(ages_s):
+        return Finding("daemon", name, Verdict.BROKEN, lacking)
+    text = f"{subject} up to {max(known_s):.3f} s old, limit {limit_s:g} s"
+    return Finding("daemon", name, Verdict.of(holds=max(known_s) <= limit_s), text)
+
+
+def _number(value: object) -> float | None:
+    if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
+        return None
+    return float(value)

@@ -1,0 +1,161 @@
+"""Live detections against the contract: what the sensors sent in a few seconds."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Collection, Iterable
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Final
+
+from gcs_tools.preflight.finding import Finding, Verdict
+from onboard.contract.assessment import Terms
+from onboard.files.json_payload import MalformedPayloadError
+from onboard.monitoring.assumptions import check_frame
+from onboard.monitoring.detections import CLOCK_TOLERANCE_S
+from onboard.perception.obstacle_map import DetectionFrame, parse_frame
+
+# What a status takes to arrive hides smaller differences between two clocks.
+_AGREEMENT_S: Final = 0.05
+
+
+@dataclass(frozen=True)
+class Sample:
+    """A payload as it arrived.
+
+    Attributes:
+        arrived_unix_s: when, by this computer's clock.
+        payload: what.
+    """
+
+    arrived_unix_s: float
+    payload: bytes
+
+
+def check_detections(
+    samples: Iterable[Sample],
+    announced: Collection[str],
+    terms: Terms[float],
+    listened_s: float,
+    daemon_ahead_s: float | None,
+) -> list[Finding]:
+    """Check what the sensors sent against what the contract assumes of them.
+
+    Stamps are judged by the daemon's clock, as the daemon does; this computer's may be wrong.
+
+    Args:
+        samples: everything that arrived, in order.
+        announced: sources whose liveliness token is there.
+        terms: the contract.
+        listened_s: for how long.
+        daemon_ahead_s: the daemon's clock less this computer's; None if it has not told the time.
+    """
+    frames, malformed = _read(samples)
+    findings = []
+    if not frames:
+        text = f"no detection frame in {listened_s:g} s"
+        findings.append(Finding("detections", "frames", Verdict.UNKNOWN, text))
+    for source in sorted(frames):
+        findings += _check_times(source, frames[source], terms, listened_s, daemon_ahead_s)
+        findings += _check_declared(source, [frame for _, frame in frames[source]], terms)
+    for source in sorted(set(announced) - frames.keys()):
+        text = f"announced, but silent for {listened_s:g} s"
+        findings.append(Finding("detections", source, Verdict.BROKEN, text))
+    if malformed:
+        worst, count = malformed.most_common(1)[0]
+        text = f"{malformed.total()} frames are malformed, {count} of them: {worst}"
+        findings.append(Finding("detections", "format", Verdict.BROKEN, text))
+    return findings
+
+
+def _read(
+    samples: Iterable[Sample],
+) -> tuple[dict[str, list[tuple[float, DetectionFrame]]], Counter[str]]:
+    frames: dict[str, list[tuple[float, DetectionFrame]]] = {}
+    malformed: Counter[str] = Counter()
+    for sample in samples:
+        try:
+            frame = parse_frame(sample.payload)
+        except MalformedPayloadError as error:
+            malformed[str(error)] += 1
+        else:
+            frames.setdefault(frame.source, []).append((sample.arrived_unix_s, frame))
+    return frames, malformed
+
+
+def _check_times(
+    source: str,
+    arrivals: list[tuple[float, DetectionFrame]],
+    terms: Terms[float],
+    listened_s: float,
+    daemon_ahead_s: float | None,
+) -> list[Finding]:
+    """Check age and order of the stamps of one source."""
+
+    def finding(name: str, verdict: Verdict, text: str) -> Finding:
+        return Finding("detections", f"{source} {name}", verdict, text)
+
+    stamps_s = [frame.stamp_unix_s for _, frame in arrivals]
+    increasing = all(after > before for before, after in pairwise(stamps_s))
+    text = "stamps must increase from frame to frame"
+    order = finding("order", Verdict.of(holds=increasing), text)
+    if daemon_ahead_s is None:
+        text = "no status of a daemon, by whose clock the stamps are judged"
+        names = ("age", "reaction", "clock")
+        return [*(finding(name, Verdict.UNKNOWN, text) for name in names), order]
+    arrived_s = [arrival_s + daemon_ahead_s for arrival_s, _ in arrivals]
+    ages_s = [at_s - stamp_s for at_s, stamp_s in zip(arrived_s, stamps_s, strict=True)]
+    ahead_s = -min(ages_s)
+    clock = (
+        f"stamps are {_ahead(ahead_s)} the daemon's clock, "
+        f"which is {_offset(daemon_ahead_s)} this computer's"
+    )
+    if ahead_s > CLOCK_TOLERANCE_S:
+        text = "not known: the stamps are of the future"
+        unknown = (finding(name, Verdict.UNKNOWN, text) for name in ("age", "reaction"))
+        return [*unknown, finding("clock", Verdict.BROKEN, clock), order]
+    late_s = _latest_s(arrived_s, stamps_s)
+    limit_s, tau_s = terms.frame_age_max_s, terms.reaction_time_s
+    rate_hz = len(arrivals) / listened_s
+    age = f"newest frame up to {late_s:.3f} s old ({rate_hz:.0f} Hz), frame_age_max_s {limit_s:g} s"
+    late = f"an object is seen up to {late_s:.3f} s late, reaction_time_s {tau_s:g} s"
+    return [
+        finding("age", Verdict.of(holds=late_s <= limit_s), age),
+        finding("reaction", Verdict.of(holds=late_s <= tau_s), late),
+        finding("clock", Verdict.of(holds=min(ages_s) < limit_s), clock),
+        order,
+    ]
+
+
+def _latest_s(arrived_s: list[float], stamps_s: list[float]) -> float:
+    """Return how long what came into range just after a frame waits until the next arrives."""
+    waits_s = (at_s - before_s for at_s, before_s in zip(arrived_s[1:], stamps_s, strict=False))
+    return max(waits_s, default=math.inf)
+
+
+def _check_declared(
+    source: str, frames: list[DetectionFrame], terms: Terms[float]
+) -> list[Finding]:
+    """Check what one source declares of itself in its frames."""
+    broken = {str(v): v for frame in frames for v in check_frame(frame, terms)}
+    kinds = {each.assumption: text for text, each in broken.items()}
+    if kinds:
+        return [
+            Finding("detections", f"{source} {kind}", Verdict.BROKEN, text)
+            for kind, text in sorted(kinds.items())
+        ]
+    last = frames[-1]
+    text = f"range {last.range_m:g} m, field of view {last.field_of_view_deg:g}°, {last.frame}"
+    return [Finding("detections", f"{source} declares", Verdict.HOLDS, text)]
+
+
+def _ahead(ahead_s: float) -> str:
+    return f"{ahead_s:.3f} s ahead of" if ahead_s > 0.0 else f"at least {-ahead_s:.3f} s behind"
+
+
+def _offset(ahead_s: float) -> str:
+    """Say how far the daemon's clock is from this computer's; transit hides small offsets."""
+    if abs(ahead_s) < _AGREEMENT_S:
+        return "the same as"
+    return f"{abs(ahead_s):.1f} s {'ahead of' if ahead_s > 0.0 else 'behind'}"

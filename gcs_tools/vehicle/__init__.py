@@ -1,0 +1,1 @@
+"""A live vehicle over MAVSDK: connection, survey, commands."""

@@ -1,0 +1,184 @@
+"""Connections to vehicles by MAVSDK: opened, and one autopilot found on them."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import logging
+import math
+from collections.abc import AsyncIterator, Callable
+from contextlib import aclosing, asynccontextmanager
+from types import MappingProxyType
+from typing import Any
+
+from mavsdk import LogLevel, log_subscribe, log_unsubscribe
+from mavsdk.asyncio import Autopilot, ComponentType, Configuration, Mavsdk, MavsdkError
+from mavsdk.asyncio.plugins.mavlink_direct import MavlinkDirectAsync
+
+from gcs_tools.console.errors import CommandError
+from gcs_tools.console.interruption import Interruption
+from gcs_tools.vehicle.operator import Vehicle, VehicleError
+
+log = logging.getLogger("mavsdk")
+
+CONNECT_TIMEOUT_S = 20.0
+# Heartbeats come every second: how long another autopilot may take to be heard too.
+COMPANY_S = 1.5
+IDENTIFY_TIMEOUT_S = 3.0
+
+_POLL_S = 0.05
+_AUTOPILOT_COMPONENT = 1
+# MAV_AUTOPILOT -> MAVSDK's own numbers.
+_AUTOPILOTS = MappingProxyType({12: Autopilot.PX4, 3: Autopilot.ARDUPILOT})
+# MAVSDK's own words are not for the operator, but its last complaint explains what went wrong.
+_LOG_LEVELS = (logging.DEBUG, logging.DEBUG, logging.INFO, logging.INFO)
+_URLS = "udpin://HOST:PORT, udpout://HOST:PORT, tcpout://HOST:PORT or serial://DEVICE:BAUD"
+
+
+class UrlError(VehicleError):
+    """A connection URL that cannot be opened."""
+
+
+class AmbiguousVehicleError(CommandError):
+    """Several vehicles on one connection, and none was chosen."""
+
+
+@asynccontextmanager
+async def connected_vehicle(
+    url: str,
+    interruption: Interruption,
+    timeout_s: float = CONNECT_TIMEOUT_S,
+    while_waiting: Callable[[], None] = lambda: None,
+    system_id: int | None = None,
+) -> AsyncIterator[Vehicle]:
+    """Connect to the autopilot on a MAVSDK URL, and keep its state up to date.
+
+    Args:
+        url: where it is.
+        interruption: set by an operator who gives up.
+        timeout_s: how long to wait for an autopilot.
+        while_waiting: called now and then until one is heard; may raise.
+        system_id: of the autopilot; None if there is only one.
+
+    Raises:
+        UrlError: the URL cannot be opened.
+        VehicleError: no autopilot, or not this one, was heard in time.
+        AmbiguousVehicleError: several autopilots were heard, and none was chosen.
+        Interrupted: the operator gave up.
+    """
+    identity = Configuration.create_with_component_type(ComponentType.GROUND_STATION)
+    async with quiet() as complaints, Mavsdk(identity) as mavsdk:
+        await open_connection(mavsdk, url, complaints)
+
+        def waiting() -> None:
+            interruption.check()
+            while_waiting()
+
+        try:
+            system, number = await chosen_system(mavsdk, url, system_id, timeout_s, waiting)
+        except VehicleError as error:
+            raise VehicleError("; ".join([str(error), *complaints[-1:]])) from error
+        vehicle = Vehicle(system, number, await _autopilot_of(system), interruption)
+        tasks = [asyncio.ensure_future(watcher) for watcher in vehicle.watchers()]
+        try:
+            await vehicle.request_rates()
+            yield vehicle
+        finally:
+            # These wait for a queue, never for a call into MAVSDK, so they may be cancelled.
+            for task in tasks:
+                task.cancel()
+            await asyncio.gather(*tasks, return_exceptions=True)
+
+
+async def open_connection(mavsdk: Mavsdk, url: str, complaints: list[str]) -> None:
+    """Open a connection.
+
+    Args:
+        mavsdk: to be connected.
+        url: where.
+        complaints: of MAVSDK so far, from `quiet`.
+
+    Raises:
+        UrlError: it cannot be opened.
+    """
+    try:
+        await mavsdk.add_any_connection(url)
+    except MavsdkError as error:
+        reason = (complaints or [str(error)])[-1]
+        raise UrlError(f"{url!r} cannot be opened: {reason}; expected {_URLS}") from error
+
+
+async def chosen_system(
+    mavsdk: Mavsdk,
+    url: str,
+    system_id: int | None,
+    timeout_s: float,
+    waiting: Callable[[], None],
+) -> tuple[Any, int]:
+    """Wait for the one autopilot, or for the one of a system id; return it and its id.
+
+    Raises:
+        VehicleError: no autopilot, or not this one, was heard in time.
+        AmbiguousVehicleError: several autopilots were heard, and none was chosen.
+    """
+    loop = asyncio.get_running_loop()
+    deadline_s, settled_s = loop.time() + timeout_s, math.inf
+    while True:
+        systems = {await each.get_system_id(): each for each in await mavsdk.get_systems()}
+        autopilots = {n: each for n, each in systems.items() if await each.has_autopilot()}
+        if system_id is not None and system_id in autopilots:
+            return autopilots[system_id], system_id
+        if system_id is None and autopilots:
+            settled_s = min(settled_s, loop.time() + COMPANY_S)
+        if loop.time() >= settled_s:
+            if len(autopilots) > 1:
+                found = ", ".join(map(str, sorted(autopilots)))
+                text = f"{url}: autopilots of system ids {found}: choose one by --system-id"
+                raise AmbiguousVehicleError(text)
+            ((number, system),) = autopilots.items()
+            return system, number
+        waiting()
+        if loop.time() >= deadline_s and not math.isfinite(settled_s):
+            raise VehicleError(_not_heard(url, system_id, timeout_s, sorted(systems)))
+        await asyncio.sleep(_POLL_S)
+
+
+def _not_heard(url: str, system_id: int | None, timeout_s: float, others: list[int]) -> str:
+    wanted = "autopilot" if system_id is None else f"autopilot of system id {system_id}"
+    heard = f", only system ids {', '.join(map(str, others))}" if others else ""
+    return f"{url}: no {wanted} heard in {timeout_s:g} s{heard}"
+
+
+async def _autopilot_of(system: Any) -> Autopilot:
+    """Return which autopilot it is, by its own heartbeat.
+
+    MAVSDK goes by the first heartbeat of the system, which may be the daemon's.
+    """
+    heartbeats = MavlinkDirectAsync(system).subscribe_message("HEARTBEAT")
+    try:
+        async with aclosing(heartbeats), asyncio.timeout(IDENTIFY_TIMEOUT_S):
+            async for message in heartbeats:
+                if message.component_id == _AUTOPILOT_COMPONENT:
+                    number = json.loads(message.fields_json).get("autopilot")
+                    return _AUTOPILOTS.get(number, Autopilot.GENERIC)
+    except TimeoutError:
+        log.debug("no heartbeat of an autopilot in %g s", IDENTIFY_TIMEOUT_S)
+    return Autopilot.UNKNOWN
+
+
+@asynccontextmanager
+async def quiet() -> AsyncIterator[list[str]]:
+    """Send MAVSDK's chatter to the ``mavsdk`` logger, not the terminal; collect its complaints."""
+    complaints: list[str] = []
+
+    def receive(level: LogLevel, message: str, _file: str | None, _line: int) -> bool:
+        log.log(_LOG_LEVELS[level], message)
+        if level == LogLevel.ERROR:
+            complaints.append(message)
+        return True
+
+    log_subscribe(receive)
+    try:
+        yield complaints
+    finally:
+        log_unsubscribe()

@@ -1,0 +1,1 @@
+"""``clearway watch``: a flight as it happens."""

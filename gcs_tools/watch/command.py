@@ -1,0 +1,95 @@
+"""``clearway watch``: a flight as it happens, on a local page or in the terminal; read-only."""
+
+from __future__ import annotations
+
+import contextlib
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import zenoh
+
+from gcs_tools.console.errors import CommandError, Interrupted
+from gcs_tools.console.interruption import Interruption, interruptible
+from gcs_tools.preflight.live.bus import BusConfig, load_bus
+from gcs_tools.watch.feed import KEYS, Feed
+from gcs_tools.watch.server import serving
+from onboard.files.models import DaemonConfig
+from onboard.files.yaml_file import FileError, load_yaml
+from onboard.zenoh_session import open_session
+
+_POLL_S = 0.1
+
+
+def bus_of(zenoh_config: Path | None, daemon_config: Path | None) -> BusConfig:
+    """Return which vehicle is watched, and how to reach it; without a file, scouting finds it.
+
+    Args:
+        zenoh_config: says both.
+        daemon_config: the daemon's own configuration, as `clearway fly` leaves it.
+
+    Raises:
+        FileError: a file is not usable.
+    """
+    if zenoh_config is not None:
+        return load_bus(zenoh_config)
+    if daemon_config is None:
+        return BusConfig(connect=(), listen=())
+    daemon = load_yaml(daemon_config, DaemonConfig)
+    if daemon.zenoh.config_file is not None:
+        # It may hold the daemon's own certificate and password, and the port that it listens on.
+        raise FileError(
+            f"{daemon_config}: zenoh.config_file is the daemon's own: give yours by --zenoh-config"
+        )
+    endpoints = daemon.zenoh.listen or daemon.zenoh.connect
+    mode = daemon.zenoh.mode
+    return BusConfig(vehicle=daemon.vehicle, mode=mode, connect=endpoints, listen=())
+
+
+def watch(bus: BusConfig, *, host: str, port: int, terminal: bool) -> None:
+    """Show a flight until Ctrl-C.
+
+    Raises:
+        CommandError: no Zenoh session, or the page cannot be served.
+    """
+    feed = Feed()
+    with (
+        interruptible() as interruption,
+        _listening(feed, bus),
+        # Ctrl-C is how this is meant to end.
+        contextlib.suppress(Interrupted),
+    ):
+        if terminal:
+            from gcs_tools.watch.terminal import show  # noqa: PLC0415  rich is optional
+
+            show(feed, bus.vehicle, interruption.check)
+        else:
+            _serve(feed, bus.vehicle, host, port, interruption)
+
+
+def _serve(feed: Feed, vehicle: str, host: str, port: int, interruption: Interruption) -> None:
+    with serving(feed, vehicle, host, port) as url:
+        sys.stdout.write(f"{url}\n")
+        sys.stdout.flush()
+        while True:
+            interruption.check()
+            time.sleep(_POLL_S)
+
+
+@contextlib.contextmanager
+def _listening(feed: Feed, bus: BusConfig) -> Iterator[None]:
+    prefix = f"clearway/{bus.vehicle}/"
+
+    def receive(sample: zenoh.Sample) -> None:
+        feed.receive(str(sample.key_expr).removeprefix(prefix), sample.payload.to_bytes())
+
+    with contextlib.ExitStack() as stack:
+        try:
+            session = stack.enter_context(open_session(bus))
+        except zenoh.ZError as error:
+            where = ", ".join((*bus.connect, *bus.listen)) or "multicast"
+            raise CommandError(f"no Zenoh session with {where}: {error}") from error
+        for key in KEYS:
+            session.declare_subscriber(prefix + key, receive)
+        yield

@@ -1,0 +1,152 @@
+"""The contract: what is required, what is declared, and the verdict.
+
+A contract file states limits and assumptions; `assess` derives the Region of Influence from them
+and checks every requirement against what is declared.  Two readings are computed: *nominal*, the
+paper's point mass without errors, and *inflated*, with radius, errors, reaction time, attitude lag
+and run-on included.  The clauses use the inflated one.  Proofs: THEORY.md.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+from onboard.contract.agility import GRAVITY_MPS2, AccelerationLimits, Agility, InputSet
+from onboard.contract.clauses import TICK_S, Clause, clauses, recentring_drift
+from onboard.contract.derivation import (
+    Derived,
+    derive,
+    face_error_m,
+    reserved_trim_mps2,
+    worst_encounter,
+)
+from onboard.contract.recentring import Corridor
+from onboard.contract.region import SCALAR, Box, RegionOfInfluence
+from onboard.contract.terms import Terms
+from onboard.files.models import Contract
+
+__all__ = [
+    "TICK_S",
+    "Assessment",
+    "Clause",
+    "Derived",
+    "Terms",
+    "assess",
+    "assess_terms",
+    "clauses",
+    "derive",
+    "worst_encounter",
+]
+
+
+@dataclass(frozen=True)
+class Assessment:
+    """A contract's verdict and everything behind it.
+
+    Attributes:
+        contract: what was assessed.
+        terms: its numbers in SI units.
+        limits: admissible accelerations.
+        nominal: the paper's idealisation.
+        inflated: with all errors; what the clauses use.
+        clauses: every requirement.
+    """
+
+    contract: Contract
+    terms: Terms[float]
+    limits: AccelerationLimits
+    nominal: Derived[float]
+    inflated: Derived[float]
+    clauses: tuple[Clause[float], ...]
+
+    @property
+    def compliant(self) -> bool:
+        """Whether every clause holds."""
+        return all(clause.holds for clause in self.clauses)
+
+    @property
+    def binding(self) -> Clause[float]:
+        """The clause that takes up the largest part of what is declared for it."""
+        return max(self.clauses, key=lambda clause: clause.required / clause.declared)
+
+    @cached_property
+    def agility(self) -> Agility:
+        """Roll, pitch and thrust limits."""
+        return Agility(
+            self.terms.roll_max_rad, self.terms.pitch_max_rad, self.terms.thrust_to_weight
+        )
+
+    @cached_property
+    def corridor(self) -> Corridor | None:
+        """What has to be free for a drift back to the leg line; None where none is to be flown."""
+        if not (self.compliant and self.terms.recentring_speed_mps > 0.0):
+            return None
+        drift = recentring_drift(self.terms, self.inflated, SCALAR)
+        return Corridor.of(drift, self.terms.sure_view_rad)
+
+    @cached_property
+    def face_error_m(self) -> float:
+        """Error of a face as the contract allows for it, heading included, in metres."""
+        return face_error_m(self.terms, SCALAR)
+
+    @property
+    def reserved_trim_mps2(self) -> float:
+        """Acceleration that the limits leave for the wind (theory J)."""
+        return reserved_trim_mps2(self.terms, SCALAR)
+
+    @property
+    def trim_tilt_rad(self) -> float:
+        """Tilt that holds a place in the strongest wind declared; 0 where none is (theory J)."""
+        return math.atan2(self.terms.trim_mps2, GRAVITY_MPS2)
+
+    def at_altitude(self, mission_altitude_m: float) -> Assessment:
+        """Return the same contract for a mission at another height."""
+        terms = replace(self.terms, mission_altitude_m=mission_altitude_m)
+        return assess_terms(self.contract, terms)
+
+    def region_around(self, obstacle: Box, position_error_m: float) -> RegionOfInfluence:
+        """Region of Influence of a measured obstacle, inflated as a plan needs it (theory B).
+
+        Args:
+            obstacle: the measured box, leg frame.
+            position_error_m: of each face; at least the contract's is used.
+        """
+        terms = self.terms
+        error_m = max(position_error_m, self.face_error_m)
+        inflated = obstacle.inflated(terms.radius_m + terms.tracking_error_m + error_m)
+        return RegionOfInfluence.around(inflated, worst_encounter(terms, *inflated.size_m, SCALAR))
+
+
+def assess(
+    contract: Contract, input_set: InputSet = "inner", *, mission_altitude_m: float | None = None
+) -> Assessment:
+    """Check a contract's requirements against what it declares.
+
+    Args:
+        contract: the contract.
+        input_set: ``"inner"`` (sound) or ``"paper"`` (Eq. 7 as printed).
+        mission_altitude_m: height of the mission above the local origin; without it there is no
+            clause ``ground_clearance``.
+    """
+    return assess_terms(contract, Terms.of(contract, input_set, mission_altitude_m))
+
+
+def assess_terms(contract: Contract, terms: Terms[float]) -> Assessment:
+    """Check a contract's requirements against other terms than it declares: what is seen in flight.
+
+    Args:
+        contract: the contract that the terms come from.
+        terms: its numbers, some of them replaced.
+    """
+    inflated = derive(terms, SCALAR)
+    agility = Agility(terms.roll_max_rad, terms.pitch_max_rad, terms.thrust_to_weight)
+    limits = agility.acceleration_limits(terms.input_set)
+    return Assessment(
+        contract=contract,
+        terms=terms,
+        limits=limits.reduced(reserved_trim_mps2(terms, SCALAR)),
+        nominal=derive(terms.idealised(), SCALAR),
+        inflated=inflated,
+        clauses=clauses(terms, inflated, SCALAR),
+    )

@@ -1,0 +1,205 @@
+"""The clauses of a contract: what is required, what is declared, and why."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any, Generic
+
+from onboard.contract.derivation import Derived, tilt_limits
+from onboard.contract.recentring import Drift, drift_of, required_view
+from onboard.contract.region import Arithmetic
+from onboard.contract.terms import Terms
+from onboard.geometry.frames import Q
+
+# The daemon decides at this period; a silent sensor is noticed up to one tick late.
+TICK_S = 0.02
+
+
+@dataclass(frozen=True)
+class Clause(Generic[Q]):
+    """One requirement; the declared value must exceed it strictly (erratum 13)."""
+
+    name: str
+    required: Q
+    declared: Q
+    unit: str
+    reason: str
+
+    @property
+    def margin(self) -> Q:
+        """Declared less required, in the clause's unit; positive is safe."""
+        return self.declared - self.required
+
+    @property
+    def holds(self) -> Any:
+        """Whether the requirement is met, element by element for arrays."""
+        return self.margin > 0.0
+
+
+def clauses(terms: Terms[Q], derived: Derived[Q], ops: Arithmetic[Q]) -> tuple[Clause[Q], ...]:
+    """Every requirement of the contract, in the order in which an operator reads them."""
+    separation = Clause(
+        "separation",
+        derived.required_separation_m,
+        terms.obstacle_separation_min_m,
+        "m",
+        "regions of influence of any two obstacles must not intersect",
+    )
+    return (
+        _agility_clauses(terms, ops)
+        + _wind_clauses(terms, ops)
+        + _sensor_clauses(terms, derived, ops)
+        + _stopping_clauses(terms, derived)
+        + _passive_safety_clauses(terms, derived, ops)
+        + _recentring_clauses(terms, derived, ops)
+        + _height_clauses(terms)
+        + (separation,)
+    )
+
+
+def _agility_clauses(terms: Terms[Q], ops: Arithmetic[Q]) -> tuple[Clause[Q], ...]:
+    tan_roll, tan_pitch = ops.tan(terms.roll_max_rad), ops.tan(terms.pitch_max_rad)
+    corner = ops.sqrt((1.0 + tan_roll * tan_roll) * (1.0 + tan_pitch * tan_pitch))
+    return (
+        Clause(
+            "thrust",
+            corner,
+            terms.thrust_to_weight,
+            "T/W",
+            "height must be held at the roll and pitch limits together",
+        ),
+    )
+
+
+def _wind_clauses(terms: Terms[Q], ops: Arithmetic[Q]) -> tuple[Clause[Q], ...]:
+    if terms.wind_max_mps is None:
+        return ()
+    return (
+        Clause(
+            "wind",
+            terms.trim_mps2,
+            ops.minimum(*tilt_limits(terms, ops)),
+            "m/s²",
+            "the tilt against the strongest steady wind must leave some of it to avoid with",
+        ),
+    )
+
+
+def _height_clauses(terms: Terms[Q]) -> tuple[Clause[Q], ...]:
+    if terms.mission_altitude_m is None:
+        return ()
+    return (
+        Clause(
+            "ground_clearance",
+            terms.radius_m + terms.tracking_error_z_m + terms.estimator_reset_max_m,
+            terms.mission_altitude_m,
+            "m",
+            "the mission must be flown high enough to stay clear of the ground",
+        ),
+    )
+
+
+def _sensor_clauses(
+    terms: Terms[Q], derived: Derived[Q], ops: Arithmetic[Q]
+) -> tuple[Clause[Q], ...]:
+    ahead_m = derived.required_detection_range_m - derived.encounter.run_on_m
+    edge_m = derived.edge_offset_m
+    return (
+        Clause(
+            "detection_range",
+            ahead_m,
+            terms.detection_range_m,
+            "m",
+            "an obstacle must be seen before the last point where avoiding it is possible",
+        ),
+        Clause(
+            "edge_visibility",
+            _slant(ahead_m, edge_m, ops),
+            terms.detection_range_m,
+            "m",
+            "the edge that decides whether and on which side to pass must be seen in time",
+        ),
+        Clause(
+            "field_of_view",
+            2.0 * (ops.atan2(edge_m, ahead_m) + terms.heading_error_rad) * (180.0 / math.pi),
+            terms.field_of_view_rad * (180.0 / math.pi),
+            "°",
+            "what must be seen ahead must lie within the sensor's field of view",
+        ),
+    )
+
+
+def _slant(ahead_m: Q, aside_m: Q, ops: Arithmetic[Q]) -> Q:
+    return ops.sqrt(ahead_m * ahead_m + aside_m * aside_m)
+
+
+def _stopping_clauses(terms: Terms[Q], derived: Derived[Q]) -> tuple[Clause[Q], ...]:
+    if not terms.stop:
+        return ()
+    e = derived.encounter
+    fixed_m = derived.margin_m + terms.tracking_error_m
+    stop_m = e.speed_mps * e.speed_mps / (2.0 * e.brake_mps2) + e.speed_mps * e.attitude_lag_s
+    return (
+        Clause(
+            "stop",
+            fixed_m + stop_m + e.speed_mps * e.reaction_time_s,
+            terms.detection_range_m,
+            "m",
+            "braking to hover before an obstacle must be possible once it is seen",
+        ),
+        Clause(
+            "sensor_silence",
+            fixed_m + stop_m + e.speed_mps * (terms.frame_age_max_s + TICK_S),
+            terms.detection_range_m,
+            "m",
+            "when the sensor falls silent, braking must end within what was last seen",
+        ),
+    )
+
+
+def _passive_safety_clauses(
+    terms: Terms[Q], derived: Derived[Q], ops: Arithmetic[Q]
+) -> tuple[Clause[Q], ...]:
+    if not terms.passive_safety:
+        return ()
+    return (
+        Clause(
+            "passive_safety",
+            _slant(derived.required_detection_range_m, derived.edge_offset_m, ops),
+            terms.detection_range_m,
+            "m",
+            "an obstacle must be seen early enough that even a dead daemon does no harm",
+        ),
+    )
+
+
+def recentring_drift(terms: Terms[Q], derived: Derived[Q], ops: Arithmetic[Q]) -> Drift[Q]:
+    """Return the drift back to the leg line: its slope, and the room that it needs (theory F)."""
+    silent_s = terms.frame_age_max_s + TICK_S
+    return drift_of(
+        derived.encounter,
+        speed_min_mps=terms.cruise_speed_mps - terms.velocity_error_x_mps,
+        margin_m=derived.margin_m + terms.tracking_error_m,
+        notice_s=ops.maximum(terms.reaction_time_s, silent_s),
+        ops=ops,
+    )
+
+
+def _recentring_clauses(
+    terms: Terms[Q], derived: Derived[Q], ops: Arithmetic[Q]
+) -> tuple[Clause[Q], ...]:
+    wanted = terms.recentring_speed_mps > 0.0
+    if not ops.anywhere(wanted):
+        return ()
+    view_rad = required_view(recentring_drift(terms, derived, ops), terms.detection_range_m, ops)
+    view_rad = view_rad + 2.0 * terms.heading_error_rad
+    return (
+        Clause(
+            "recentring",
+            ops.where(wanted, view_rad, view_rad * 0.0) * (180.0 / math.pi),
+            terms.field_of_view_rad * (180.0 / math.pi),
+            "°",
+            "what the vehicle drifts towards on its way back to the leg must have been seen before",
+        ),
+    )

@@ -1,0 +1,124 @@
+"""The numbers of a contract in SI units, as floats or as arrays for a surface."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from typing import Generic
+
+from onboard.contract.agility import InputSet
+from onboard.files.models import Contract
+from onboard.geometry.frames import Q
+
+
+@dataclass(frozen=True)
+class Terms(Generic[Q]):
+    """Every number of a contract in SI units, as floats or as arrays of one shape.
+
+    `mission_altitude_m`, the lowest height of the mission above the local origin, is not a key of a
+    contract: where it is None there is no clause about it.
+    """
+
+    roll_max_rad: Q
+    pitch_max_rad: Q
+    thrust_to_weight: Q
+    cruise_speed_mps: Q
+    radius_m: Q
+    tracking_error_m: Q
+    velocity_error_x_mps: Q
+    velocity_error_y_mps: Q
+    reaction_time_s: Q
+    attitude_lag_s: Q
+    setpoint_loss_timeout_s: Q
+    detection_range_m: Q
+    field_of_view_rad: Q
+    frame_age_max_s: Q
+    position_error_m: Q
+    obstacle_size_max_m: Q
+    obstacle_size_min_m: Q
+    obstacle_separation_min_m: Q
+    recentring_speed_mps: Q
+    tracking_error_z_m: Q
+    heading_error_rad: Q
+    estimator_reset_max_m: Q
+    drag_per_s: Q
+    setpoint_loss_run_on_m: Q | None = None
+    setpoint_loss_run_on_speed_mps: Q | None = None
+    wind_max_mps: Q | None = None
+    mission_altitude_m: Q | None = None
+    stop: bool = True
+    passive_safety: bool = True
+    input_set: InputSet = "inner"
+
+    @classmethod
+    def of(
+        cls,
+        contract: Contract,
+        input_set: InputSet = "inner",
+        mission_altitude_m: float | None = None,
+    ) -> Terms[float]:
+        """Return the terms of a contract file, angles in radians."""
+        vehicle, sensor, environment = contract.vehicle, contract.sensor, contract.environment
+        return Terms(
+            roll_max_rad=math.radians(vehicle.roll_max_deg),
+            pitch_max_rad=math.radians(vehicle.pitch_max_deg),
+            thrust_to_weight=vehicle.thrust_to_weight,
+            cruise_speed_mps=vehicle.cruise_speed_mps,
+            radius_m=vehicle.radius_m,
+            tracking_error_m=vehicle.tracking_error_m,
+            velocity_error_x_mps=vehicle.velocity_error_mps[0],
+            velocity_error_y_mps=vehicle.velocity_error_mps[1],
+            reaction_time_s=vehicle.reaction_time_s,
+            attitude_lag_s=vehicle.attitude_lag_s,
+            setpoint_loss_timeout_s=vehicle.setpoint_loss_timeout_s,
+            setpoint_loss_run_on_m=vehicle.setpoint_loss_run_on_m,
+            setpoint_loss_run_on_speed_mps=vehicle.setpoint_loss_run_on_speed_mps,
+            recentring_speed_mps=vehicle.recentring_speed_mps,
+            tracking_error_z_m=vehicle.tracking_error_z_m,
+            heading_error_rad=math.radians(vehicle.heading_error_deg),
+            estimator_reset_max_m=vehicle.estimator_reset_max_m,
+            drag_per_s=vehicle.drag_per_s,
+            wind_max_mps=environment.wind_max_mps,
+            detection_range_m=sensor.detection_range_m,
+            field_of_view_rad=math.radians(sensor.field_of_view_deg),
+            frame_age_max_s=sensor.frame_age_max_s,
+            position_error_m=sensor.position_error_m,
+            obstacle_size_max_m=environment.obstacle_size_max_m,
+            obstacle_size_min_m=environment.obstacle_size_min_m,
+            obstacle_separation_min_m=environment.obstacle_separation_min_m,
+            stop=contract.requirements.stop,
+            passive_safety=contract.requirements.passive_safety,
+            mission_altitude_m=mission_altitude_m,
+            input_set=input_set,
+        )
+
+    @property
+    def trim_mps2(self) -> Q:
+        """Acceleration that holds a place in the strongest wind declared (theory J); 0 without."""
+        if self.wind_max_mps is None:
+            return self.cruise_speed_mps * 0.0
+        return self.drag_per_s * self.wind_max_mps
+
+    @property
+    def sure_view_rad(self) -> Q:
+        """Part of the field of view that is ahead whatever the heading error (theory I)."""
+        return self.field_of_view_rad - 2.0 * self.heading_error_rad
+
+    def idealised(self) -> Terms[Q]:
+        """Return the paper's idealisation: no size, no errors, no delays, no wind."""
+        zero = self.cruise_speed_mps * 0.0
+        return replace(
+            self,
+            radius_m=zero,
+            tracking_error_m=zero,
+            velocity_error_x_mps=zero,
+            velocity_error_y_mps=zero,
+            reaction_time_s=zero,
+            attitude_lag_s=zero,
+            position_error_m=zero,
+            recentring_speed_mps=zero,
+            tracking_error_z_m=zero,
+            heading_error_rad=zero,
+            wind_max_mps=None,
+            passive_safety=False,
+        )

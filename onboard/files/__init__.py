@@ -1,0 +1,1 @@
+"""File and wire formats that daemon, simulation and operator share."""

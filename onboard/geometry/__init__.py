@@ -1,0 +1,1 @@
+"""Frames and geometry without any other knowledge: what all rooms may import."""

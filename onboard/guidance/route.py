@@ -1,0 +1,66 @@
+"""Which leg is flown: one after another, until another mission takes the place of what is left.
+
+A leg begins where the vehicle has come to rest, since an avoidance may have left it beside the end
+of the leg before (erratum 16).  That is why a mission can be replaced in flight: the vehicle comes
+to rest under the guarantee, wherever it is, and what follows is a leg like any other.
+"""
+
+from __future__ import annotations
+
+import math
+
+from onboard.files.models import LEG_LENGTH_MIN_M, Leg, Mission
+from onboard.geometry.frames import LegFrame
+
+
+class Itinerary:
+    """Where a mission leads.
+
+    Args:
+        mission: where to fly.
+
+    Attributes:
+        mission: what is flown.
+        successor: what is to be flown instead; None unless somebody wants that.
+        frame: of the leg that is flown.
+    """
+
+    def __init__(self, mission: Mission) -> None:
+        self.mission = mission
+        self.successor: Mission | None = None
+        self._index = 0
+        self.frame = self._frame_from(*mission.start_ned_m)
+
+    @property
+    def leg(self) -> Leg:
+        """The leg that is flown."""
+        return self.mission.legs[self._index]
+
+    @property
+    def length_m(self) -> float:
+        """How long that leg is."""
+        return math.dist(self.frame.origin_ned_m[:2], self.leg.end_ned_m)
+
+    def restart(self) -> None:
+        """Begin the successor, if there is one, at its own start."""
+        if self.successor is not None:
+            self.mission, self.successor, self._index = self.successor, None, 0
+            self.frame = self._frame_from(*self.mission.start_ned_m)
+
+    def begin_next(self, north_m: float, east_m: float) -> bool:
+        """Begin the next leg, or the successor's first, from here; False if none is left."""
+        following = self._index + 1
+        if self.successor is not None:
+            self.mission, self.successor, following = self.successor, None, 0
+        while following < len(self.mission.legs):
+            self._index = following
+            # A leg that ends here has been flown.
+            if math.dist((north_m, east_m), self.leg.end_ned_m) >= LEG_LENGTH_MIN_M:
+                self.frame = self._frame_from(north_m, east_m)
+                return True
+            following += 1
+        return False
+
+    def _frame_from(self, north_m: float, east_m: float) -> LegFrame:
+        down_m = -self.mission.altitude_m
+        return LegFrame.between((north_m, east_m, down_m), (*self.leg.end_ned_m, down_m))

@@ -1,0 +1,120 @@
+"""Which of those who send to a listening port is the vehicle: set-points go to that one alone."""
+
+from __future__ import annotations
+
+import logging
+import math
+from collections.abc import Hashable
+from typing import Final, Generic, TypeVar
+
+from pymavlink.dialects.v20 import common as mavlink
+
+from onboard.files.mavlink_frames import frame_length
+
+log = logging.getLogger(__name__)
+
+# A vehicle that restarts from another port is followed there after this much silence: as long as
+# three of its heartbeats, after which its word no longer counts anyhow.
+SILENCE_S: Final = 3.0
+
+PeerT = TypeVar("PeerT", bound=Hashable)
+
+
+class VehiclePeer(Generic[PeerT]):
+    """Keeps to the peer from which the vehicle's heartbeat was heard first.
+
+    A heartbeat is the vehicle's if it comes from the autopilot component of its system id and its
+    checksum is right.  Another peer that sends one takes over only when the present peer has sent
+    none for `SILENCE_S`, or is gone.
+
+    Args:
+        system_id: MAVLink id of the vehicle.
+
+    Attributes:
+        peer: where the vehicle is; None before it was heard.
+        ignored: pieces of data that came from elsewhere and were dropped.
+    """
+
+    def __init__(self, system_id: int) -> None:
+        self.peer: PeerT | None = None
+        self.ignored = 0
+        self._system_id = system_id
+        self._heard_s = -math.inf
+        self._codec = mavlink.MAVLink(None)
+        self._stranger_named = False
+
+    def admit(self, data: bytes, peer: PeerT, now_s: float) -> bool:
+        """Take note of who sends; tell whether the data are to be read.
+
+        Before the vehicle is known everything is read, afterwards only what its peer sends.
+
+        Args:
+            data: as they arrived, whole frames at their start.
+            peer: who sent them.
+            now_s: the time.
+        """
+        if _has_heartbeat(data, self._system_id, self._codec):
+            self._hear_vehicle(peer, now_s)
+        if self.peer is None or peer == self.peer:
+            return True
+        self.ignored += 1
+        if not self._stranger_named:
+            self._stranger_named = True
+            log.warning(
+                "%s also sends to this port and is ignored: vehicle %d is %s",
+                _name(peer),
+                self._system_id,
+                _name(self.peer),
+            )
+        return False
+
+    def forget(self, peer: PeerT) -> None:
+        """Let the next one be the vehicle: this peer is gone."""
+        if peer == self.peer:
+            self.peer, self._heard_s = None, -math.inf
+
+    def _hear_vehicle(self, peer: PeerT, now_s: float) -> None:
+        if peer != self.peer:
+            if self.peer is not None and now_s - self._heard_s <= SILENCE_S:
+                return
+            log.info("vehicle %d is %s", self._system_id, _name(peer))
+            self.peer, self._stranger_named = peer, False
+        self._heard_s = now_s
+
+
+def _has_heartbeat(data: bytes, system_id: int, codec: mavlink.MAVLink) -> bool:
+    """Tell whether an intact heartbeat of the vehicle's autopilot is among whole frames."""
+    frames, start = bytearray(data), 0
+    while start < len(frames):
+        length = frame_length(frames, start, mavlink.mavlink_map)
+        if length is None:
+            return False
+        frame = frames[start : start + length]
+        if length and _is_heartbeat(frame, system_id) and _is_intact(frame, codec):
+            return True
+        start += length or 1
+    return False
+
+
+def _is_heartbeat(frame: bytearray, system_id: int) -> bool:
+    if frame[0] == mavlink.PROTOCOL_MARKER_V1:
+        sender, message_id = (frame[3], frame[4]), frame[5]
+    else:
+        sender, message_id = (frame[5], frame[6]), frame[7] | frame[8] << 8 | frame[9] << 16
+    vehicle = (system_id, mavlink.MAV_COMP_ID_AUTOPILOT1)
+    return sender == vehicle and message_id == mavlink.MAVLINK_MSG_ID_HEARTBEAT
+
+
+def _is_intact(frame: bytearray, codec: mavlink.MAVLink) -> bool:
+    try:
+        heartbeat = codec.decode(frame)
+    except mavlink.MAVError:
+        return False
+    return bool(heartbeat.autopilot != mavlink.MAV_AUTOPILOT_INVALID)
+
+
+def _name(peer: Hashable) -> str:
+    if isinstance(peer, tuple) and len(peer) >= 2:
+        host, port = peer[:2]
+        return f"[{host}]:{port}" if ":" in str(host) else f"{host}:{port}"
+    return str(peer)

@@ -1,0 +1,1 @@
+"""Checks every assumption of the contract in flight, one file each."""

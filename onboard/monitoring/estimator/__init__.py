@@ -1,0 +1,1 @@
+"""Checks the autopilot's estimate: position quality, resets, heading."""

@@ -1,0 +1,75 @@
+"""Pre-flight clearance: the daemon flies only what a recent live check has passed.
+
+The check (``clearway preflight``) puts a `Clearance` on ``clearway/<vehicle>/clearance``.  It names
+the contract that was checked by its hash, so that a daemon that holds another one stays where it
+is, and when that was, so that an old check does not clear a vehicle that has changed since.  The
+last clearance to arrive counts: a check that fails withdraws what an earlier one granted.
+"""
+
+from __future__ import annotations
+
+import logging
+from typing import Annotated, Final, Literal
+
+from pydantic import BaseModel, ConfigDict, Field
+
+from onboard.files.json_payload import MalformedPayloadError, parse
+
+log = logging.getLogger(__name__)
+
+# A check that was made later than this from now was stamped by a wrong clock.
+CLOCK_TOLERANCE_S: Final = 1.0
+
+
+class Clearance(BaseModel):
+    """One check of a vehicle: what was checked, when, and whether it passed."""
+
+    # Other fields than ours are tolerated on the wire: a newer check may say more.
+    model_config = ConfigDict(frozen=True, allow_inf_nan=False, extra="ignore")
+
+    version: Literal[1] = 1
+    contract_sha256: Annotated[str, Field(pattern=r"^[0-9a-f]{64}$")]
+    stamp_unix_s: float
+    passed: bool
+    checks: dict[str, str] = Field(default_factory=dict, max_length=1000)
+
+
+class ClearanceGate:
+    """Decides whether what was checked may fly.
+
+    Args:
+        contract_sha256: of the contract that would be flown.
+        age_max_s: how old a check may be; None where none is needed.
+
+    Attributes:
+        malformed: payloads that were no clearance.
+    """
+
+    def __init__(self, contract_sha256: str, age_max_s: float | None) -> None:
+        self.malformed = 0
+        self._contract_sha256 = contract_sha256
+        self._age_max_s = age_max_s
+        self._latest: Clearance | None = None
+
+    def receive(self, payload: bytes) -> None:
+        """Take a clearance; it replaces the one before."""
+        try:
+            self._latest = parse(payload, Clearance)
+        except MalformedPayloadError as error:
+            self.malformed += 1
+            log.debug("dropped a malformed clearance: %s", error)
+
+    def refusal(self, now_unix_s: float) -> str | None:
+        """Return why the vehicle may not fly now; None if it may."""
+        if self._age_max_s is None:
+            return None
+        if self._latest is None:
+            return "no pre-flight check"
+        if not self._latest.passed:
+            return "the pre-flight check did not pass"
+        if self._latest.contract_sha256 != self._contract_sha256:
+            return f"the pre-flight check was of contract {self._latest.contract_sha256[:12]}"
+        age_s = now_unix_s - self._latest.stamp_unix_s
+        if -CLOCK_TOLERANCE_S <= age_s <= self._age_max_s:
+            return None
+        return f"the pre-flight check is {age_s:.0f} s old, limit {self._age_max_s:.0f} s"

@@ -1,0 +1,1 @@
+"""Motion in time: polynomials, one axis, three axes."""

@@ -1,0 +1,64 @@
+"""Where the body was at the time of a detection frame."""
+
+from __future__ import annotations
+
+import bisect
+from collections import deque
+
+from onboard.geometry.frames import wrap_angle
+from onboard.mavlink.endpoint import Pose
+
+
+class PoseHistory:
+    """The last second of poses, to place what was seen from the body."""
+
+    def __init__(self, span_s: float = 2.0) -> None:
+        self._span_s = span_s
+        self._poses: deque[Pose] = deque(maxlen=500)
+
+    def add(self, pose: Pose) -> None:
+        """Remember a pose; poses come in the order of time."""
+        self._poses.append(pose)
+        while self._poses[0].time_s < pose.time_s - self._span_s:
+            self._poses.popleft()
+
+    def shift(self, shift_ned_m: tuple[float, float, float]) -> None:
+        """State every pose in the local frame of now, after the estimator moved it by a vector."""
+        for index, pose in enumerate(self._poses):
+            moved = zip(pose.position_ned_m, shift_ned_m, strict=True)
+            north_m, east_m, down_m = (before_m + shift_m for before_m, shift_m in moved)
+            self._poses[index] = pose._replace(position_ned_m=(north_m, east_m, down_m))
+
+    def at(self, time_s: float, tolerance_s: float = 0.1) -> Pose | None:
+        """Return the pose nearest to ``time_s``, moved on to that time; None if none is near.
+
+        The heading moves on too: a hundredth of a second in a turn displaces what is seen at the
+        end of the range by more than a sensor's error.
+        """
+        poses = self._poses
+        after = bisect.bisect_left(poses, time_s, key=_time_of)
+        around = [poses[i] for i in (after - 1, after) if 0 <= i < len(poses)]
+        nearest = min(around, key=lambda pose: abs(pose.time_s - time_s), default=None)
+        if nearest is None or abs(nearest.time_s - time_s) > tolerance_s:
+            return None
+        later_s = time_s - nearest.time_s
+        (north_m, east_m, down_m), (vn, ve, vd) = nearest.position_ned_m, nearest.velocity_ned_mps
+        return nearest._replace(
+            time_s=time_s,
+            position_ned_m=(north_m + vn * later_s, east_m + ve * later_s, down_m + vd * later_s),
+            yaw_rad=nearest.yaw_rad + self.yaw_rate_radps(time_s) * later_s,
+        )
+
+    def yaw_rate_radps(self, time_s: float) -> float:
+        """Return how fast the body turned at a time, from the two poses around it; 0 if unknown."""
+        after = bisect.bisect_left(self._poses, time_s, key=_time_of)
+        second = min(max(after, 1), len(self._poses) - 1)
+        if second < 1:
+            return 0.0
+        begin, end = self._poses[second - 1], self._poses[second]
+        lasting_s = end.time_s - begin.time_s
+        return wrap_angle(end.yaw_rad - begin.yaw_rad) / lasting_s if lasting_s > 0.0 else 0.0
+
+
+def _time_of(pose: Pose) -> float:
+    return pose.time_s

@@ -1,0 +1,1 @@
+"""Plans the avoidance of one obstacle, and certifies every trajectory before it may be flown."""

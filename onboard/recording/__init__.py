@@ -1,0 +1,1 @@
+"""What a flight leaves behind: records, flight logs, scenes for viewers."""

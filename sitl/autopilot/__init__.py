@@ -1,0 +1,1 @@
+"""The simulated autopilot: its decisions, modes, estimator and missions."""

@@ -1,0 +1,83 @@
+"""What can go wrong around a flight, each told once: battery, ground station, sticks, position."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from sitl.autopilot.settings import FlightSettings, Reaction
+
+
+@dataclass(frozen=True)
+class FailsafeInputs:
+    """What the failsafes watch.
+
+    Attributes:
+        battery_remaining: share of the charge.
+        ground_silence_s: since the ground station's last heartbeat; ``inf`` if none ever came.
+        sticks_silence_s: since the last manual control.
+        sticks_needed: whether the mode is flown by stick.
+        position_valid: whether the estimator knows the position.
+    """
+
+    battery_remaining: float
+    ground_silence_s: float
+    sticks_silence_s: float
+    sticks_needed: bool
+    position_valid: bool
+
+
+@dataclass(frozen=True)
+class Trigger:
+    """One failsafe at the moment when it sets in; without a text it is the autopilot's own."""
+
+    reaction: Reaction
+    severity: int = mavlink.MAV_SEVERITY_CRITICAL
+    text: str = ""
+
+
+class Failsafes:
+    """Notices conditions as they begin; one that ends may begin again, but the battery's do not."""
+
+    def __init__(self) -> None:
+        self._battery_level = 0
+        self._ground_lost = False
+        self._sticks_lost = False
+        self._position_lost = False
+
+    def check(self, inputs: FailsafeInputs, settings: FlightSettings) -> Iterator[Trigger]:
+        """Yield what has set in since the last call, the gravest last."""
+        ground_lost = settings.ground_timeout_s < inputs.ground_silence_s < float("inf")
+        if ground_lost and not self._ground_lost and settings.ground_loss is not Reaction.NONE:
+            yield Trigger(settings.ground_loss, mavlink.MAV_SEVERITY_WARNING, "Ground station lost")
+        self._ground_lost = ground_lost
+        sticks_lost = inputs.sticks_needed and (
+            settings.manual_timeout_s < inputs.sticks_silence_s < float("inf")
+        )
+        if sticks_lost and not self._sticks_lost:
+            yield Trigger(
+                settings.manual_loss, mavlink.MAV_SEVERITY_CRITICAL, "Manual control lost"
+            )
+        self._sticks_lost = sticks_lost
+        yield from self._battery(inputs.battery_remaining, settings)
+        if not inputs.position_valid and not self._position_lost:
+            yield Trigger(Reaction.LAND)
+        self._position_lost = not inputs.position_valid
+
+    def _battery(self, remaining: float, settings: FlightSettings) -> Iterator[Trigger]:
+        levels = (
+            (settings.battery_low, settings.low_reaction, "Low battery level"),
+            (settings.battery_critical, settings.critical_reaction, "Critical battery level"),
+            (settings.battery_emergency, settings.emergency_reaction, "Dangerous battery level"),
+        )
+        reached = sum(remaining < threshold for threshold, _, _ in levels)
+        for _, reaction, text in levels[self._battery_level : reached]:
+            severity = (
+                mavlink.MAV_SEVERITY_WARNING
+                if reaction is Reaction.NONE
+                else mavlink.MAV_SEVERITY_CRITICAL
+            )
+            yield Trigger(reaction, severity, text)
+        self._battery_level = max(self._battery_level, reached)

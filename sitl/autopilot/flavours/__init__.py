@@ -1,0 +1,1 @@
+"""What makes the simulated autopilot a PX4 or an ArduPilot."""

@@ -1,0 +1,75 @@
+"""Decides from motion and thrust, as a flight controller must, whether the vehicle stands."""
+
+from __future__ import annotations
+
+import math
+
+from sitl.plant.controller import Setpoint
+from sitl.plant.truth import VehicleTruth
+
+_TOUCHDOWN_S = 0.5  # signs of standing must last this long
+_LIFTED_M = 0.15
+_THRUST_SHARE = 0.7  # of the weight: the ground carries the rest
+
+
+class LandDetector:
+    """Whether the vehicle stands or flies; the commander tells taking off and landing apart.
+
+    Attributes:
+        on_ground: whether the vehicle stands.
+        since_s: since when it has done what it does.
+    """
+
+    def __init__(self, *, on_ground: bool, down_m: float) -> None:
+        self.on_ground = on_ground
+        self.since_s = 0.0
+        self._ground_down_m = down_m
+        self._still_since_s = math.inf
+
+    def update(self, truth: VehicleTruth, setpoint: Setpoint | None, thrust_share: float) -> None:
+        """Judge one tick.
+
+        Args:
+            truth: the vehicle's state.
+            setpoint: what the controller flies; None while it does not.
+            thrust_share: rotor thrust over weight.
+        """
+        if self.on_ground:
+            if self._ground_down_m - truth.position_ned_m[2] > _LIFTED_M:
+                self._enter(on_ground=False, now_s=truth.time_s)
+            return
+        if not self._stands(truth, setpoint, thrust_share):
+            self._still_since_s = math.inf
+            return
+        self._still_since_s = min(self._still_since_s, truth.time_s)
+        if truth.time_s - self._still_since_s >= _TOUCHDOWN_S:
+            self._ground_down_m = truth.position_ned_m[2]
+            self._enter(on_ground=True, now_s=truth.time_s)
+
+    def _stands(self, truth: VehicleTruth, setpoint: Setpoint | None, thrust_share: float) -> bool:
+        still = abs(truth.velocity_ned_mps[2]) < 0.15 and truth.ground_speed_mps < 0.3
+        return (
+            still and thrust_share < _THRUST_SHARE and (setpoint is None or _sinks(setpoint, truth))
+        )
+
+    def _enter(self, *, on_ground: bool, now_s: float) -> None:
+        self.on_ground = on_ground
+        self.since_s = now_s
+        self._still_since_s = math.inf
+
+
+def _sinks(setpoint: Setpoint, truth: VehicleTruth) -> bool:
+    return setpoint.velocity_down_mps > 0.1 or setpoint.down_m > truth.position_ned_m[2] + 0.1
+
+
+def climbs(setpoint: Setpoint, truth: VehicleTruth) -> bool:
+    """Whether a setpoint asks a standing vehicle to leave the ground."""
+    return (
+        setpoint.down_m < truth.position_ned_m[2] - 0.1
+        or (math.isnan(setpoint.down_m) and setpoint.velocity_down_mps < -0.05)
+        or (
+            math.isnan(setpoint.down_m)
+            and math.isnan(setpoint.velocity_down_mps)
+            and setpoint.acceleration_down_mps2 < -0.1
+        )
+    )

@@ -1,0 +1,1 @@
+"""The MAVLink microservices of the simulated autopilot."""

@@ -1,0 +1,1 @@
+"""The simulated world: obstacles, sensors, imperfect links, ground truth."""

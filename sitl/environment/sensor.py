@@ -1,0 +1,345 @@
+"""Obstacle detector: what a sensor with limited range and field of view reports, and when.
+
+Two models.  The *ideal* one is a shortcut of the simulation: an obstacle of which any point is
+within range and field of view is reported whole, even where another obstacle hides it.  The
+*scanner* casts rays and reports boxes around what they hit (``scanner``).
+"""
+
+from __future__ import annotations
+
+import math
+import random
+from collections import deque
+from typing import Annotated, Any, Literal, NamedTuple
+
+from pydantic import Field
+from pydantic_core import to_json
+
+from onboard.files.obstacle_field import ObstacleField
+from onboard.files.yaml_file import FileModel
+from sitl.environment.lidar import RangeScanner, ScannerConfig, SeenBox, View
+from sitl.environment.world import Neighbourhood
+from sitl.plant.truth import VehicleTruth
+
+Point = tuple[float, float]
+
+
+class SensorFault(FileModel):
+    """One fault and its time.
+
+    Attributes:
+        kind: ``silent``: no frames; ``stuck``: the last frame again and again, unchanged;
+            ``range``: the range falls to ``range_m``, and frames say so.
+        start_s, end_s: seconds after start; never ends when ``end_s`` is null.
+        range_m: remaining range of a ``range`` fault.
+    """
+
+    kind: Literal["silent", "stuck", "range"]
+    start_s: Annotated[float, Field(ge=0.0)] = 0.0
+    end_s: float | None = None
+    range_m: Annotated[float, Field(gt=0.0)] = 1.0
+
+    def active(self, now_s: float) -> bool:
+        """Whether the fault is present at ``now_s``."""
+        return self.start_s <= now_s and (self.end_s is None or now_s < self.end_s)
+
+
+class SensorConfig(FileModel):
+    """One detector.
+
+    Attributes:
+        source: name of the sensor in its frames.
+        scanner: what makes it a scanning range finder; null for the ideal detector.
+        yaw_deg: direction of its axis in the body, clockwise from forward.
+        noise_m: centres are wrong by at most this much along each axis (uniform); ideal model only.
+        face_noise_m: each face is wrong by at most this, by itself (uniform); ideal model only.
+            Null: under ``realism: field`` what noise_m leaves of uncertainty_m, otherwise nothing.
+        uncertainty_m: what frames declare for each face.
+        latency_s: measurement to publication.
+        frame: frame of the reported boxes; ``body_frd`` is levelled, turned by yaw only.
+        placed_by: what of the autopilot's estimate places boxes in ``local_ned``: its ``pose``, as
+            a bridge on the vehicle does, or its ``position``, where bearings are known otherwise.
+    """
+
+    source: Annotated[str, Field(pattern=r"^[A-Za-z0-9_-]+$")] = "front"
+    range_m: Annotated[float, Field(gt=0.0)] = 12.0
+    field_of_view_deg: Annotated[float, Field(gt=0.0, le=360.0)] = 120.0
+    yaw_deg: float = 0.0
+    rate_hz: Annotated[float, Field(gt=0.0, le=200.0)] = 20.0
+    latency_s: Annotated[float, Field(ge=0.0, le=10.0)] = 0.03
+    noise_m: Annotated[float, Field(ge=0.0)] = 0.0
+    face_noise_m: Annotated[float, Field(ge=0.0)] | None = None
+    uncertainty_m: Annotated[float, Field(ge=0.0)] = 0.05
+    frame: Literal["local_ned", "body_frd"] = "local_ned"
+    placed_by: Literal["pose", "position"] = "pose"
+    scanner: ScannerConfig | None = None
+    faults: Annotated[tuple[SensorFault, ...], Field(strict=False)] = ()
+
+
+class _Known(NamedTuple):
+    """One obstacle of the field, where its corners are, and how far from its centre."""
+
+    box: SeenBox
+    corners_ned_m: list[Point]
+    reach_m: float
+
+    def is_seen(
+        self, here_ned_m: Point, axis_rad: float, half_view_rad: float, range_m: float
+    ) -> bool:
+        """Tell whether a part of it is near enough, and within the view to either side of its axis.
+
+        Far away and centre in view are told at once; whatever only reaches into the view is cut.
+        """
+        north_m, east_m = here_ned_m
+        ahead_north_m = self.box.center_ned_m[0] - north_m
+        ahead_east_m = self.box.center_ned_m[1] - east_m
+        distance_m = math.hypot(ahead_north_m, ahead_east_m)
+        if distance_m - self.reach_m > range_m:
+            return False
+        cosine, sine = math.cos(axis_rad), math.sin(axis_rad)
+        along_m = cosine * ahead_north_m + sine * ahead_east_m
+        if distance_m <= range_m and along_m > distance_m * math.cos(half_view_rad):
+            return True
+        polygon_m = [
+            _turned((corner_north_m - north_m, corner_east_m - east_m), -axis_rad)
+            for corner_north_m, corner_east_m in self.corners_ned_m
+        ]
+        return distance_in_view_m(polygon_m, half_view_rad) <= range_m
+
+
+class ObstacleSensor:
+    """Measures at its rate and hands out each frame after its latency; no clock, no I/O."""
+
+    def __init__(
+        self,
+        config: SensorConfig,
+        field: ObstacleField,
+        seed: int,
+        start_unix_s: float = 0.0,
+        *,
+        ideal: bool = True,
+    ) -> None:
+        """Set up; ``ideal`` says what a null ``face_noise_m`` means."""
+        self.config = config
+        self._face_noise_m = config.face_noise_m
+        if self._face_noise_m is None:
+            self._face_noise_m = 0.0 if ideal else max(config.uncertainty_m - config.noise_m, 0.0)
+        self._field = field
+        self._neighbourhood = Neighbourhood(field)
+        self._known: dict[int, _Known] = {}
+        self._noise = random.Random(f"{seed} {config.source}")
+        self._scanner = None
+        if config.scanner is not None:
+            self._scanner = RangeScanner(config.scanner, field, self._noise)
+        self._start_unix_s = start_unix_s
+        self._frames_due = 0
+        self._sequence = 0
+        self._last_payload: bytes | None = None
+        self._in_flight: deque[tuple[float, bytes]] = deque()
+
+    @property
+    def due_s(self) -> float:
+        """When it measures next."""
+        return self._frames_due / self.config.rate_hz
+
+    def sense(
+        self, now_s: float, truth: VehicleTruth, estimate: VehicleTruth | None = None
+    ) -> tuple[bytes, ...]:
+        """Measure if it is time to, and return the payloads that leave the sensor by ``now_s``.
+
+        Args:
+            now_s: time.
+            truth: where the sensor is.
+            estimate: where the autopilot believes that it is, by which boxes are placed in local
+                NED, as a bridge between sensor and bus does; exact when None.
+        """
+        # The epsilon keeps a frame from slipping by one call when now_s carries round-off.
+        if now_s >= self.due_s - 1e-9:
+            self._frames_due = math.floor(now_s * self.config.rate_hz + 1e-6) + 1
+            payload = self._measure(now_s, truth, truth if estimate is None else estimate)
+            if payload is not None:
+                self._in_flight.append((now_s + self.config.latency_s, payload))
+        leaving = []
+        while self._in_flight and self._in_flight[0][0] <= now_s + 1e-9:
+            leaving.append(self._in_flight.popleft()[1])
+        return tuple(leaving)
+
+    def _measure(self, now_s: float, truth: VehicleTruth, estimate: VehicleTruth) -> bytes | None:
+        faults = {fault.kind: fault for fault in self.config.faults if fault.active(now_s)}
+        if "silent" in faults:
+            return None
+        if "stuck" in faults:
+            return self._last_payload
+        range_m = min(self.config.range_m, *(f.range_m for f in faults.values()), math.inf)
+        self._last_payload = to_json(
+            {
+                "version": 1,
+                "source": self.config.source,
+                "sequence": self._sequence,
+                "stamp_unix_s": self._start_unix_s + now_s,
+                "frame": self.config.frame,
+                "range_m": range_m,
+                "field_of_view_deg": self.config.field_of_view_deg,
+                "obstacles": [
+                    self._reported(box, truth, estimate) for box in self._boxes(truth, range_m)
+                ],
+            }
+        )
+        self._sequence += 1
+        return self._last_payload
+
+    def _boxes(self, truth: VehicleTruth, range_m: float) -> list[SeenBox]:
+        """What is seen now, in local NED."""
+        if self._scanner is None:
+            return [self._ideal(index) for index in self._visible(truth, range_m)]
+        here = (truth.position_ned_m[0], truth.position_ned_m[1])
+        view = View(
+            here,
+            truth.yaw_rad + math.radians(self.config.yaw_deg),
+            math.radians(self.config.field_of_view_deg),
+            range_m,
+        )
+        return self._scanner.look(view, self._neighbourhood.within(here, range_m))
+
+    def _visible(self, truth: VehicleTruth, range_m: float) -> list[int]:
+        """Indices of the obstacles with a point within range and field of view."""
+        here_ned_m = (truth.position_ned_m[0], truth.position_ned_m[1])
+        axis_rad = truth.yaw_rad + math.radians(self.config.yaw_deg)
+        half_view_rad = math.radians(self.config.field_of_view_deg) / 2.0
+        return [
+            index
+            for index in self._neighbourhood.within(here_ned_m, range_m).tolist()
+            if self._of_field(index).is_seen(here_ned_m, axis_rad, half_view_rad, range_m)
+        ]
+
+    def _of_field(self, index: int) -> _Known:
+        """Return an obstacle of the field, which never moves, as plain numbers."""
+        if index not in self._known:
+            field = self._field
+            box = SeenBox(
+                field.ids[index],
+                tuple(field.center_ned_m[index].tolist()),
+                tuple((2.0 * field.half_size_m[index]).tolist()),
+                float(field.yaw_rad[index]),
+            )
+            self._known[index] = _Known(box, _corners_ned_m(box), math.hypot(*box.size_m) / 2.0)
+        return self._known[index]
+
+    def _ideal(self, index: int) -> SeenBox:
+        box, noise_m = self._of_field(index).box, self.config.noise_m
+        north_m, east_m = (
+            coordinate_m + self._noise.uniform(-noise_m, noise_m)
+            for coordinate_m in box.center_ned_m
+        )
+        if not self._face_noise_m:
+            return SeenBox(box.id, (north_m, east_m), box.size_m, box.yaw_rad)
+        return self._with_faces_off(box, (north_m, east_m), self._face_noise_m)
+
+    def _with_faces_off(self, box: SeenBox, center_ned_m: Point, noise_m: float) -> SeenBox:
+        """Move each of the four faces outwards or inwards."""
+        front_m, back_m, right_m, left_m = (
+            self._noise.uniform(-noise_m, noise_m) for _ in range(4)
+        )
+        shift = _turned(((front_m - back_m) / 2.0, (right_m - left_m) / 2.0), box.yaw_rad)
+        length_m, width_m = box.size_m
+        size_m = (max(length_m + front_m + back_m, 0.0), max(width_m + right_m + left_m, 0.0))
+        center_m = (center_ned_m[0] + shift[0], center_ned_m[1] + shift[1])
+        return SeenBox(box.id, center_m, size_m, box.yaw_rad)
+
+    def _reported(
+        self, box: SeenBox, truth: VehicleTruth, estimate: VehicleTruth
+    ) -> dict[str, Any]:
+        center_m, yaw_rad = box.center_ned_m, box.yaw_rad
+        if self.config.frame == "body_frd" or estimate is not truth:
+            # A sensor sees where things are from the body, whatever the autopilot believes.
+            offset_m = (
+                center_m[0] - truth.position_ned_m[0],
+                center_m[1] - truth.position_ned_m[1],
+            )
+            center_m = _turned(offset_m, -truth.yaw_rad)
+            yaw_rad -= truth.yaw_rad
+        if self.config.frame == "local_ned" and estimate is not truth:
+            heading_rad = (truth if self.config.placed_by == "position" else estimate).yaw_rad
+            north_m, east_m = _turned(center_m, heading_rad)
+            center_m = (estimate.position_ned_m[0] + north_m, estimate.position_ned_m[1] + east_m)
+            yaw_rad += heading_rad
+        return {
+            "id": box.id,
+            "center_m": list(center_m),
+            "size_m": list(box.size_m),
+            "yaw_deg": math.degrees(yaw_rad),
+            "uncertainty_m": self.config.uncertainty_m,
+        }
+
+
+def _corners_ned_m(box: SeenBox) -> list[Point]:
+    north_m, east_m = box.center_ned_m
+    half_along_m, half_across_m = box.size_m[0] / 2.0, box.size_m[1] / 2.0
+    corners = []
+    for along, across in ((1, 1), (-1, 1), (-1, -1), (1, -1)):
+        turned = _turned((along * half_along_m, across * half_across_m), box.yaw_rad)
+        corners.append((north_m + turned[0], east_m + turned[1]))
+    return corners
+
+
+def distance_in_view_m(polygon_m: list[Point], half_view_rad: float) -> float:
+    """Distance from the origin to the part of a convex polygon within the field of view.
+
+    Args:
+        polygon_m: corners (x ahead, y right) in order.
+        half_view_rad: the view covers this angle to either side of +x; at most pi.
+
+    Returns:
+        The distance; 0 if the origin is inside, ``inf`` if no part is in view.
+    """
+    if half_view_rad >= math.pi:
+        return _distance_m(polygon_m)
+    if half_view_rad > math.pi / 2.0:  # a reflex wedge is two convex ones
+        quarter_rad = half_view_rad / 2.0
+        return min(
+            distance_in_view_m([_turned(p, -quarter_rad) for p in polygon_m], quarter_rad),
+            distance_in_view_m([_turned(p, quarter_rad) for p in polygon_m], quarter_rad),
+        )
+    sine, cosine = math.sin(half_view_rad), math.cos(half_view_rad)
+    part = _clipped(polygon_m, (sine, -cosine))  # left of the right-hand edge
+    return _distance_m(_clipped(part, (sine, cosine)))
+
+
+def _clipped(polygon_m: list[Point], normal: Point) -> list[Point]:
+    """Part of a convex polygon on the side of a line through the origin where ``normal`` points."""
+    kept: list[Point] = []
+    for start, end in zip(polygon_m, polygon_m[1:] + polygon_m[:1], strict=True):
+        height_start = start[0] * normal[0] + start[1] * normal[1]
+        height_end = end[0] * normal[0] + end[1] * normal[1]
+        if height_start >= 0.0:
+            kept.append(start)
+        if (height_start >= 0.0) != (height_end >= 0.0):
+            share = height_start / (height_start - height_end)
+            kept.append(
+                (start[0] + share * (end[0] - start[0]), start[1] + share * (end[1] - start[1]))
+            )
+    return kept
+
+
+def _distance_m(polygon_m: list[Point]) -> float:
+    """Distance from the origin to a convex polygon; 0 inside, ``inf`` if it has no corners."""
+    if not polygon_m:
+        return math.inf
+    turns = set()
+    nearest_m = math.inf
+    for start, end in zip(polygon_m, polygon_m[1:] + polygon_m[:1], strict=True):
+        along = (end[0] - start[0], end[1] - start[1])
+        length2 = along[0] ** 2 + along[1] ** 2
+        share = 0.0
+        if length2 > 0.0:
+            share = min(max(-(start[0] * along[0] + start[1] * along[1]) / length2, 0.0), 1.0)
+        foot = (start[0] + share * along[0], start[1] + share * along[1])
+        nearest_m = min(nearest_m, math.hypot(*foot))
+        turns.add(start[0] * end[1] - start[1] * end[0] > 0.0)
+    return 0.0 if len(turns) == 1 and len(polygon_m) > 2 else nearest_m
+
+
+def _turned(vector: Point, angle_rad: float) -> Point:
+    """Rotate a horizontal vector from the first axis towards the second."""
+    cosine, sine = math.cos(angle_rad), math.sin(angle_rad)
+    return cosine * vector[0] - sine * vector[1], sine * vector[0] + cosine * vector[1]

@@ -1,0 +1,100 @@
+"""Ground truth as an MCAP file: channel ``/truth``, JSON, opened by Foxglove and Lichtblick."""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Self
+
+from mcap.writer import Writer
+from pydantic_core import to_json
+
+from sitl.environment.world import World
+from sitl.plant.truth import VehicleTruth
+
+TRUTH_LOG_RATE_HZ = 50
+# Not `clearance_m` and `clearance_min_m`: they may be null, and viewers refuse a topic for that.
+_SCHEMA = {
+    "title": "clearway.truth",
+    "type": "object",
+    "properties": {
+        "time_unix_s": {"type": "number"},
+        "position_ned_m": {"type": "array", "items": {"type": "number"}},
+        "velocity_ned_mps": {"type": "array", "items": {"type": "number"}},
+        "acceleration_ned_mps2": {"type": "array", "items": {"type": "number"}},
+        "attitude_quaternion": {"type": "array", "items": {"type": "number"}},
+        "rpm": {"type": "array", "items": {"type": "number"}},
+        "collisions": {"type": "integer"},
+    },
+}
+
+
+class TruthLog:
+    """Writes ground truth to a file; the same flight gives the same bytes.
+
+    Args:
+        path: the file, overwritten.
+        start_unix_s: time of day at simulation time zero.
+
+    Raises:
+        OSError: the file cannot be written.
+    """
+
+    def __init__(self, path: Path, start_unix_s: float) -> None:
+        self._start_unix_s = start_unix_s
+        self._file = path.open("wb")
+        # This writer also writes offsets of groups that are empty, which is not in the format.
+        self._writer = Writer(self._file, use_summary_offsets=False)
+        self._writer.start(profile="clearway", library="clearway")
+        schema = self._writer.register_schema(
+            "clearway.truth", "jsonschema", json.dumps(_SCHEMA).encode()
+        )
+        self._channel = self._writer.register_channel("/truth", "json", schema)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        self.close()
+
+    def write(self, truth: VehicleTruth, world: World) -> None:
+        """Append the state of this instant."""
+        record = truth_record(truth, world, self._start_unix_s)
+        time_ns = round(record["time_unix_s"] * 1e9)
+        self._writer.add_message(
+            self._channel,
+            log_time=time_ns,
+            publish_time=time_ns,
+            data=to_json(record),
+        )
+
+    def close(self) -> None:
+        """Finish the file."""
+        self._writer.finish()  # type: ignore[no-untyped-call]  # untyped in its own source
+        self._file.close()
+
+
+def truth_record(truth: VehicleTruth, world: World, start_unix_s: float) -> dict[str, Any]:
+    """Ground truth ready for JSON; clearances are null in open space."""
+    return {
+        "time_unix_s": start_unix_s + truth.time_s,
+        "position_ned_m": truth.position_ned_m,
+        "velocity_ned_mps": truth.velocity_ned_mps,
+        "acceleration_ned_mps2": truth.acceleration_ned_mps2,
+        "attitude_quaternion": truth.attitude_quaternion,
+        "rpm": truth.rotor_speeds_rpm,
+        "clearance_m": _finite(world.clearance_m),
+        "clearance_min_m": _finite(world.clearance_min_m),
+        "collisions": world.collisions,
+    }
+
+
+def _finite(value: float) -> float | None:
+    return value if math.isfinite(value) else None

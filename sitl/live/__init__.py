@@ -1,0 +1,1 @@
+"""The simulation in real time: sockets, Zenoh, the clock."""

@@ -1,0 +1,186 @@
+"""The simulator in real time: sockets, Zenoh, the clock; everything it does is in ``scene``."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+import signal
+import time
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+
+import zenoh
+from pydantic_core import to_json
+
+from onboard.files.obstacle_field import ObstacleField, load_field
+from onboard.files.zenoh_endpoints import ZenohEndpoints
+from onboard.zenoh_session import open_session
+from sitl.environment.truth_log import TRUTH_LOG_RATE_HZ, TruthLog
+from sitl.live.transport import Send, Transport
+from sitl.vehicle.config import SitlConfig
+from sitl.vehicle.scene import Scene
+from sitl.vehicle.vehicle import warm_up
+
+log = logging.getLogger(__name__)
+
+_POLL_S = 0.002
+_TRUTH_RATE_HZ = 20
+_BEHIND_MAX_S = 0.5  # after a longer stall time is let go instead of caught up
+
+
+class ZenohError(RuntimeError):
+    """A Zenoh session that cannot be opened; the message names the endpoints."""
+
+
+class LiveSimulator:
+    """Owner of the links: couples the scene to sockets and Zenoh."""
+
+    def __init__(self, config: SitlConfig, field: ObstacleField) -> None:
+        self._config = config
+        self._scene = Scene(config, field, start_unix_s=time.time())
+        self._senders: dict[int, Send] = {}
+        self._origin_s = time.monotonic()
+
+    def link_opened(self, link: int, send: Send) -> None:
+        """Start to stream to a peer."""
+        self._senders[link] = send
+        self._scene.vehicle.autopilot.open_link(link)
+
+    def link_received(self, link: int, data: bytes) -> None:
+        """Pass bytes on to the autopilot."""
+        self._scene.vehicle.receive(data, link)
+
+    def link_closed(self, link: int) -> None:
+        """Forget a peer."""
+        self._senders.pop(link, None)
+        self._scene.vehicle.autopilot.close_link(link)
+
+    async def run(self, stop: asyncio.Event, session: zenoh.Session) -> None:
+        """Serve until ``stop`` is set.
+
+        Raises:
+            TransportError: a MAVLink URL cannot be used.
+            OSError: the truth log cannot be written.
+        """
+        config = self._config
+        transport = Transport(self)
+        with ExitStack() as stack:
+            stack.callback(transport.close)
+            for url in config.mavlink:
+                await transport.open(url)
+            truth_log = None
+            if config.truth_log is not None:
+                truth_log = stack.enter_context(
+                    TruthLog(config.truth_log, self._scene.start_unix_s)
+                )
+            bus = Bus(session, config)
+            self._origin_s = time.monotonic()
+            log.info("ready: %s on %s", config.vehicle, ", ".join(config.mavlink))
+            await self._serve(stop, bus, truth_log)
+
+    async def _serve(self, stop: asyncio.Event, bus: Bus, truth_log: TruthLog | None) -> None:
+        scene = self._scene
+        published = logged = -1
+        while not stop.is_set():
+            scene.advance(self._now_s())
+            for link, send in tuple(self._senders.items()):
+                if data := scene.vehicle.bytes_to_send(link):
+                    send(data)
+            for detection in scene.take_detections():
+                bus.publish_obstacles(detection.payload)
+            time_s = scene.vehicle.truth.time_s
+            if (due := int(time_s * _TRUTH_RATE_HZ + 1e-6)) > published:
+                published = due
+                bus.publish_truth(to_json(scene.truth_record()))
+            if truth_log is not None and (due := int(time_s * TRUTH_LOG_RATE_HZ + 1e-6)) > logged:
+                logged = due
+                truth_log.write(scene.vehicle.truth, scene.world)
+            await asyncio.sleep(_POLL_S)
+
+    def _now_s(self) -> float:
+        """Simulation time that real time asks for."""
+        now_s = (time.monotonic() - self._origin_s) * self._config.speed_factor
+        behind_s = now_s - self._scene.vehicle.truth.time_s
+        if behind_s > _BEHIND_MAX_S * self._config.speed_factor:
+            log.warning("simulation stalled for %.2f s, which will not be caught up", behind_s)
+            self._origin_s += behind_s / self._config.speed_factor
+            now_s -= behind_s
+        return now_s
+
+
+class Bus:
+    """The simulator's keys on Zenoh.
+
+    ``clearway/<vehicle>/obstacles`` carries the frames of every sensor, ``.../truth`` ground truth;
+    a liveliness token ``clearway/<vehicle>/obstacles/<source>`` stands for each sensor.
+    """
+
+    def __init__(self, session: zenoh.Session, config: SitlConfig) -> None:
+        prefix = f"clearway/{config.vehicle}"
+        self._obstacles = session.declare_publisher(f"{prefix}/obstacles")
+        self._truth = session.declare_publisher(f"{prefix}/truth")
+        # Dropping a token withdraws it.
+        self._tokens = [
+            session.liveliness().declare_token(f"{prefix}/obstacles/{sensor.source}")
+            for sensor in config.sensors
+        ]
+
+    def publish_obstacles(self, payload: bytes) -> None:
+        """Publish a detection frame."""
+        self._obstacles.put(payload)
+
+    def publish_truth(self, payload: bytes) -> None:
+        """Publish ground truth."""
+        self._truth.put(payload)
+
+
+@contextmanager
+def _session(endpoints: ZenohEndpoints) -> Iterator[zenoh.Session]:
+    """Open a Zenoh session.
+
+    Raises:
+        FileError: the file of Zenoh's own cannot be used.
+        ZenohError: an endpoint is malformed or cannot be listened on.
+    """
+    with ExitStack() as stack:
+        try:
+            session = stack.enter_context(open_session(endpoints))
+        except zenoh.ZError as error:
+            where = f"listen {list(endpoints.listen)}, connect {list(endpoints.connect)}"
+            raise ZenohError(f"zenoh: {where}: {error}") from error
+        yield session
+
+
+async def serve(config: SitlConfig) -> None:
+    """Run every vehicle of the file until SIGINT or SIGTERM.
+
+    Raises:
+        FileError: the obstacle field, or Zenoh's own file, is not usable.
+        ParameterError: a configured autopilot parameter does not exist or is out of range.
+        ZenohError: the Zenoh session cannot be opened.
+        TransportError, OSError: as :meth:`LiveSimulator.run`.
+    """
+    field = ObstacleField.of([]) if config.field is None else load_field(config.field)
+    warm_up()
+    stop = asyncio.Event()
+    loop = asyncio.get_running_loop()
+    for number in (signal.SIGINT, signal.SIGTERM):
+        loop.add_signal_handler(number, stop.set)
+    # A terminal that closes must not end a flight, on a bench as little as in the air.
+    loop.add_signal_handler(signal.SIGHUP, lambda: log.info("SIGHUP ignored"))
+    simulators = [LiveSimulator(one, field) for one in config.each()]
+    with _session(config.zenoh) as session:
+        await _run_all(simulators, stop, session)
+    log.info("stopped")
+
+
+async def _run_all(
+    simulators: list[LiveSimulator], stop: asyncio.Event, session: zenoh.Session
+) -> None:
+    """Run the vehicles side by side; when one cannot run, none does."""
+    tasks = [asyncio.create_task(one.run(stop, session)) for one in simulators]
+    done, _ = await asyncio.wait(tasks, return_when=asyncio.FIRST_EXCEPTION)
+    stop.set()
+    await asyncio.gather(*tasks, return_exceptions=True)
+    for task in done:
+        task.result()

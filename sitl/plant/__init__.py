@@ -1,0 +1,1 @@
+"""The simulated vehicle's physics: rigid body, controller, wind, battery."""

@@ -1,0 +1,1 @@
+"""One simulated vehicle, and the scene that it flies in."""

@@ -1,0 +1,109 @@
+"""Vehicle, world and sensors together in virtual time: what a flight happens in."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+from onboard.files.obstacle_field import ObstacleField
+from sitl.autopilot.modes import Mode
+from sitl.environment.sensor import ObstacleSensor
+from sitl.environment.truth_log import truth_record
+from sitl.environment.world import World
+from sitl.plant.pinned_error import PinnedError
+from sitl.vehicle.config import SitlConfig
+from sitl.vehicle.vehicle import SimulatedVehicle
+
+_DEPARTED_MPS = 0.5
+
+
+@dataclass(frozen=True)
+class Detection:
+    """One frame that leaves a sensor: the JSON payload of ``clearway/<vehicle>/obstacles``."""
+
+    source: str
+    payload: bytes
+
+
+class Scene:
+    """Advances everything in lock step; the live simulator and the virtual flight share it.
+
+    Attributes:
+        vehicle: speaks MAVLink.
+        world: clearance and collisions.
+        start_unix_s: time of day at simulation time zero.
+    """
+
+    def __init__(
+        self,
+        config: SitlConfig,
+        field: ObstacleField,
+        start_unix_s: float = 0.0,
+        ticks_per_decision: int = 1,
+    ) -> None:
+        """Set everything up at time zero; ``config.seed`` decides all that is random.
+
+        For ``ticks_per_decision`` see `SimulatedVehicle`.
+
+        Raises:
+            ParameterError: a configured autopilot parameter does not exist or is out of range.
+        """
+        self.start_unix_s = start_unix_s
+        self.vehicle = SimulatedVehicle(config, config.seed, start_unix_s, ticks_per_decision)
+        self.world = World(field, config.multirotor.radius_m)
+        self._sensors = [
+            ObstacleSensor(
+                sensor, field, config.seed, start_unix_s, ideal=config.realism == "ideal"
+            )
+            for sensor in config.sensors
+        ]
+        tracking = config.tracking
+        self._pinned = PinnedError(tracking.error_m or 0.0) if tracking.toward_obstacle else None
+        self._detections: list[Detection] = []
+        self._pinned_s = 0.0
+        self._departed = False
+        self._due_s = 0.0  # when a sensor measures next
+        self._look()
+
+    def advance(self, until_s: float) -> None:
+        """Let time pass until ``until_s``, from decision to decision or measurement."""
+        while self.vehicle.fly_on(until_s, self._due_s):
+            if self._pinned is not None:
+                self._pin(self._pinned)
+            self._look()
+
+    def take_detections(self) -> list[Detection]:
+        """Return and clear the frames that have left the sensors."""
+        detections, self._detections = self._detections, []
+        return detections
+
+    def truth_record(self) -> dict[str, Any]:
+        """Ground truth now, ready for JSON."""
+        return truth_record(self.vehicle.truth, self.world, self.start_unix_s)
+
+    def _pin(self, error: PinnedError) -> None:
+        truth = self.vehicle.truth
+        commander = self.vehicle.autopilot.commander
+        # A vehicle that has yet to depart, or was handed back, stands where it is, as exactly as it
+        # came there: a service in standby asks for the place where it is told to be, so that an
+        # error put on top of that would add up without end.
+        if commander.mode is Mode.OFFBOARD:
+            self._departed |= truth.ground_speed_mps > _DEPARTED_MPS
+        else:
+            self._departed = False
+            error.forget()
+            self.vehicle.pin_tracking_error(error.north_m, error.east_m)
+        if self._departed and commander.airborne:
+            toward = self.world.toward_nearest(truth.position_ned_m)
+            error.advance(toward, truth.time_s - self._pinned_s)
+            self.vehicle.pin_tracking_error(error.north_m, error.east_m)
+        self._pinned_s = truth.time_s
+
+    def _look(self) -> None:
+        truth, estimate = self.vehicle.truth, self.vehicle.estimate
+        self.world.observe(truth.position_ned_m)
+        for sensor in self._sensors:
+            for payload in sensor.sense(truth.time_s, truth, estimate):
+                self._detections.append(Detection(sensor.config.source, payload))
+        self._due_s = min((sensor.due_s for sensor in self._sensors), default=math.inf)

@@ -1,0 +1,1 @@
+"""Seeded faults of a flight in virtual time."""

@@ -1,0 +1,441 @@
+import math
+from collections.abc import Iterator
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from onboard.contract.assessment import TICK_S
+from onboard.mavlink.autopilot_facts import ARDUPILOT
+from onboard.mavlink.endpoint import COMPONENT_ID, MavlinkEndpoint, Setpoint
+from onboard.mavlink.position_reports import GpsReport, HealthReport
+from onboard.mavlink.status_text import CHUNK_BYTES, TEXT_BYTES_MAX, chunks
+from tests.status_texts import status_texts
+
+OFFBOARD = 6 << 16
+LOITER = 4 << 16 | 3 << 24
+CONTROL = dict.fromkeys((*range(0x20), *range(0x7F, 0xA0)), " ")
+
+
+class Autopilot:
+    """The other end: encodes what an autopilot says, decodes what we say."""
+
+    def __init__(self, system: int = 1, component: int = 1) -> None:
+        self._out = bytearray()
+        self.mav = mavlink.MAVLink(self, system, component)
+        self.mav.robust_parsing = True
+
+    def write(self, data: bytes) -> None:
+        self._out += data
+
+    def said(self) -> bytes:
+        data, self._out = bytes(self._out), bytearray()
+        return data
+
+    def heard(self, data: bytes) -> Iterator[Any]:
+        yield from self.mav.parse_buffer(data) or []
+
+    def heartbeat(self, custom_mode: int, *, armed: bool, autopilot: int = 12) -> bytes:
+        base_mode = 128 if armed else 0
+        self.mav.heartbeat_send(mavlink.MAV_TYPE_QUADROTOR, autopilot, base_mode, custom_mode, 4)
+        return self.said()
+
+    def position(self, x_m: float, vx_mps: float = 0.0) -> bytes:
+        self.mav.local_position_ned_send(0, x_m, 2.0, -4.0, vx_mps, 0.1, 0.2)
+        return self.said()
+
+    def attitude(self, yaw_rad: float = 0.5) -> bytes:
+        self.mav.attitude_send(0, 0.1, 0.2, yaw_rad, 0.0, 0.0, 0.0)
+        return self.said()
+
+    def target(self) -> bytes:
+        self.mav.position_target_local_ned_send(0, mavlink.MAV_FRAME_LOCAL_NED, 0, *(0.0,) * 11)
+        return self.said()
+
+    def estimator(self, flags: int) -> bytes:
+        self.mav.estimator_status_send(0, flags, 0.25, 0.5, 0.75, 0.1, 0.0, 0.0, 2.0, 3.0)
+        return self.said()
+
+    def fix(self, fix_type: int) -> bytes:
+        self.mav.gps_raw_int_send(0, fix_type, 0, 0, 0, 70, 90, 0, 0, 10)
+        return self.said()
+
+    def health(self, health: int) -> bytes:
+        self.mav.sys_status_send(0x2F, 0x2F, health, *(0,) * 10)
+        return self.said()
+
+    def landed_state(self, state: int) -> bytes:
+        self.mav.extended_sys_state_send(0, state)
+        return self.said()
+
+
+@pytest.fixture
+def endpoint() -> MavlinkEndpoint:
+    return MavlinkEndpoint(system_id=1)
+
+
+@pytest.fixture
+def autopilot() -> Autopilot:
+    return Autopilot()
+
+
+@pytest.mark.parametrize(
+    ("custom_mode", "autopilot_type", "name", "external"),
+    [
+        (OFFBOARD, 12, "OFFBOARD", True),
+        (LOITER, 12, "LOITER", False),
+        (3 << 16, 12, "POSCTL", False),
+        (4, 3, "GUIDED", True),
+        (5, 3, "COPTER 5", False),
+        (OFFBOARD, 3, "COPTER 393216", False),
+    ],
+)
+def test_mode_is_read_in_both_flavours(
+    endpoint: MavlinkEndpoint,
+    autopilot: Autopilot,
+    custom_mode: int,
+    autopilot_type: int,
+    name: str,
+    external: bool,
+) -> None:
+    endpoint.receive(autopilot.heartbeat(custom_mode, armed=True, autopilot=autopilot_type), 3.0)
+    assert endpoint.status.mode == name
+    assert endpoint.status.external_control is external
+    assert endpoint.status.armed
+    assert endpoint.status.heard_s == 3.0
+
+
+def test_pose_needs_attitude_and_position(endpoint: MavlinkEndpoint, autopilot: Autopilot) -> None:
+    endpoint.receive(autopilot.position(1.0), 0.1)
+    assert endpoint.pose is None
+    endpoint.receive(autopilot.attitude(), 0.2)
+    endpoint.receive(autopilot.position(1.5, vx_mps=2.0), 0.3)
+    assert endpoint.pose is not None
+    assert endpoint.pose.time_s == 0.3
+    assert endpoint.pose.position_ned_m == (1.5, 2.0, -4.0)
+    assert endpoint.pose.velocity_ned_mps == pytest.approx((2.0, 0.1, 0.2))
+    assert endpoint.pose.yaw_rad == 0.5
+
+
+@pytest.mark.parametrize("bad", [math.nan, math.inf])
+def test_position_that_is_no_number_is_counted_and_dropped(
+    endpoint: MavlinkEndpoint, autopilot: Autopilot, bad: float
+) -> None:
+    endpoint.receive(autopilot.attitude() + autopilot.position(bad) + autopilot.attitude(bad), 0.0)
+    assert endpoint.pose is None
+    assert endpoint.counters.malformed_messages == 2
+
+
+@pytest.mark.parametrize(("x_m", "vx_mps"), [(1e20, 0.0), (0.0, 3e38), (-1e7, 0.0), (0.0, -2e3)])
+def test_absurd_position_is_counted_and_dropped(
+    endpoint: MavlinkEndpoint, autopilot: Autopilot, x_m: float, vx_mps: float
+) -> None:
+    endpoint.receive(autopilot.attitude() + autopilot.position(x_m, vx_mps=vx_mps), 0.0)
+    assert endpoint.pose is None
+    assert endpoint.counters.malformed_messages == 1
+
+
+def test_airborne_is_unknown_until_said(endpoint: MavlinkEndpoint, autopilot: Autopilot) -> None:
+    assert endpoint.status.airborne is None
+    endpoint.receive(autopilot.landed_state(mavlink.MAV_LANDED_STATE_IN_AIR), 0.0)
+    assert endpoint.status.airborne is True
+    endpoint.receive(autopilot.landed_state(mavlink.MAV_LANDED_STATE_ON_GROUND), 0.0)
+    assert endpoint.status.airborne is False
+
+
+@pytest.mark.parametrize(("system", "component"), [(2, 1), (1, 195)])
+def test_other_systems_and_components_are_ignored(
+    endpoint: MavlinkEndpoint, system: int, component: int
+) -> None:
+    stranger = Autopilot(system, component)
+    endpoint.receive(stranger.heartbeat(OFFBOARD, armed=True), 1.0)
+    assert endpoint.status.mode == "unknown"
+    assert endpoint.counters.foreign_messages == 1
+
+
+@pytest.mark.parametrize("autopilot_id", [3, 12])
+def test_the_flavour_is_read_from_the_heartbeat(
+    endpoint: MavlinkEndpoint, autopilot: Autopilot, autopilot_id: int
+) -> None:
+    endpoint.receive(autopilot.heartbeat(0, armed=True, autopilot=autopilot_id), 1.0)
+    assert endpoint.status.ardupilot is (autopilot_id == 3)
+
+
+@pytest.mark.parametrize(
+    ("type_mask", "has_position", "has_velocity"),
+    [
+        (0, True, True),  # PX4
+        (3072, True, True),  # ArduPilot, as asked for by us
+        (3079, False, True),  # a velocity alone; its position reads zero
+        (3576, True, False),  # a take-off
+        (4, False, True),
+        (32, True, False),
+    ],
+)
+def test_what_a_target_ignores_is_no_number(
+    endpoint: MavlinkEndpoint,
+    autopilot: Autopilot,
+    type_mask: int,
+    *,
+    has_position: bool,
+    has_velocity: bool,
+) -> None:
+    autopilot.mav.position_target_local_ned_send(
+        0, mavlink.MAV_FRAME_LOCAL_NED, type_mask, 1.0, 2.0, -4.0, 2.5, 0.5, 0.25, *(0.0,) * 5
+    )
+    endpoint.receive(autopilot.said(), 3.0)
+    position_ned_m, velocity_ned_mps = endpoint.target
+    assert endpoint.target_heard_s == 3.0
+    nothing = pytest.approx((math.nan,) * 3, nan_ok=True)
+    assert position_ned_m == ((1.0, 2.0, -4.0) if has_position else nothing)
+    assert velocity_ned_mps == ((2.5, 0.5, 0.25) if has_velocity else nothing)
+
+
+def test_setpoint_carries_everything(endpoint: MavlinkEndpoint, autopilot: Autopilot) -> None:
+    setpoint = Setpoint((1.0, 2.0, -4.0), (2.5, 0.5, 0.0), (0.25, -0.5, 0.125), 0.75)
+    endpoint.send_setpoint(setpoint, now_s=1.5)
+    (message,) = autopilot.heard(endpoint.bytes_to_send())
+    assert message.get_type() == "SET_POSITION_TARGET_LOCAL_NED"
+    assert (message.get_srcSystem(), message.get_srcComponent()) == (1, COMPONENT_ID)
+    assert (message.target_system, message.target_component) == (1, 1)
+    assert message.coordinate_frame == mavlink.MAV_FRAME_LOCAL_NED
+    assert message.type_mask == mavlink.POSITION_TARGET_TYPEMASK_YAW_RATE_IGNORE
+    assert (message.x, message.y, message.z) == setpoint.position_ned_m
+    assert (message.vx, message.vy, message.vz) == setpoint.velocity_ned_mps
+    assert (message.afx, message.afy, message.afz) == setpoint.acceleration_ned_mps2
+    assert message.yaw == 0.75
+    assert message.time_boot_ms == 1500
+    assert endpoint.bytes_to_send() == b""
+
+
+def test_heartbeat_goes_out_once_a_second(endpoint: MavlinkEndpoint, autopilot: Autopilot) -> None:
+    beats = []
+    for tick in range(150):
+        endpoint.keep_alive(tick * 0.02, active=True)
+        beats += list(autopilot.heard(endpoint.bytes_to_send()))
+    assert [beat.get_type() for beat in beats] == ["HEARTBEAT"] * 3
+    assert beats[0].type == mavlink.MAV_TYPE_ONBOARD_CONTROLLER
+
+
+COMMON_IDS = {1, 24, 30, 32, 85, 245}
+
+
+@pytest.mark.parametrize(
+    ("autopilot_type", "estimator_id"),
+    [(mavlink.MAV_AUTOPILOT_PX4, 230), (mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA, 193), (0, 230)],
+)
+def test_missing_telemetry_is_asked_for_until_it_comes(
+    endpoint: MavlinkEndpoint, autopilot: Autopilot, autopilot_type: int, estimator_id: int
+) -> None:
+    beat = autopilot.heartbeat(LOITER, armed=False, autopilot=autopilot_type)
+    asked = []
+    for tick in range(250):
+        endpoint.receive(beat, tick * 0.02)
+        endpoint.keep_alive(tick * 0.02, active=False)
+        asked += [
+            (message.command, int(message.param1), round(1e6 / message.param2))
+            for message in autopilot.heard(endpoint.bytes_to_send())
+            if message.get_type() == "COMMAND_LONG"
+        ]
+    assert {command for command, _, _ in asked} == {mavlink.MAV_CMD_SET_MESSAGE_INTERVAL}
+    assert {message_id for _, message_id, _ in asked} == COMMON_IDS | {estimator_id}
+    assert len(asked) == 3 * 7  # at once, and every two seconds
+    rates_hz = {message_id: rate_hz for _, message_id, rate_hz in asked}
+    assert (rates_hz[32], rates_hz[24], rates_hz[1], rates_hz[estimator_id]) == (50, 5, 2, 5)
+
+
+def test_position_that_px4_streams_unasked_at_30_hz_is_asked_for_at_50(
+    endpoint: MavlinkEndpoint, autopilot: Autopilot
+) -> None:
+    """PX4's onboard link: ATTITUDE at 100 Hz is left alone, others may need it."""
+    asked = []
+    for step in range(300):
+        now_s = step * 0.01
+        data = autopilot.attitude()
+        if step % 3 == 0:
+            data += autopilot.position(0.0)
+        if step % 20 == 0:
+            data += autopilot.landed_state(2) + autopilot.fix(3) + autopilot.health(0x2F)
+        if step % 100 == 0:
+            data += autopilot.heartbeat(LOITER, armed=True) + autopilot.estimator(0x37F)
+        if step % 10 == 0:
+            data += autopilot.target()
+        endpoint.receive(data, now_s)
+        if step % 2:
+            endpoint.keep_alive(now_s, active=False)
+            heard = autopilot.heard(endpoint.bytes_to_send())
+            asked += [int(m.param1) for m in heard if m.get_type() == "COMMAND_LONG"]
+    assert set(asked) == {32, 85, 230}
+
+
+@pytest.mark.parametrize(
+    ("system_status", "failsafe"), [(3, False), (4, False), (5, True), (6, True)]
+)
+def test_failsafe_is_read(
+    endpoint: MavlinkEndpoint, autopilot: Autopilot, system_status: int, *, failsafe: bool
+) -> None:
+    autopilot.mav.heartbeat_send(mavlink.MAV_TYPE_QUADROTOR, 12, 128, LOITER, system_status)
+    endpoint.receive(autopilot.said(), 0.0)
+    assert endpoint.status.failsafe is failsafe
+
+
+def test_what_the_autopilot_says_of_its_position_is_read(
+    endpoint: MavlinkEndpoint, autopilot: Autopilot
+) -> None:
+    reports = endpoint.position_reports
+    assert (reports.estimator.report, reports.gps.report, reports.health.report) == (None,) * 3
+    endpoint.receive(autopilot.heartbeat(4, armed=True, autopilot=3), 1.0)
+    assert reports.facts is ARDUPILOT
+    endpoint.receive(autopilot.estimator(0x37F), 1.1)
+    assert reports.estimator.report is not None
+    assert reports.estimator.report.name == "ESTIMATOR_STATUS"
+    assert reports.estimator.report[1:] == pytest.approx((0x37F, 0.25, 0.5, 0.75, 2.0))
+    autopilot.mav.ekf_status_report_send(0x33F, 0.25, 0.5, 0.75, 0.1, 0.0)
+    endpoint.receive(autopilot.said(), 1.2)
+    assert reports.estimator.report.name == "EKF_STATUS_REPORT"
+    assert reports.estimator.report[1:5] == (0x33F, 0.25, 0.5, 0.75)
+    assert math.isnan(reports.estimator.report.accuracy_m)
+    assert reports.estimator.heard_s == 1.2
+    assert reports.estimator.interval_s == pytest.approx(0.1)
+    endpoint.receive(autopilot.fix(3), 1.3)
+    endpoint.receive(autopilot.fix(1), 1.5)
+    assert (reports.gps.report, reports.fix_s) == (GpsReport(1), 1.3)
+    endpoint.receive(autopilot.health(0x20), 1.6)
+    assert reports.health.report == HealthReport(0x2F, 0x2F, 0x20)
+    for severity in range(8):
+        autopilot.mav.statustext_send(severity, f"text {severity}".encode())
+    endpoint.receive(autopilot.said(), 1.7)
+    assert reports.texts == [(1.7, f"text {severity}") for severity in range(5)]
+
+
+def test_texts_are_bounded(endpoint: MavlinkEndpoint, autopilot: Autopilot) -> None:
+    for number in range(100):
+        autopilot.mav.statustext_send(2, f"{number}".encode())
+    endpoint.receive(autopilot.said(), 0.0)
+    assert [text for _, text in endpoint.position_reports.texts][-1] == "99"
+    assert len(endpoint.position_reports.texts) == 20
+
+
+def texts_heard(endpoint: MavlinkEndpoint, autopilot: Autopilot, seconds: float) -> list[Any]:
+    messages: list[Any] = []
+    for tick in range(round(seconds / TICK_S)):
+        endpoint.keep_alive(tick * TICK_S, active=True)
+        messages += autopilot.heard(endpoint.bytes_to_send())
+    return [message for message in messages if message.get_type() == "STATUSTEXT"]
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "",
+        "short",
+        "x" * 50,
+        "x" * 51,
+        "x" * 99,
+        "x" * 100,
+        "x" * 101,
+        "x" * 249,
+        "Clearway: tracking error 0.40 > 0.25 m with 3.2 m/s², obstacle front/7: braking to hover",
+        "é" * 25,
+        "é" * 60,
+    ],
+)
+def test_a_long_text_is_sent_in_chunks(
+    endpoint: MavlinkEndpoint, autopilot: Autopilot, text: str
+) -> None:
+    endpoint.send_text(mavlink.MAV_SEVERITY_ERROR, text)
+    heard = texts_heard(endpoint, autopilot, 1.0)
+    assert status_texts(heard) == [text]
+    assert {message.severity for message in heard} == {mavlink.MAV_SEVERITY_ERROR}
+    assert [message.chunk_seq for message in heard] == list(range(len(heard)))
+    if len(text.encode()) <= 50:
+        assert [message.id for message in heard] == [0]
+    else:
+        (text_id,) = {message.id for message in heard}
+        assert text_id > 0
+        # The first NUL ends a text: every chunk but the last is full, and the last is not.
+        *full, last = (bytes(message._text_raw).rstrip(b"\0") for message in heard)
+        assert {len(part) for part in full} == {50}
+        assert len(last) < 50
+
+
+def test_texts_do_not_mix_and_leave_room_for_set_points(
+    endpoint: MavlinkEndpoint, autopilot: Autopilot
+) -> None:
+    texts = [f"{number}: " + "x" * 120 for number in range(20)]
+    for text in texts:
+        endpoint.send_text(mavlink.MAV_SEVERITY_WARNING, text)
+    heard = texts_heard(endpoint, autopilot, 1.0)
+    assert 10 <= len(heard) <= 11
+    endpoint._text_due_s = 0.0
+    heard += texts_heard(endpoint, autopilot, 6.0)
+    assert status_texts(heard) == texts
+    assert len({message.id for message in heard}) == len(texts)
+
+
+def test_a_character_that_would_straddle_two_chunks_is_moved() -> None:
+    assert chunks("x" * 49 + "² end") == [b"x" * 49 + b" ", "² end".encode()]
+
+
+def test_a_text_id_is_never_zero(endpoint: MavlinkEndpoint, autopilot: Autopilot) -> None:
+    endpoint._text_id = 0xFFFE
+    for _ in range(3):
+        endpoint.send_text(mavlink.MAV_SEVERITY_WARNING, "x" * 60)
+    ids = [message.id for message in texts_heard(endpoint, autopilot, 1.0)]
+    assert ids == [0xFFFF, 0xFFFF, 1, 1, 2, 2]
+
+
+@given(st.text(max_size=300))
+def test_chunks_decode_one_by_one_and_lose_nothing_but_the_end(text: str) -> None:
+    parts = chunks(text)
+    assert all(len(part) == CHUNK_BYTES for part in parts[:-1])
+    assert len(parts) <= 5
+    assert len(parts) == 1 or len(parts[-1]) < CHUNK_BYTES
+    joined = "".join(part.decode() for part in parts)  # each is UTF-8 by itself
+    assert joined.isprintable() or not text.isprintable()
+    assert "\0" not in joined
+    squeezed, expected = "".join(joined.split()), "".join(text.translate(CONTROL).split())
+    if joined.endswith("...") and len(joined.encode()) >= TEXT_BYTES_MAX - 4:
+        assert expected.startswith(squeezed.removesuffix("...")) or squeezed == expected
+    else:
+        assert squeezed == expected
+
+
+@given(st.binary(max_size=400))
+def test_garbage_never_raises_and_is_counted(data: bytes) -> None:
+    endpoint = MavlinkEndpoint(system_id=1)
+    endpoint.receive(data, 0.0)
+    assert endpoint.pose is None
+    assert endpoint.counters.garbage_bytes <= len(data)
+
+
+def test_good_messages_survive_garbage_around_them(
+    endpoint: MavlinkEndpoint, autopilot: Autopilot
+) -> None:
+    data = b"\x00garbage" + autopilot.heartbeat(OFFBOARD, armed=True) + b"\xff" * 7
+    data += autopilot.attitude() + autopilot.position(3.0)
+    for index in range(len(data)):  # byte by byte, as a slow serial line does
+        endpoint.receive(data[index : index + 1], 1.0)
+    assert endpoint.status.mode == "OFFBOARD"
+    assert endpoint.pose is not None
+    assert endpoint.counters.garbage_bytes >= 8
+
+
+def test_corrupted_message_is_dropped(endpoint: MavlinkEndpoint, autopilot: Autopilot) -> None:
+    beat = bytearray(autopilot.heartbeat(OFFBOARD, armed=True))
+    beat[12] ^= 0x01
+    endpoint.receive(bytes(beat), 1.0)
+    assert endpoint.status.mode == "unknown"
+    assert endpoint.counters.garbage_bytes == len(beat)
+
+
+def test_position_with_an_old_attitude_is_no_pose(
+    endpoint: MavlinkEndpoint, autopilot: Autopilot
+) -> None:
+    endpoint.receive(autopilot.attitude(), 0.0)
+    endpoint.receive(autopilot.position(1.0), 0.1)
+    endpoint.receive(autopilot.position(2.0), 1.0)
+    assert endpoint.pose is not None
+    assert endpoint.pose.position_ned_m[0] == 1.0

@@ -1,0 +1,355 @@
+import json
+import math
+import random
+from dataclasses import astuple
+from functools import partial
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from onboard.contract.agility import Agility
+from onboard.contract.region import Box, Encounter, RegionOfInfluence
+from onboard.files.json_payload import MalformedPayloadError
+from onboard.geometry.frames import LegFrame, wrap_angle
+from onboard.mavlink.endpoint import Pose
+from onboard.perception.obstacle_map import (
+    Corners,
+    Detection,
+    Obstacle,
+    ObstacleMap,
+    corners_ned,
+    parse_frame,
+)
+from onboard.perception.pose_history import PoseHistory
+
+NORTH_LEG = LegFrame((0.0, 0.0, -4.0), 0.0)
+LIMITS = Agility(math.radians(15.0), math.radians(15.0), 2.0).acceleration_limits()
+
+
+def region_around(box: Box, position_error_m: float) -> RegionOfInfluence:
+    inflated = box.inflated(position_error_m)
+    return RegionOfInfluence.around(inflated, Encounter.ideal(LIMITS, 2.8, inflated.size_m))
+
+
+def frame(**changes: Any) -> dict[str, Any]:
+    return {
+        "version": 1,
+        "source": "front",
+        "sequence": 812,
+        "stamp_unix_s": 1790000000.25,
+        "frame": "local_ned",
+        "range_m": 12.0,
+        "field_of_view_deg": 120.0,
+        "obstacles": [
+            {
+                "id": "7",
+                "center_m": [14.2, 0.6],
+                "size_m": [1.0, 1.2],
+                "yaw_deg": 0.0,
+                "uncertainty_m": 0.05,
+            }
+        ],
+    } | changes
+
+
+def detection(**changes: Any) -> Detection:
+    return Detection.model_validate(frame()["obstacles"][0] | changes)
+
+
+def square(center_ned_m: tuple[float, float], side_m: float = 1.0) -> Corners:
+    return corners_ned(detection(center_m=center_ned_m, size_m=(side_m, side_m)), None)
+
+
+@pytest.fixture
+def obstacle_map() -> ObstacleMap:
+    return ObstacleMap(NORTH_LEG, region_around, merged_size_max_m=0.0)
+
+
+FAR_M, ALLOWED_M, NEAR_M = 3.0, 0.7, 0.4
+
+
+def bounds_m(known: ObstacleMap) -> tuple[float, ...]:
+    (obstacle,) = known
+    return (*astuple(obstacle.measured), obstacle.position_error_m)
+
+
+def test_what_was_seen_in_full_within_the_error_replaces_what_was_seen_from_afar(
+    obstacle_map: ObstacleMap,
+) -> None:
+    add = partial(obstacle_map.add, error_max_m=ALLOWED_M)
+    add("a", square((20.0, 2.5)), FAR_M, in_full=True)
+    # Seen in part: what was not seen is not free.
+    add("a", square((20.0, 0.0), 0.2), NEAR_M, in_full=False)
+    assert bounds_m(obstacle_map) == pytest.approx((19.5, 20.5, -0.1, 3.0, FAR_M))
+    assert add("a", square((20.0, 0.0)), NEAR_M, in_full=True)
+    assert bounds_m(obstacle_map) == pytest.approx((19.5, 20.5, -0.5, 0.5, NEAR_M))
+    # From afar again, it says nothing new; beyond both errors it does.
+    assert not add("a", square((21.0, 3.0)), FAR_M, in_full=True)
+    assert add("a", square((20.0, 4.0)), FAR_M, in_full=True)
+    assert bounds_m(obstacle_map) == pytest.approx((19.5, 20.5, -0.5, 4.5, FAR_M))
+
+
+def test_within_the_error_a_box_only_ever_grows(obstacle_map: ObstacleMap) -> None:
+    for east_m in (0.0, 0.3, -0.2):
+        obstacle_map.add("a", square((20.0, east_m)), NEAR_M, error_max_m=ALLOWED_M, in_full=True)
+    assert bounds_m(obstacle_map) == pytest.approx((19.5, 20.5, -0.7, 0.8, NEAR_M))
+
+
+def test_design_example_frame_is_read() -> None:
+    read = parse_frame(json.dumps(frame()).encode())
+    assert read.obstacles[0].center_m == (14.2, 0.6)
+    assert read.range_m == 12.0
+
+
+def test_empty_frame_means_nothing_there() -> None:
+    assert parse_frame(json.dumps(frame(obstacles=[])).encode()).obstacles == ()
+
+
+def test_unknown_fields_of_a_newer_sensor_are_tolerated() -> None:
+    assert parse_frame(json.dumps(frame(colour="red")).encode()).sequence == 812
+
+
+@pytest.mark.parametrize(
+    ("change", "named"),
+    [
+        ({"version": 2}, "version"),
+        ({"frame": "enu"}, "frame"),
+        ({"range_m": 0.0}, "range_m"),
+        ({"field_of_view_deg": 400.0}, "field_of_view_deg"),
+        ({"sequence": -1}, "sequence"),
+        ({"obstacles": [{"id": "7"}]}, "center_m"),
+        ({"obstacles": [frame()["obstacles"][0] | {"size_m": [-1.0, 1.0]}]}, "size_m"),
+        ({"obstacles": [frame()["obstacles"][0] | {"center_m": [1e9, 0.0]}]}, "center_m"),
+        ({"obstacles": [frame()["obstacles"][0] | {"center_m": [1.0]}]}, "center_m"),
+    ],
+)
+def test_malformed_frame_is_refused_by_name(change: dict[str, Any], named: str) -> None:
+    with pytest.raises(MalformedPayloadError, match=named):
+        parse_frame(json.dumps(frame(**change)).encode())
+
+
+def test_nan_is_refused() -> None:
+    text = json.dumps(frame(range_m=math.nan))
+    assert "NaN" in text
+    with pytest.raises(MalformedPayloadError):
+        parse_frame(text.encode())
+
+
+@given(st.binary(max_size=300))
+def test_garbage_is_never_anything_but_malformed(payload: bytes) -> None:
+    with pytest.raises(MalformedPayloadError):
+        parse_frame(payload)
+
+
+def test_box_turns_with_its_yaw() -> None:
+    corners = corners_ned(detection(center_m=(0.0, 0.0), size_m=(2.0, 0.0), yaw_deg=90.0), None)
+    assert max(east_m for _, east_m in corners) == pytest.approx(1.0)
+    assert max(north_m for north_m, _ in corners) == pytest.approx(0.0, abs=1e-12)
+
+
+def test_body_box_is_placed_by_the_pose() -> None:
+    pose = Pose(0.0, (10.0, 20.0, -4.0), (0.0, 0.0, 0.0), 0.2, -0.2, math.pi / 2)
+    corners = corners_ned(detection(center_m=(5.0, 1.0), size_m=(0.0, 0.0)), pose)
+    # 5 m ahead of a nose to the east, 1 m to its right (south).
+    assert corners[0] == pytest.approx((9.0, 25.0))
+
+
+def test_pose_history_moves_the_nearest_pose_to_the_time() -> None:
+    history = PoseHistory()
+    for step in range(100):
+        history.add(Pose(step * 0.02, (step * 1.0, 0.0, 0.0), (50.0, 0.0, 0.0), 0.0, 0.0, 0.0))
+    found = history.at(1.005)
+    assert found is not None
+    assert found.position_ned_m[0] == pytest.approx(50.25)
+    assert history.at(3.0) is None
+
+
+def test_a_turning_body_is_placed_with_the_heading_of_that_instant() -> None:
+    history = PoseHistory()
+    for step in range(50):
+        yaw_rad = math.remainder(3.0 + 0.02 * step, 2.0 * math.pi)  # 1 rad/s, past the half turn
+        history.add(Pose(step * 0.02, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), 0.0, 0.0, yaw_rad))
+    for time_s in (0.005, 0.13, 0.151, 0.97, 0.99, 1.02):  # between poses, and after the last
+        found = history.at(time_s)
+        assert found is not None
+        assert wrap_angle(found.yaw_rad - (3.0 + time_s)) == pytest.approx(0.0, abs=1e-9)
+
+
+def test_obstacle_is_remembered_and_only_grows(obstacle_map: ObstacleMap) -> None:
+    assert obstacle_map.add("a", square((10.0, 0.0)), 0.05)
+    assert not obstacle_map.add("a", square((10.0, 0.0), side_m=0.8), 0.05)
+    assert obstacle_map.add("a", square((10.2, 0.0)), 0.05)
+    known = obstacle_map.of_track("a")
+    assert known is not None
+    assert known.measured == Box(9.5, 10.7, -0.5, 0.5)
+
+
+def test_a_face_farther_out_by_no_more_than_both_errors_confirms_the_earlier_one(
+    obstacle_map: ObstacleMap,
+) -> None:
+    def known() -> Obstacle:
+        found = obstacle_map.of_track("a")
+        assert found is not None
+        return found
+
+    obstacle_map.add("a", square((10.0, 0.0)), 0.05)
+    earlier = known()
+    obstacle_map.add("a", square((10.0, 0.12)), 0.08)
+    assert known().confirms(earlier, 0.0)
+    obstacle_map.add("a", square((10.0, 0.14)), 0.08)
+    assert not known().confirms(earlier, 0.0)
+    assert known().confirms(earlier, 0.07)  # the contract's error where a sensor claims less
+    obstacle_map.add("b", square((10.0, 0.0)), 0.05)
+    other = obstacle_map.of_track("b")
+    assert other is not None
+    assert not other.confirms(earlier, 1.0)
+
+
+def test_obstacle_of_interest_is_met_within_the_horizon(obstacle_map: ObstacleMap) -> None:
+    obstacle_map.add("beside", square((10.0, 5.0)), 0.0)
+    obstacle_map.add("ahead", square((12.0, 0.0)), 0.0)
+    obstacle_map.add("behind it", square((20.0, 0.0)), 0.0)
+    ahead = obstacle_map.of_track("ahead")
+    assert ahead is not None
+    front_m = ahead.region.extent.x_min_m
+    assert obstacle_map.obstacle_of_interest(front_m - 0.2, 0.0, horizon_m=0.1) is None
+    found = obstacle_map.obstacle_of_interest(front_m - 0.2, 0.0, horizon_m=0.3)
+    assert found is ahead
+    assert obstacle_map.obstacle_of_interest(front_m, 2.0, horizon_m=0.3) is None
+
+
+@given(
+    st.lists(
+        st.tuples(st.floats(-50, 50), st.floats(-20, 20), st.floats(0.1, 6.0)),
+        min_size=1,
+        max_size=40,
+    ),
+    st.floats(-60, 60),
+    st.floats(0, 30),
+)
+def test_search_agrees_with_looking_at_every_obstacle(
+    squares: list[tuple[float, float, float]], x_m: float, length_m: float
+) -> None:
+    obstacle_map = ObstacleMap(NORTH_LEG, region_around, merged_size_max_m=0.0)
+    for number, (north_m, east_m, side_m) in enumerate(squares):
+        obstacle_map.add(str(number), square((north_m, east_m), side_m), 0.0)
+
+    def reaches(obstacle: Obstacle) -> bool:
+        extent = obstacle.region.extent
+        return extent.x_min_m <= x_m + length_m and extent.x_max_m >= x_m
+
+    found = {obstacle.id for obstacle in obstacle_map.between(x_m, x_m + length_m)}
+    assert found == {obstacle.id for obstacle in obstacle_map if reaches(obstacle)}
+    for y_m in (-3.0, 0.0, 0.4, 7.25):
+        met = [o for o in obstacle_map if reaches(o) and o.region.lies_ahead(x_m, y_m)]
+        nearest = min(met, key=lambda o: o.region.keep_out.x_min_m, default=None)
+        of_interest = obstacle_map.obstacle_of_interest(x_m, y_m, horizon_m=length_m)
+        assert (of_interest is None) == (nearest is None)
+        if of_interest is not None and nearest is not None:
+            assert of_interest.region.keep_out.x_min_m == nearest.region.keep_out.x_min_m
+
+
+def test_conflict_is_seen_from_both_sides(obstacle_map: ObstacleMap) -> None:
+    for name, north_m in (("a", 10.0), ("b", 12.0), ("far", 60.0)):
+        obstacle_map.add(name, square((north_m, 0.0)), 0.0)
+    conflicts = {o.id: [c.id for c in obstacle_map.conflicts(o)] for o in obstacle_map}
+    assert conflicts == {"a": ["b"], "b": ["a"], "far": []}
+
+
+def test_new_leg_sees_what_was_remembered(obstacle_map: ObstacleMap) -> None:
+    obstacle_map.add("a", square((10.0, 3.0)), 0.05)
+    obstacle_map.rebuild(LegFrame((10.0, 0.0, -4.0), math.pi / 2), region_around, 0.0)
+    known = obstacle_map.of_track("a")
+    assert known is not None
+    box = known.measured
+    assert (box.x_min_m, box.x_max_m) == pytest.approx((2.5, 3.5))
+    assert (box.y_min_m, box.y_max_m) == pytest.approx((-0.5, 0.5))
+    assert obstacle_map.obstacle_of_interest(0.0, 0.0, horizon_m=5.0) is known
+
+
+def merging_map(merged_size_max_m: float) -> ObstacleMap:
+    return ObstacleMap(NORTH_LEG, region_around, merged_size_max_m)
+
+
+def test_obstacles_whose_regions_intersect_become_one() -> None:
+    obstacle_map = merging_map(merged_size_max_m=4.0)
+    obstacle_map.add("a", square((10.0, 0.0)), 0.02)
+    obstacle_map.add("b", square((12.0, 1.0)), 0.05)
+    (merged,) = obstacle_map
+    assert merged.members == ("a", "b")
+    assert merged.measured == Box(9.5, 12.5, -0.5, 1.5)
+    assert merged.position_error_m == 0.05
+    assert obstacle_map.of_track("a") is obstacle_map.of_track("b") is merged
+
+
+def test_what_does_not_fit_stays_apart_and_in_conflict() -> None:
+    obstacle_map = merging_map(merged_size_max_m=2.9)
+    obstacle_map.add("a", square((10.0, 0.0)), 0.0)
+    obstacle_map.add("b", square((12.0, 0.0)), 0.0)
+    assert [len(list(obstacle_map.conflicts(o))) for o in obstacle_map] == [1, 1]
+
+
+def test_growth_can_bring_obstacles_together() -> None:
+    obstacle_map = merging_map(merged_size_max_m=30.0)
+    obstacle_map.add("a", square((10.0, 0.0)), 0.0)
+    obstacle_map.add("b", square((25.0, 0.0)), 0.0)
+    assert len(obstacle_map) == 2
+    obstacle_map.add("b", square((12.0, 0.0)), 0.0)
+    (merged,) = obstacle_map
+    assert merged.measured == Box(9.5, 25.5, -0.5, 0.5)
+
+
+@given(
+    st.lists(
+        st.tuples(st.floats(0, 60), st.floats(-15, 15), st.floats(0.1, 3.0)),
+        min_size=2,
+        max_size=12,
+    ),
+    st.randoms(use_true_random=False),
+)
+def test_merging_leaves_no_conflict_and_loses_nothing(
+    squares: list[tuple[float, float, float]], shuffler: random.Random
+) -> None:
+    shuffler.shuffle(squares)
+    obstacle_map = merging_map(merged_size_max_m=1e6)
+    for number, (north_m, east_m, side_m) in enumerate(squares):
+        obstacle_map.add(str(number), square((north_m, east_m), side_m), 0.0)
+    assert not [o for o in obstacle_map if any(obstacle_map.conflicts(o))]
+    for number, (north_m, east_m, side_m) in enumerate(squares):
+        owner = obstacle_map.of_track(str(number))
+        assert owner is not None
+        alone = Box(
+            north_m - side_m / 2, north_m + side_m / 2, east_m - side_m / 2, east_m + side_m / 2
+        )
+        merged = owner.measured.inflated(1e-9)
+        assert merged.enclosing(alone) == merged
+
+
+@given(
+    st.floats(-math.pi, math.pi),
+    st.tuples(st.floats(-5.0, 5.0), st.floats(-5.0, 5.0)),
+    st.lists(st.tuples(st.floats(-40.0, 40.0), st.floats(-40.0, 40.0)), min_size=1, max_size=6),
+)
+def test_shifted_map_is_the_map_of_shifted_obstacles(
+    heading_rad: float,
+    offset_ned_m: tuple[float, float],
+    centres_ned_m: list[tuple[float, float]],
+) -> None:
+    leg = LegFrame((1.0, 2.0, -4.0), heading_rad)
+    shifted = ObstacleMap(leg, region_around, merged_size_max_m=0.0)
+    expected = ObstacleMap(leg, region_around, merged_size_max_m=0.0)
+    for index, (north_m, east_m) in enumerate(centres_ned_m):
+        shifted.add(str(index), square((north_m, east_m)), 0.05)
+        moved_ned_m = (north_m + offset_ned_m[0], east_m + offset_ned_m[1])
+        expected.add(str(index), square(moved_ned_m), 0.05)
+    revision = shifted.revision
+    shifted.shift(*offset_ned_m)
+    assert shifted.revision > revision
+    for index in range(len(centres_ned_m)):
+        one, other = shifted.of_track(str(index)), expected.of_track(str(index))
+        assert one is not None
+        assert other is not None
+        assert astuple(one.measured) == pytest.approx(astuple(other.measured))
+        assert astuple(one.region.extent) == pytest.approx(astuple(other.region.extent))
