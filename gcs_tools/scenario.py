@@ -12,8 +12,8 @@ from pydantic import BaseModel, Discriminator, Field, Tag
 from onboard.files.models import Contract, FilePath, Mission
 from onboard.files.obstacle_field import Obstacle, ObstacleField, ObstacleList, load_field
 from onboard.files.yaml_file import FileError, FileModel, load_yaml
+from sitl.config import SitlConfig, VehicleConfig
 from sitl.environment.sensor import SensorConfig
-from sitl.vehicle.config import SitlConfig, VehicleConfig
 from sitl.virtual.faults.schedule import Fault
 
 Outcome = Literal["arrived", "held", "collided", "aborted"]

@@ -14,7 +14,7 @@ from gcs_tools.preflight.live.bus import BusConfig
 from gcs_tools.scenario import ScenarioFile
 from onboard.files.models import Contract, DaemonConfig, Mission
 from onboard.files.obstacle_field import ObstacleList
-from sitl.vehicle.config import SitlConfig
+from sitl.config import SitlConfig
 
 MODELS: MappingProxyType[str, type[BaseModel]] = MappingProxyType(
     {

@@ -16,16 +16,15 @@ from collections import deque
 from collections.abc import Callable
 from typing import Any, Final
 
-from onboard.contract.agility import InputSet
 from onboard.contract.assessment import Assessment, assess
 from onboard.event_limiter import EventLimiter
 from onboard.events import Event, Severity
 from onboard.files.json_payload import MalformedPayloadError, parse
-from onboard.files.models import Contract, Mission
+from onboard.files.models import Contract, InputSet, Mission
 from onboard.guidance.departure import Refusal, RefusalKind, RefusalReport
 from onboard.guidance.navigator import Navigator
 from onboard.guidance.phases import Phase
-from onboard.mavlink.endpoint import MavlinkEndpoint, Pose, Setpoint
+from onboard.mavlink.endpoint import MavlinkEndpoint
 from onboard.monitoring.assumptions import Assumption, Violation, check_obstacle
 from onboard.monitoring.estimator.heading import HeadingMonitor
 from onboard.monitoring.estimator.position_quality import (
@@ -45,6 +44,7 @@ from onboard.perception.intake import DetectionCounters, DetectionIntake
 from onboard.perception.obstacle_map import Obstacle
 from onboard.perception.pose_history import PoseHistory
 from onboard.planning.planner import Planner
+from onboard.vehicle_state import Pose, Setpoint
 
 log = logging.getLogger(__name__)
 

@@ -10,9 +10,9 @@ from pathlib import Path
 
 from onboard.files.yaml_file import FileError
 from sitl.autopilot.flavours.parameters import ParameterError
+from sitl.config import load_sitl_config
 from sitl.live.service import ZenohError, serve
 from sitl.live.transport import TransportError
-from sitl.vehicle.config import load_sitl_config
 
 
 def main(arguments: list[str] | None = None) -> int:

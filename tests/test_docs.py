@@ -23,7 +23,7 @@ from onboard.files.yaml_file import load_yaml
 from onboard.files.zenoh_endpoints import ZenohEndpoints
 from onboard.perception.obstacle_map import parse_frame
 from onboard.zenoh_session import open_session
-from sitl.vehicle.config import load_sitl_config
+from sitl.config import load_sitl_config
 from sitl.vehicle.vehicle import SimulatedVehicle
 from tests.sitl.autopilot.protocol.test_mavproxy import mavproxy
 from tests.sitl.process import configured, free_port, running

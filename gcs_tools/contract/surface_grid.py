@@ -17,10 +17,9 @@ from numpy.typing import NDArray
 from gcs_tools.console.errors import CommandError
 from gcs_tools.console.progress import tracked
 from gcs_tools.contract.keys import ContractKey, contract_key
-from onboard.contract.agility import InputSet
 from onboard.contract.assessment import Clause, Derived, Terms, clauses, derive
 from onboard.contract.region import ARRAY
-from onboard.files.models import Contract
+from onboard.files.models import Contract, InputSet
 from onboard.geometry.frames import FloatArray
 
 Reading = Literal["nominal", "inflated"]

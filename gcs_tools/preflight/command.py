@@ -20,9 +20,8 @@ from gcs_tools.preflight.field_placement import check_placement
 from gcs_tools.preflight.finding import VEHICLE_IDENTITY, Finding, Verdict
 from gcs_tools.preflight.remedy import Remedy, remedies
 from gcs_tools.preflight.speed import fastest_speed_mps
-from onboard.contract.agility import InputSet
 from onboard.contract.assessment import Assessment, assess
-from onboard.files.models import Contract, Mission, load_contract
+from onboard.files.models import Contract, InputSet, Mission, load_contract
 from onboard.files.obstacle_field import ObstacleField, load_field
 from onboard.files.yaml_file import load_yaml
 
@@ -192,7 +191,7 @@ def _check_system_id(system_id: int | None, vehicle_url: str | None) -> None:
 def _authorise(
     vehicle_url: str, system_id: int | None, verdict: Verdict, duration_s: float
 ) -> None:
-    from gcs_tools.vehicle.arm_authorization import answer_arm_requests  # noqa: PLC0415  as in `_look`
+    from gcs_tools.preflight.arm_authorization import answer_arm_requests  # noqa: PLC0415  as in `_look`
 
     console = Console(stderr=True, highlight=False)
     answer_arm_requests(vehicle_url, verdict, duration_s, console.print, system_id=system_id)

@@ -19,9 +19,10 @@ from scipy.spatial import KDTree
 
 from gcs_tools.preflight.field_merging import PAIRS_MAX, intersecting_pairs, merge
 from onboard.contract.assessment import Assessment, Terms, worst_encounter
-from onboard.contract.region import ARRAY, Box, dimensions
+from onboard.contract.region import ARRAY, dimensions
 from onboard.files.models import Mission
 from onboard.files.obstacle_field import ObstacleField
+from onboard.geometry.box import Box
 from onboard.geometry.frames import FloatArray, LegFrame
 
 # Named in a report; a field that breaks a rule in a million places breaks it all the same.

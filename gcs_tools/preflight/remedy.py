@@ -11,9 +11,8 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 from gcs_tools.contract.keys import ContractKey, contract_key
-from onboard.contract.agility import InputSet
 from onboard.contract.assessment import Assessment, assess
-from onboard.files.models import Contract
+from onboard.files.models import Contract, InputSet
 from onboard.files.yaml_file import FileError
 
 # What an operator can do something about, and how to say it.

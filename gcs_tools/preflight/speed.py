@@ -5,9 +5,8 @@ from __future__ import annotations
 from gcs_tools.contract.keys import contract_key
 from gcs_tools.contract.solve import LARGEST_TRIED, solve
 from gcs_tools.preflight.field_check import RULES_OF_SPEED, check_field, legs_of, regions_clear
-from onboard.contract.agility import InputSet
 from onboard.contract.assessment import assess
-from onboard.files.models import Contract, Mission
+from onboard.files.models import Contract, InputSet, Mission
 from onboard.files.obstacle_field import ObstacleField
 
 # Slower than this is not flying; finer than this nobody sets a cruise speed.

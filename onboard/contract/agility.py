@@ -8,11 +8,10 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Literal
+
+from onboard.files.models import InputSet
 
 GRAVITY_MPS2 = 9.80665
-
-InputSet = Literal["inner", "paper"]
 
 
 class AgilityError(ValueError):

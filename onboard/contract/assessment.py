@@ -12,7 +12,7 @@ import math
 from dataclasses import dataclass, replace
 from functools import cached_property
 
-from onboard.contract.agility import GRAVITY_MPS2, AccelerationLimits, Agility, InputSet
+from onboard.contract.agility import GRAVITY_MPS2, AccelerationLimits, Agility
 from onboard.contract.clauses import TICK_S, Clause, clauses, recentring_drift
 from onboard.contract.derivation import (
     Derived,
@@ -22,9 +22,10 @@ from onboard.contract.derivation import (
     worst_encounter,
 )
 from onboard.contract.recentring import Corridor
-from onboard.contract.region import SCALAR, Box, RegionOfInfluence
+from onboard.contract.region import SCALAR, RegionOfInfluence
 from onboard.contract.terms import Terms
-from onboard.files.models import Contract
+from onboard.files.models import Contract, InputSet
+from onboard.geometry.box import Box
 
 __all__ = [
     "TICK_S",

@@ -19,7 +19,8 @@ import math
 from dataclasses import dataclass
 from typing import Final, Generic
 
-from onboard.contract.region import Arithmetic, Box, Encounter
+from onboard.contract.region import Arithmetic, Encounter
+from onboard.geometry.box import Box
 from onboard.geometry.frames import Q
 
 # A wider view is not relied upon: the corridor would be all beside and nothing ahead.

@@ -6,8 +6,7 @@ import math
 from dataclasses import dataclass, replace
 from typing import Generic
 
-from onboard.contract.agility import InputSet
-from onboard.files.models import Contract
+from onboard.files.models import Contract, InputSet
 from onboard.geometry.frames import Q
 
 

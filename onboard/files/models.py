@@ -15,7 +15,6 @@ from typing import Annotated, Any, Final, Literal, Self
 
 from pydantic import Field, model_validator
 
-from onboard.contract.agility import InputSet
 from onboard.files.yaml_file import (
     FileError,
     FileModel,
@@ -26,6 +25,7 @@ from onboard.files.yaml_file import (
 )
 from onboard.files.zenoh_endpoints import ZenohEndpoints
 
+InputSet = Literal["inner", "paper"]
 Positive = Annotated[float, Field(gt=0.0)]
 NonNegative = Annotated[float, Field(ge=0.0)]
 AcuteAngle = Annotated[float, Field(gt=0.0, lt=90.0)]

@@ -28,7 +28,6 @@ from onboard.guidance.phases import (
     pre_condition,
 )
 from onboard.guidance.route import Itinerary
-from onboard.mavlink.endpoint import Pose, Setpoint
 from onboard.monitoring.adaptation import Adaptation, adapt, slowing_distance, slows_in_time
 from onboard.monitoring.assumptions import Assumption, Violation, measured_size_max
 from onboard.motion.axis_profile import coasting_speed
@@ -39,6 +38,7 @@ from onboard.planning.closed_form import brake_to_hover, stop_at
 from onboard.planning.planner import Plan, Planner
 from onboard.planning.problem import AvoidanceProblem, Envelope, exit_speeds_mps
 from onboard.planning.proximity import least_room_m
+from onboard.vehicle_state import Pose, Setpoint
 
 # A leg starts once the nose points along it, at rest, and the sensor has looked there since.
 HEADING_TOLERANCE_RAD: Final = math.radians(5.0)

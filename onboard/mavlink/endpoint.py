@@ -10,13 +10,14 @@ import math
 from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Any, Final, NamedTuple
+from typing import Any, Final
 
 # EKF_STATUS_REPORT is ArduPilot's; its dialect contains the common one.
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from onboard.files.mavlink_frames import FrameReader
 from onboard.mavlink.autopilot_facts import POSITION_RATE_HZ, facts_of
+from onboard.mavlink.heading_drift import Attitude, HeadingDrift
 from onboard.mavlink.message_requests import MessageRequests
 from onboard.mavlink.position_reports import (
     EstimatorReport,
@@ -25,7 +26,7 @@ from onboard.mavlink.position_reports import (
     PositionReports,
 )
 from onboard.mavlink.status_text import chunks
-from onboard.monitoring.estimator.heading_drift import Attitude, HeadingDrift
+from onboard.vehicle_state import Pose, Setpoint, Target, VehicleStatus
 
 COMPONENT_ID: Final = mavlink.MAV_COMP_ID_OBSTACLE_AVOIDANCE
 HEARTBEAT_PERIOD_S: Final = 1.0
@@ -61,65 +62,6 @@ _SETPOINT_MESSAGES: Final = (
     mavlink.MAVLINK_MSG_ID_SET_POSITION_TARGET_GLOBAL_INT,
     mavlink.MAVLINK_MSG_ID_SET_ATTITUDE_TARGET,
 )
-
-# Position (NED, m) and velocity (NED, m/s); NaN where there is none.
-Target = tuple[tuple[float, float, float], tuple[float, float, float]]
-
-
-class Setpoint(NamedTuple):
-    """One point of a plan, as SET_POSITION_TARGET_LOCAL_NED carries it.
-
-    Attributes:
-        position_ned_m, velocity_ned_mps, acceleration_ned_mps2: NED.
-        yaw_ned_rad: heading of the nose, from north towards east.
-    """
-
-    position_ned_m: tuple[float, float, float]
-    velocity_ned_mps: tuple[float, float, float]
-    acceleration_ned_mps2: tuple[float, float, float]
-    yaw_ned_rad: float
-
-
-class Pose(NamedTuple):
-    """Position, velocity and attitude at one instant of the daemon's clock.
-
-    Attributes:
-        time_s: when the position arrived.
-        position_ned_m, velocity_ned_mps: NED.
-        roll_rad, pitch_rad, yaw_rad: attitude, the latest known at that time.
-        measured_s: when the position was measured, by the autopilot's clock; None if unknown.
-    """
-
-    time_s: float
-    position_ned_m: tuple[float, float, float]
-    velocity_ned_mps: tuple[float, float, float]
-    roll_rad: float
-    pitch_rad: float
-    yaw_rad: float
-    measured_s: float | None = None
-
-
-@dataclass(frozen=True)
-class VehicleStatus:
-    """What the autopilot says of itself.
-
-    Attributes:
-        heard_s: time of its last heartbeat.
-        armed: motors armed.
-        ardupilot: it is ArduPilot; else it is taken for PX4.
-        external_control: its mode obeys our setpoints (OFFBOARD, GUIDED).
-        mode: name for people.
-        airborne: from EXTENDED_SYS_STATE; None until known.
-        failsafe: whether a failsafe of its own acts (system status CRITICAL or EMERGENCY).
-    """
-
-    heard_s: float = -math.inf
-    armed: bool = False
-    ardupilot: bool = False
-    external_control: bool = False
-    mode: str = "unknown"
-    airborne: bool | None = None
-    failsafe: bool = False
 
 
 @dataclass

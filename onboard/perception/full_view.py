@@ -13,8 +13,8 @@ from typing import Final
 import numpy as np
 
 from onboard.geometry.frames import FloatArray
-from onboard.mavlink.endpoint import Pose
 from onboard.perception.obstacle_map import Corners
+from onboard.vehicle_state import Pose
 
 # The edge of a view, and of what another box hides, is known no better than this.
 EDGE_RAD: Final = math.radians(2.0)

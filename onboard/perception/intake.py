@@ -17,7 +17,7 @@ from onboard.files.json_payload import MalformedPayloadError
 from onboard.geometry.frames import heading_displacement_m
 from onboard.guidance.navigator import Navigator
 from onboard.guidance.phases import Phase
-from onboard.mavlink.endpoint import TELEMETRY_RATE_HZ, Pose
+from onboard.mavlink.endpoint import TELEMETRY_RATE_HZ
 from onboard.monitoring.assumptions import Violation, check_frame
 from onboard.monitoring.detection_consistency import (
     DetectionConsistencyMonitor,
@@ -37,6 +37,7 @@ from onboard.perception.obstacle_map import (
     shifted_corners,
 )
 from onboard.perception.pose_history import PoseHistory
+from onboard.vehicle_state import Pose
 
 log = logging.getLogger(__name__)
 

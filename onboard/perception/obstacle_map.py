@@ -18,10 +18,11 @@ from typing import Annotated, Final, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from onboard.contract.region import Box, RegionOfInfluence
+from onboard.contract.region import RegionOfInfluence
 from onboard.files.json_payload import parse
+from onboard.geometry.box import Box
 from onboard.geometry.frames import LegFrame
-from onboard.mavlink.endpoint import Pose
+from onboard.vehicle_state import Pose
 
 # Bounds of what a frame may claim: beyond them a frame is garbage, not an observation.
 MAX_OBSTACLES_PER_FRAME: Final = 10_000

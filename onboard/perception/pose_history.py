@@ -6,7 +6,7 @@ import bisect
 from collections import deque
 
 from onboard.geometry.frames import wrap_angle
-from onboard.mavlink.endpoint import Pose
+from onboard.vehicle_state import Pose
 
 
 class PoseHistory:

@@ -23,7 +23,7 @@ from onboard.motion.trajectory import X, Y, Z
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
-    from onboard.contract.region import Box
+    from onboard.geometry.box import Box
     from onboard.geometry.frames import FloatArray
     from onboard.motion.trajectory import State, Trajectory
     from onboard.planning.problem import AvoidanceProblem, Envelope

@@ -8,7 +8,7 @@ from typing import Final
 
 import numpy as np
 
-from onboard.contract.region import Box
+from onboard.geometry.box import Box
 from onboard.geometry.frames import FloatArray
 from onboard.motion.trajectory import Trajectory, X, Y
 

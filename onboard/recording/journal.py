@@ -15,7 +15,8 @@ import numpy as np
 
 from onboard.autonomy import AUTOPILOT_SILENCE_S, Autonomy
 from onboard.contract.assessment import Assessment
-from onboard.contract.region import Box, RegionOfInfluence, boundary_depth_at
+from onboard.contract.region import RegionOfInfluence, boundary_depth_at
+from onboard.geometry.box import Box
 from onboard.geometry.frames import FloatArray, LegFrame
 from onboard.guidance.navigator import PlannedStep
 from onboard.motion.trajectory import Trajectory

@@ -13,7 +13,6 @@ from typing import Any, ClassVar, NamedTuple
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sitl.autopilot.auto_flight import AutoFlight
-from sitl.autopilot.estimator import Estimator
 from sitl.autopilot.failsafes import FailsafeInputs, Failsafes
 from sitl.autopilot.failures import Failures
 from sitl.autopilot.land_detector import LandDetector
@@ -21,10 +20,11 @@ from sitl.autopilot.manual_control import ManualControl
 from sitl.autopilot.mission import MissionStore
 from sitl.autopilot.modes import LandedState, Mode
 from sitl.autopilot.settings import FlightSettings, Reaction
+from sitl.config import HomeConfig
 from sitl.plant.battery import BatteryReading
 from sitl.plant.controller import Setpoint
+from sitl.plant.estimator import Estimator
 from sitl.plant.truth import Vector, VehicleTruth
-from sitl.vehicle.config import HomeConfig
 
 _ESTIMATOR_START_S = 1.0
 _ARMING_TILT_MAX_RAD = math.radians(30.0)

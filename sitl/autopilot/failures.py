@@ -1,7 +1,7 @@
 """Failures injected with MAV_CMD_INJECT_FAILURE: motors, GPS, sensors, battery, radio control.
 
 Simulation shortcuts: a wrong GPS shifts the estimate at once, which counts as a reset of the
-estimator (`sitl.autopilot.estimator` says what a lost one does).  Losing magnetometer or barometer
+estimator (`sitl.plant.estimator` says what a lost one does).  Losing magnetometer or barometer
 shows in SYS_STATUS and keeps the vehicle from arming; losing gyroscopes or accelerometers in flight
 ends it.
 """

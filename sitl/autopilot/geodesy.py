@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+from sitl.config import HomeConfig
 from sitl.plant.truth import Vector
-from sitl.vehicle.config import HomeConfig
 
 _EARTH_RADIUS_M = 6_371_000.0
 

@@ -9,8 +9,8 @@ from typing import Any, NamedTuple
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sitl.autopilot.geodesy import GeographicPosition, ned_from_geographic
+from sitl.config import HomeConfig
 from sitl.plant.truth import Vector
-from sitl.vehicle.config import HomeConfig
 
 ITEMS_MAX = 500
 _DISTANCE_MAX_M = 100_000.0

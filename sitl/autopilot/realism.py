@@ -11,8 +11,8 @@ from types import MappingProxyType
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from sitl.autopilot.estimator import IDEAL as EXACT
-from sitl.autopilot.estimator import EstimatorProfile
+from sitl.plant.estimator import IDEAL as EXACT
+from sitl.plant.estimator import EstimatorProfile
 
 
 @dataclass(frozen=True)

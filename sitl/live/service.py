@@ -15,9 +15,9 @@ from pydantic_core import to_json
 from onboard.files.obstacle_field import ObstacleField, load_field
 from onboard.files.zenoh_endpoints import ZenohEndpoints
 from onboard.zenoh_session import open_session
+from sitl.config import SitlConfig
 from sitl.environment.truth_log import TRUTH_LOG_RATE_HZ, TruthLog
 from sitl.live.transport import Send, Transport
-from sitl.vehicle.config import SitlConfig
 from sitl.vehicle.scene import Scene
 from sitl.vehicle.vehicle import warm_up
 

@@ -10,7 +10,6 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from sitl.autopilot.estimator import EstimateError
 from sitl.plant.controller import (
     ControllerGains,
     ControllerMemory,
@@ -19,6 +18,7 @@ from sitl.plant.controller import (
     control,
     trimmed,
 )
+from sitl.plant.estimator import EstimateError
 from sitl.plant.jit import compiled
 from sitl.plant.multirotor import (
     MultirotorParameters,

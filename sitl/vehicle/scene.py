@@ -8,11 +8,11 @@ from typing import Any
 
 from onboard.files.obstacle_field import ObstacleField
 from sitl.autopilot.modes import Mode
+from sitl.config import SitlConfig
 from sitl.environment.sensor import ObstacleSensor
 from sitl.environment.truth_log import truth_record
 from sitl.environment.world import World
 from sitl.plant.pinned_error import PinnedError
-from sitl.vehicle.config import SitlConfig
 from sitl.vehicle.vehicle import SimulatedVehicle
 
 _DEPARTED_MPS = 0.5

@@ -6,10 +6,10 @@ import functools
 import math
 import random
 
-from sitl.autopilot.autopilot import Autopilot
 from sitl.autopilot.commander import Actuation, Drive
 from sitl.autopilot.modes import Mode
 from sitl.autopilot.settings import FlightSettings
+from sitl.config import StartConfig, VehicleConfig
 from sitl.plant.battery import Battery
 from sitl.plant.controller import ControllerGains, Setpoint, ahead
 from sitl.plant.inner_loop import ACCELERATION, MEMORY, STATE, UNTRIMMED, Flight, fly, spin
@@ -23,7 +23,7 @@ from sitl.plant.multirotor import (
 )
 from sitl.plant.truth import VehicleTruth
 from sitl.plant.wind import Gust, WindModel
-from sitl.vehicle.config import StartConfig, VehicleConfig
+from sitl.vehicle.autopilot import Autopilot
 
 TICK_RATE_HZ = 100
 _TICK_S = 1.0 / TICK_RATE_HZ

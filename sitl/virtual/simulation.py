@@ -20,9 +20,8 @@ from pathlib import Path
 from typing import Final
 
 from onboard.autonomy import Autonomy
-from onboard.contract.agility import InputSet
 from onboard.contract.assessment import TICK_S
-from onboard.files.models import Contract, Mission
+from onboard.files.models import Contract, InputSet, Mission
 from onboard.files.obstacle_field import ObstacleField
 from onboard.guidance.phases import Phase
 from onboard.planning.plan import Plan
@@ -33,8 +32,8 @@ from onboard.recording.flight_log import FlightLog
 from onboard.recording.journal import Journal
 from onboard.recording.record import Record
 from onboard.recording.writer_thread import LogGuard
+from sitl.config import SitlConfig
 from sitl.environment.truth_log import TruthLog
-from sitl.vehicle.config import SitlConfig
 from sitl.vehicle.scene import Scene
 from sitl.vehicle.vehicle import TICK_RATE_HZ, warm_up
 from sitl.virtual.faults.plant import PlantFaults

@@ -12,9 +12,9 @@ from gcs_tools.preflight.field_check import check_field
 from gcs_tools.preflight.field_merging import intersecting_pairs
 from gcs_tools.scenario import load_scenario
 from onboard.contract.assessment import assess
-from onboard.contract.region import Box
 from onboard.files.models import load_contract
 from onboard.files.obstacle_field import Obstacle, ObstacleField
+from onboard.geometry.box import Box
 from sitl.virtual.simulation import SimulatedFlight, fly
 from tests.benchmarks.measurement import Measurement, seconds_of, sized
 from tests.gcs_tools.running import CONFIG

@@ -18,7 +18,7 @@ from gcs_tools.schemas import MODELS
 from onboard.files.models import Contract, DaemonConfig, Mission, load_contract
 from onboard.files.obstacle_field import ObstacleField, load_field
 from onboard.files.yaml_file import load_yaml
-from sitl.vehicle.config import SitlConfig
+from sitl.config import SitlConfig
 from sitl.vehicle.vehicle import SimulatedVehicle
 from tests.gcs_tools.running import CONFIG, Clearway
 

@@ -20,7 +20,7 @@ from gcs_tools.watch.command import bus_of
 from onboard.files.yaml_file import FileError, validate
 from onboard.files.zenoh_endpoints import ZenohEndpoints
 from onboard.zenoh_session import open_session
-from sitl.vehicle.config import load_sitl_config
+from sitl.config import load_sitl_config
 
 KEY = "clearway/v1/obstacles"
 

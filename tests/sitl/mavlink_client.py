@@ -10,7 +10,7 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sitl.autopilot.modes import Mode
-from sitl.vehicle.config import StartConfig, VehicleConfig
+from sitl.config import StartConfig, VehicleConfig
 from sitl.vehicle.vehicle import SimulatedVehicle
 
 COMPANION = mavlink.MAV_COMP_ID_OBSTACLE_AVOIDANCE

@@ -13,7 +13,7 @@ from collections.abc import Iterator
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from sitl.vehicle.config import StartConfig, VehicleConfig
+from sitl.config import StartConfig, VehicleConfig
 from sitl.vehicle.vehicle import SimulatedVehicle
 
 WORDS = "open sesame"

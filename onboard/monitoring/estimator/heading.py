@@ -15,10 +15,10 @@ from typing import Final
 
 from onboard.contract.assessment import Terms
 from onboard.geometry.frames import wrap_angle
-from onboard.mavlink.endpoint import Pose
+from onboard.mavlink.heading_drift import HeadingDrift
 from onboard.monitoring.assumptions import Assumption, Violation
-from onboard.monitoring.estimator.heading_drift import HeadingDrift
 from onboard.perception.bearings import BearingResidual
+from onboard.vehicle_state import Pose
 
 # As before a leg begins; the recorded flights stay within 3° for all but moments.
 POINTING_TOLERANCE_RAD: Final = math.radians(5.0)

@@ -18,8 +18,8 @@ from typing import Final, NamedTuple
 
 from onboard.contract.assessment import TICK_S
 from onboard.events import Event, Severity
-from onboard.mavlink.endpoint import Pose
 from onboard.monitoring.assumptions import Assumption, Violation
+from onboard.vehicle_state import Pose
 
 # Positions and velocities of real estimators disagree by up to 0.04 m from one message to the next
 # (0.2 m while dead-reckoning without GPS); an obstacle's place must not be off by much more.

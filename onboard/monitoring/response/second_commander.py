@@ -13,8 +13,8 @@ from collections import deque
 from collections.abc import Iterable
 from typing import Final
 
-from onboard.mavlink.endpoint import Pose, Target
 from onboard.monitoring.assumptions import Assumption, Violation
+from onboard.vehicle_state import Pose, Target
 
 # The target may differ this much from ours, m and m/s: ArduPilot's is up to 0.06 m late in the
 # recorded flights, and PX4's velocity leaves 0.02 m/s that the position error does not explain.

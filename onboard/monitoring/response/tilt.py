@@ -7,9 +7,9 @@ from typing import Final
 
 from onboard.contract.agility import GRAVITY_MPS2
 from onboard.contract.assessment import Terms
-from onboard.mavlink.endpoint import Pose
 from onboard.monitoring.assumptions import Assumption, Violation
 from onboard.monitoring.response.trim import TrimEstimator, tilt_acceleration
+from onboard.vehicle_state import Pose
 
 # Acceleration below which tilt says nothing, alone and as a share of the agility: an agile vehicle
 # does more than that against gusts.  And the share of it that must be there in time.

@@ -10,7 +10,7 @@ import math
 from typing import Final
 
 from onboard.contract.agility import GRAVITY_MPS2
-from onboard.mavlink.endpoint import Pose
+from onboard.vehicle_state import Pose
 
 Horizontal = tuple[float, float]
 

@@ -14,7 +14,6 @@ from typing import Any
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sitl.autopilot.commander import Commander, Verdict
-from sitl.autopilot.estimator import Estimator, EstimatorProfile
 from sitl.autopilot.flavours.flavour import Flavour
 from sitl.autopilot.flavours.guided_reference import GuidedReference, ReferenceLimits
 from sitl.autopilot.flavours.parameters import ParameterSpec, ParameterStore
@@ -29,10 +28,11 @@ from sitl.autopilot.flavours.setpoint_stream import OffboardStream
 from sitl.autopilot.modes import Mode
 from sitl.autopilot.realism import Realism
 from sitl.autopilot.settings import FlightSettings, Reaction
+from sitl.config import HomeConfig
 from sitl.plant.controller import Setpoint
+from sitl.plant.estimator import Estimator, EstimatorProfile
 from sitl.plant.multirotor import GRAVITY_MPS2
 from sitl.plant.truth import Vector, VehicleTruth
-from sitl.vehicle.config import HomeConfig
 
 _ARM_MODES = {Mode.OFFBOARD, Mode.MISSION, Mode.STABILIZED, Mode.ALTCTL, Mode.POSCTL, Mode.ACRO}
 

@@ -7,13 +7,13 @@ from collections.abc import Mapping
 from typing import ClassVar
 
 from sitl.autopilot.commander import Commander
-from sitl.autopilot.estimator import Estimator
 from sitl.autopilot.flavours.parameters import ParameterSpec, ParameterStore
 from sitl.autopilot.modes import Mode
 from sitl.autopilot.realism import Realism
 from sitl.autopilot.settings import FlightSettings
+from sitl.config import HomeConfig
+from sitl.plant.estimator import Estimator
 from sitl.plant.truth import VehicleTruth
-from sitl.vehicle.config import HomeConfig
 
 
 class Flavour(ABC):

@@ -14,7 +14,6 @@ from typing import Any
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sitl.autopilot.commander import Commander, Verdict
-from sitl.autopilot.estimator import Estimator, EstimatorProfile
 from sitl.autopilot.flavours.flavour import Flavour
 from sitl.autopilot.flavours.parameters import ParameterSpec, ParameterStore
 from sitl.autopilot.flavours.setpoint_message import (
@@ -26,14 +25,15 @@ from sitl.autopilot.flavours.setpoint_message import (
     turned,
 )
 from sitl.autopilot.flavours.setpoint_stream import OffboardStream
+from sitl.autopilot.flavours.standard_modes import CURRENT_MODE_ID
 from sitl.autopilot.land_detector import climbs
 from sitl.autopilot.modes import Mode
-from sitl.autopilot.protocol.standard_modes import CURRENT_MODE_ID
 from sitl.autopilot.realism import Realism
 from sitl.autopilot.settings import FlightSettings, Reaction
+from sitl.config import HomeConfig
 from sitl.plant.controller import Setpoint
+from sitl.plant.estimator import Estimator, EstimatorProfile
 from sitl.plant.truth import Vector, VehicleTruth
-from sitl.vehicle.config import HomeConfig
 
 _STREAM_RETURN_S = 0.25  # an unbroken stream this long ends the offboard-loss failsafe
 _ACCELERATION_HOLD_S = 0.06  # a lost stream freezes at once

@@ -9,9 +9,9 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sitl.autopilot.geodesy import GeographicPosition, ned_from_geographic
 from sitl.autopilot.mission import ABSOLUTE_FRAMES, RELATIVE_FRAMES
+from sitl.config import HomeConfig
 from sitl.plant.controller import Setpoint
 from sitl.plant.truth import Vector
-from sitl.vehicle.config import HomeConfig
 
 NOTHING: Vector = (math.nan, math.nan, math.nan)
 _PLAUSIBLE_MAX = 1e6  # metres, metres per second, ...: anything larger, infinity included, is noise

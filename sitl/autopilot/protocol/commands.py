@@ -11,17 +11,17 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sitl.autopilot.commander import Commander, Verdict
 from sitl.autopilot.flavours.flavour import Flavour
-from sitl.autopilot.geodesy import GeographicPosition, ned_from_geographic
-from sitl.autopilot.mission import ABSOLUTE_FRAMES, RELATIVE_FRAMES
-from sitl.autopilot.modes import Mode
-from sitl.autopilot.protocol.link import MavlinkLink
-from sitl.autopilot.protocol.standard_modes import (
+from sitl.autopilot.flavours.standard_modes import (
     AVAILABLE_MODES_ID,
     AvailableMode,
     mode_of_standard,
 )
+from sitl.autopilot.geodesy import GeographicPosition, ned_from_geographic
+from sitl.autopilot.mission import ABSOLUTE_FRAMES, RELATIVE_FRAMES
+from sitl.autopilot.modes import Mode
+from sitl.autopilot.protocol.link import MavlinkLink
 from sitl.autopilot.protocol.telemetry import BUILDERS, Snapshot, StreamSchedule
-from sitl.vehicle.config import HomeConfig
+from sitl.config import HomeConfig
 
 _ARM_FORCE = 21196.0  # the magic number of MAV_CMD_COMPONENT_ARM_DISARM
 _INT32_MAX = 2**31 - 1  # COMMAND_INT's way of saying nan

@@ -9,18 +9,18 @@ from typing import Any, NamedTuple
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sitl.autopilot.commander import Commander
-from sitl.autopilot.estimator import Estimator
 from sitl.autopilot.flavours.flavour import Flavour
+from sitl.autopilot.flavours.standard_modes import CURRENT_MODE_ID, CurrentMode
 from sitl.autopilot.geodesy import geographic_from_ned
 from sitl.autopilot.modes import Mode
-from sitl.autopilot.protocol.standard_modes import CURRENT_MODE_ID, CurrentMode
 from sitl.autopilot.realism import Realism
 from sitl.autopilot.settings import FlightSettings
+from sitl.config import HomeConfig
 from sitl.plant.battery import BatteryReading
 from sitl.plant.controller import Setpoint
+from sitl.plant.estimator import Estimator
 from sitl.plant.multirotor import rotate_frd_from_ned
 from sitl.plant.truth import Vector, VehicleTruth
-from sitl.vehicle.config import HomeConfig
 
 # Vertical feedback [1/s], which no parameter here changes: MPC_Z_P and MPC_Z_VEL_P_ACC.
 HEIGHT_GAIN_PER_S = 1.0

@@ -31,7 +31,8 @@ from gcs_tools.campaign.table import read_table, write_table
 from gcs_tools.campaign.workers import Order, fly_on_cluster
 from gcs_tools.preflight.command import check
 from gcs_tools.scenario import load_scenario
-from onboard.contract import assess, region
+from onboard.contract import region
+from onboard.contract.assessment import assess
 from onboard.contract.region import Arithmetic, Encounter
 from onboard.geometry.frames import wrap_angle
 from sitl.virtual.faults.schedule import Fault

@@ -20,9 +20,9 @@ from gcs_tools.preflight.field_merging import intersecting_pairs
 from gcs_tools.preflight.finding import Verdict
 from gcs_tools.preflight.live.check import LiveRequest, check_live
 from onboard.contract.assessment import assess
-from onboard.contract.region import Box
 from onboard.files.models import Mission, load_contract
 from onboard.files.obstacle_field import Obstacle, ObstacleField
+from onboard.geometry.box import Box
 from tests.gcs_tools.running import CONFIG, Clearway
 from tests.gcs_tools.test_bad_input import assert_refused
 from tests.gcs_tools.vehicle.fake_autopilot import FakeAutopilot, autopilots

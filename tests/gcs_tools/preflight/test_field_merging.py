@@ -10,7 +10,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gcs_tools.preflight import check, field_check
+from gcs_tools.preflight import field_check
+from gcs_tools.preflight.command import check
 from gcs_tools.preflight.field_check import check_field, region_extents
 from gcs_tools.preflight.field_merging import PAIRS_MAX, Merged, merge
 from onboard.contract.assessment import assess

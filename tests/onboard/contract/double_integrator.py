@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from onboard.contract.agility import AccelerationLimits
-from onboard.contract.region import Box
+from onboard.geometry.box import Box
 from onboard.geometry.frames import FloatArray
 
 BoolArray = NDArray[np.bool_]

@@ -13,9 +13,9 @@ from onboard.contract.agility import (
     AccelerationLimits,
     Agility,
     AgilityError,
-    InputSet,
     attitude_from_acceleration,
 )
+from onboard.files.models import InputSet
 
 ANGLES_RAD = st.floats(math.radians(1.0), math.radians(60.0))
 SHARES = st.floats(-1.0, 1.0)

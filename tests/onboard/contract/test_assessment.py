@@ -16,11 +16,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from onboard.contract import derivation as derivation_module
-from onboard.contract.agility import AccelerationLimits, InputSet
+from onboard.contract.agility import AccelerationLimits
 from onboard.contract.assessment import Assessment, Terms, assess, assess_terms, clauses, derive
 from onboard.contract.derivation import _edge_offset
-from onboard.contract.region import ARRAY, SCALAR, Box, Encounter, dimensions
-from onboard.files.models import Contract
+from onboard.contract.region import ARRAY, SCALAR, Encounter, dimensions
+from onboard.files.models import Contract, InputSet
+from onboard.geometry.box import Box
 from onboard.geometry.frames import FloatArray
 
 GRAVITY_MPS2 = 9.80665

@@ -10,7 +10,8 @@ from hypothesis import Phase, given, settings
 from hypothesis import strategies as st
 
 from onboard.contract.agility import AccelerationLimits
-from onboard.contract.region import Box, Encounter, RegionOfInfluence, boundary_depth_at
+from onboard.contract.region import Encounter, RegionOfInfluence, boundary_depth_at
+from onboard.geometry.box import Box
 from onboard.geometry.frames import FloatArray
 from tests.onboard.contract.double_integrator import Flight, Loss, Start, fly, steps_of_notice
 

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from onboard.contract.agility import AccelerationLimits
-from onboard.contract.region import SCALAR, Box, Encounter, boundary_depth_at, dimensions
+from onboard.contract.region import SCALAR, Encounter, boundary_depth_at, dimensions
+from onboard.geometry.box import Box
 from tests.onboard.contract.grid_reachability import GridProblem
 
 FLAT = GridProblem(AccelerationLimits(2.6286, 2.6286, 2.7213, 2.7213), 2.8, 4.0)

@@ -13,8 +13,9 @@ from onboard.contract.agility import AccelerationLimits
 from onboard.contract.assessment import TICK_S, Clause, Terms, assess, clauses, derive
 from onboard.contract.clauses import recentring_drift
 from onboard.contract.recentring import DEAD_BAND_M, Corridor, Drift, drift_of, required_view
-from onboard.contract.region import ARRAY, SCALAR, Box, Encounter
+from onboard.contract.region import ARRAY, SCALAR, Encounter
 from onboard.files.models import Contract
+from onboard.geometry.box import Box
 from onboard.geometry.frames import FloatArray
 from onboard.motion.trajectory import State, Y
 from onboard.planning.closed_form import stop_at

@@ -18,7 +18,6 @@ from onboard.contract.agility import AccelerationLimits, Agility
 from onboard.contract.region import (
     ARRAY,
     SCALAR,
-    Box,
     Dimensions,
     Encounter,
     RegionOfInfluence,
@@ -28,6 +27,7 @@ from onboard.contract.region import (
     recovery_distance,
     time_to_clear,
 )
+from onboard.geometry.box import Box
 from onboard.geometry.frames import FloatArray
 
 ACCELERATIONS_MPS2 = st.floats(0.4, 8.0)

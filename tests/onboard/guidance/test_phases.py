@@ -3,7 +3,8 @@ from itertools import product
 import pytest
 
 from onboard.contract.agility import Agility
-from onboard.contract.region import Box, Encounter, RegionOfInfluence
+from onboard.contract.region import Encounter, RegionOfInfluence
+from onboard.geometry.box import Box
 from onboard.guidance.phases import (
     TRANSITIONS,
     IllegalTransitionError,

@@ -9,9 +9,10 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from onboard.contract.assessment import TICK_S
 from onboard.mavlink.autopilot_facts import ARDUPILOT
-from onboard.mavlink.endpoint import COMPONENT_ID, MavlinkEndpoint, Setpoint
+from onboard.mavlink.endpoint import COMPONENT_ID, MavlinkEndpoint
 from onboard.mavlink.position_reports import GpsReport, HealthReport
 from onboard.mavlink.status_text import CHUNK_BYTES, TEXT_BYTES_MAX, chunks
+from onboard.vehicle_state import Setpoint
 from tests.status_texts import status_texts
 
 OFFBOARD = 6 << 16

@@ -3,7 +3,8 @@ from dataclasses import replace
 
 import pytest
 
-from onboard.contract.region import Box, Encounter, RegionOfInfluence
+from onboard.contract.region import Encounter, RegionOfInfluence
+from onboard.geometry.box import Box
 from onboard.monitoring.assumptions import Assumption, Violation, check_frame, check_obstacle
 from onboard.perception.obstacle_map import Detection, DetectionFrame, Obstacle
 from tests.onboard.contract.example_terms import TERMS

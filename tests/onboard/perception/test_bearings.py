@@ -5,9 +5,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from onboard.geometry.frames import LegFrame
-from onboard.mavlink.endpoint import Pose
 from onboard.perception.bearings import KNOWN_AFTER, WANDER_M, BearingMemory, BearingResidual
 from onboard.perception.obstacle_map import Corners
+from onboard.vehicle_state import Pose
 
 HERE = (3.0, -7.0)
 

@@ -7,10 +7,10 @@ import random
 import pytest
 
 from onboard.files.obstacle_field import Obstacle, ObstacleField
-from onboard.mavlink.endpoint import Pose
 from onboard.monitoring.detection_consistency import DetectionConsistencyMonitor, Sighting
 from onboard.perception.full_view import in_full_view
 from onboard.perception.obstacle_map import corners_ned, parse_frame
+from onboard.vehicle_state import Pose
 from sitl.environment.lidar import ScannerConfig
 from sitl.environment.sensor import ObstacleSensor, SensorConfig
 from sitl.plant.truth import VehicleTruth

@@ -10,10 +10,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from onboard.contract.agility import Agility
-from onboard.contract.region import Box, Encounter, RegionOfInfluence
+from onboard.contract.region import Encounter, RegionOfInfluence
 from onboard.files.json_payload import MalformedPayloadError
+from onboard.geometry.box import Box
 from onboard.geometry.frames import LegFrame, wrap_angle
-from onboard.mavlink.endpoint import Pose
 from onboard.perception.obstacle_map import (
     Corners,
     Detection,
@@ -23,6 +23,7 @@ from onboard.perception.obstacle_map import (
     parse_frame,
 )
 from onboard.perception.pose_history import PoseHistory
+from onboard.vehicle_state import Pose
 
 NORTH_LEG = LegFrame((0.0, 0.0, -4.0), 0.0)
 LIMITS = Agility(math.radians(15.0), math.radians(15.0), 2.0).acceleration_limits()

@@ -7,7 +7,8 @@ from dataclasses import dataclass
 from random import Random
 
 from onboard.contract.agility import GRAVITY_MPS2, AccelerationLimits
-from onboard.contract.region import Box, Encounter, RegionOfInfluence
+from onboard.contract.region import Encounter, RegionOfInfluence
+from onboard.geometry.box import Box
 from onboard.motion.trajectory import State
 from onboard.planning.problem import AvoidanceProblem, Envelope
 

@@ -13,7 +13,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from onboard.contract.agility import GRAVITY_MPS2, AccelerationLimits
-from onboard.contract.region import Box
+from onboard.geometry.box import Box
 from onboard.motion.axis_profile import Profile, Segment
 from onboard.motion.trajectory import State, Trajectory
 from onboard.planning.certifier import certify_avoidance, certify_clear

@@ -11,7 +11,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from onboard.contract.agility import AccelerationLimits
-from onboard.contract.region import Box, Encounter, RegionOfInfluence
+from onboard.contract.region import Encounter, RegionOfInfluence
+from onboard.geometry.box import Box
 from onboard.motion.trajectory import State, X
 from onboard.planning.certifier import certify_avoidance, certify_clear
 from onboard.planning.closed_form import brake_to_hover, cruise, stop_at, vertex_manoeuvre

@@ -13,7 +13,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from onboard.contract.region import Box, Encounter, RegionOfInfluence
+from onboard.contract.region import Encounter, RegionOfInfluence
+from onboard.geometry.box import Box
 from onboard.geometry.frames import FloatArray
 from onboard.motion.trajectory import State, Trajectory
 from onboard.planning.certifier import certify_avoidance

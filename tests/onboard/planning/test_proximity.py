@@ -3,7 +3,7 @@ import math
 import numpy as np
 import pytest
 
-from onboard.contract.region import Box
+from onboard.geometry.box import Box
 from onboard.motion.axis_profile import Profile, Segment
 from onboard.motion.trajectory import Trajectory
 from onboard.planning.proximity import least_room_m

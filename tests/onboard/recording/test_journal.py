@@ -16,12 +16,12 @@ from onboard.contract.assessment import TICK_S
 from onboard.files.models import Contract, Mission, load_contract
 from onboard.files.yaml_file import load_yaml
 from onboard.geometry.frames import LegFrame, rotation_about_down
-from onboard.mavlink.endpoint import Pose
 from onboard.motion.axis_profile import Profile, Segment
 from onboard.motion.trajectory import Trajectory
 from onboard.recording import foxglove_messages as foxglove
 from onboard.recording.journal import PATH_POINTS_MAX, PATH_STEP_S, SLOW_PERIOD_S, Journal, path_of
 from onboard.recording.record import Record
+from onboard.vehicle_state import Pose
 
 CONFIG = Path(__file__).parents[3] / "config"
 EPOCH_S = 1_790_000_000.0

@@ -208,7 +208,7 @@ import sys
 sys.modules["numba"] = None
 from sitl.plant.jit import compiled
 from sitl.vehicle.vehicle import SimulatedVehicle
-from sitl.vehicle.config import VehicleConfig, StartConfig
+from sitl.config import VehicleConfig, StartConfig
 assert compiled(len) is len
 vehicle = SimulatedVehicle(VehicleConfig(start=StartConfig(position_ned_m=(0.0, 0.0, -2.0))))
 vehicle.advance(0.5)
@@ -217,7 +217,7 @@ print(*vehicle.truth.position_ned_m, *vehicle.truth.rotor_speeds_rpm)
 
 
 def test_without_numba_the_same_code_runs_interpreted() -> None:
-    from sitl.vehicle.config import StartConfig, VehicleConfig  # noqa: PLC0415  beside its twin above
+    from sitl.config import StartConfig, VehicleConfig  # noqa: PLC0415  beside its twin above
     from sitl.vehicle.vehicle import SimulatedVehicle  # noqa: PLC0415
 
     vehicle = SimulatedVehicle(VehicleConfig(start=StartConfig(position_ned_m=(0.0, 0.0, -2.0))))

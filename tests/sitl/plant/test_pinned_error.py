@@ -12,9 +12,9 @@ from gcs_tools.scenario import load_scenario
 from onboard.files.obstacle_field import Obstacle, ObstacleField
 from onboard.guidance.phases import Phase
 from sitl.autopilot.modes import Mode
+from sitl.config import SitlConfig, TrackingConfig
 from sitl.environment.world import World
 from sitl.plant.pinned_error import PinnedError
-from sitl.vehicle.config import SitlConfig, TrackingConfig
 from sitl.virtual.faults.schedule import Fault
 from sitl.virtual.simulation import SimulatedFlight, Simulation
 

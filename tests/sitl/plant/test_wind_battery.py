@@ -6,10 +6,10 @@ import statistics
 
 import pytest
 
+from sitl.config import MultirotorConfig
 from sitl.plant.battery import Battery, BatteryConfig
 from sitl.plant.multirotor import hover_speed_rpm, standing_state
 from sitl.plant.wind import Gust, WindConfig, WindModel
-from sitl.vehicle.config import MultirotorConfig
 
 PERIOD_S = 0.01
 STILL = (0.0, 0.0, 0.0)

@@ -8,10 +8,10 @@ from typing import Any
 import pytest
 
 from onboard.files.obstacle_field import Obstacle, ObstacleField
+from sitl.config import SitlConfig, StartConfig, load_sitl_config
 from sitl.environment.sensor import SensorConfig
 from sitl.environment.truth_log import TruthLog
 from sitl.plant.wind import WindConfig
-from sitl.vehicle.config import SitlConfig, StartConfig, load_sitl_config
 from sitl.vehicle.scene import Scene
 
 FIELD = ObstacleField.of([Obstacle(id="oak", center_ned_m=(6.0, 0.0), size_m=(1.0, 1.0))])

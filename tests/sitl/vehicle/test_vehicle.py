@@ -6,8 +6,8 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sitl.autopilot.modes import Mode
+from sitl.config import StartConfig, VehicleConfig
 from sitl.plant.truth import Vector
-from sitl.vehicle.config import StartConfig, VehicleConfig
 from sitl.vehicle.vehicle import SimulatedVehicle
 from tests.sitl.mavlink_client import Client, mode_of
 

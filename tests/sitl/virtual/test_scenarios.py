@@ -11,7 +11,7 @@ from pymavlink.dialects.v20.common import MAVLink
 from gcs_tools.logs.flight_log import read_log
 from gcs_tools.logs.result import result_of
 from gcs_tools.scenario import Scenario, load_scenario
-from sitl.vehicle.config import StartConfig
+from sitl.config import StartConfig
 from sitl.vehicle.vehicle import SimulatedVehicle
 from sitl.virtual.faults.plant import PlantFaults
 from sitl.virtual.faults.schedule import AMOUNTS, EDITS, Fault, FaultInjector, FaultKind

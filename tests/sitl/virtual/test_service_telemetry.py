@@ -4,7 +4,7 @@ import pytest
 
 from onboard.mavlink.endpoint import MavlinkEndpoint
 from onboard.monitoring.estimator.position_quality import PositionQualityMonitor
-from sitl.vehicle.config import VehicleConfig
+from sitl.config import VehicleConfig
 from sitl.vehicle.vehicle import SimulatedVehicle
 
 TICK_S = 0.02

@@ -19,10 +19,10 @@ import zenoh
 from pymavlink import mavutil
 
 from gcs_tools.console.processes import Children, free_ports
-from gcs_tools.vehicle.arm_authorization import AUTHORISER_SYSTEM_ID
+from gcs_tools.preflight.arm_authorization import AUTHORISER_SYSTEM_ID
 from onboard.files.zenoh_endpoints import ZenohEndpoints
 from onboard.zenoh_session import open_session
-from sitl.vehicle.config import HomeConfig
+from sitl.config import HomeConfig
 from tests.gcs_tools.running import CONFIG, Clearway, until
 from tests.gcs_tools.terminal import Terminal, terminal
 

@@ -5,7 +5,7 @@ from dataclasses import replace
 import pytest
 
 from onboard.geometry.frames import wrap_angle
-from onboard.mavlink.endpoint import Pose
+from onboard.mavlink.heading_drift import Attitude, HeadingDrift
 from onboard.monitoring.assumptions import Assumption, Violation
 from onboard.monitoring.estimator.heading import (
     COMPASS_CONFIRMATION_S,
@@ -14,8 +14,8 @@ from onboard.monitoring.estimator.heading import (
     SIGHTING_GAP_S,
     HeadingMonitor,
 )
-from onboard.monitoring.estimator.heading_drift import Attitude, HeadingDrift
 from onboard.perception.bearings import BearingResidual
+from onboard.vehicle_state import Pose
 from tests.onboard.contract.example_terms import TERMS
 
 RATE_HZ = 20.0

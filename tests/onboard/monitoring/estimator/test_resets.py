@@ -6,7 +6,6 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from onboard.mavlink.endpoint import Pose
 from onboard.monitoring.assumptions import Assumption
 from onboard.monitoring.estimator.resets import (
     CONTINUITY_S,
@@ -16,6 +15,7 @@ from onboard.monitoring.estimator.resets import (
     PoseMonitor,
     ResetLedger,
 )
+from onboard.vehicle_state import Pose
 
 Vector = tuple[float, float, float]
 PERIOD_S = 0.02

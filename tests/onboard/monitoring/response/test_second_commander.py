@@ -8,7 +8,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from onboard.geometry.frames import Vector
-from onboard.mavlink.endpoint import Pose, Target
 from onboard.monitoring.assumptions import Assumption, Violation
 from onboard.monitoring.response.second_commander import (
     ECHO_PATIENCE_S,
@@ -17,6 +16,7 @@ from onboard.monitoring.response.second_commander import (
     SPAN_MIN_S,
     SecondCommanderMonitor,
 )
+from onboard.vehicle_state import Pose, Target
 
 HERE: Vector = (0.0, 0.0, -4.0)
 STILL: Vector = (0.0, 0.0, 0.0)

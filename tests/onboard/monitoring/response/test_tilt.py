@@ -5,10 +5,10 @@ import pytest
 
 from onboard.contract.agility import GRAVITY_MPS2
 from onboard.contract.assessment import TICK_S
-from onboard.mavlink.endpoint import Pose
 from onboard.monitoring.assumptions import Assumption, Violation
 from onboard.monitoring.response.tilt import PATIENCE_S, TiltResponseMonitor
 from onboard.monitoring.response.trim import LEARNING_TIME_S, TrimEstimator
+from onboard.vehicle_state import Pose
 from tests.onboard.contract.example_terms import TERMS
 from tests.onboard.monitoring.response.trim_flight import Horizontal, poses
 

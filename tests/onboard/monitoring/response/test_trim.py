@@ -5,8 +5,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from onboard.mavlink.endpoint import Pose
 from onboard.monitoring.response.trim import LEARNING_TIME_S, TrimEstimator
+from onboard.vehicle_state import Pose
 from tests.onboard.monitoring.response.trim_flight import Horizontal, poses
 
 COMPONENT = st.floats(-6.0, 6.0)

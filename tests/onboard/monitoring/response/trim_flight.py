@@ -5,7 +5,7 @@ from collections.abc import Iterator
 
 from onboard.contract.agility import GRAVITY_MPS2
 from onboard.contract.assessment import TICK_S
-from onboard.mavlink.endpoint import Pose
+from onboard.vehicle_state import Pose
 
 Horizontal = tuple[float, float]
 

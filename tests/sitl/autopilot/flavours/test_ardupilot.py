@@ -9,8 +9,8 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sitl.autopilot.modes import LandedState, Mode
+from sitl.config import VehicleConfig
 from sitl.plant.battery import BatteryConfig
-from sitl.vehicle.config import VehicleConfig
 from sitl.vehicle.vehicle import SimulatedVehicle
 from sitl.virtual.simulation import Simulation
 from tests.sitl.autopilot.test_mission import LAND, TAKE_OFF, upload, waypoint

@@ -10,7 +10,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sitl.autopilot.geodesy import geographic_from_ned
 from sitl.autopilot.modes import Mode
-from sitl.vehicle.config import StartConfig
+from sitl.config import StartConfig
 from tests.sitl.mavlink_client import Client, in_air, mode_of, on_ground
 
 START = (2.0, 1.0, -4.0)

@@ -10,7 +10,7 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sitl.autopilot.protocol.signing import key_of_passphrase
-from sitl.vehicle.config import VehicleConfig
+from sitl.config import VehicleConfig
 from sitl.vehicle.vehicle import SimulatedVehicle
 from tests.sitl.mavlink_client import COMPANION, Outbox
 

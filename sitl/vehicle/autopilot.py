@@ -14,7 +14,6 @@ from typing import Any
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sitl.autopilot.commander import Actuation, Verdict
-from sitl.autopilot.estimator import Estimator
 from sitl.autopilot.fence import FenceStore
 from sitl.autopilot.flavours.ardupilot import Copter
 from sitl.autopilot.flavours.flavour import Flavour
@@ -33,9 +32,10 @@ from sitl.autopilot.protocol.telemetry import (
     messages_of_data_stream,
 )
 from sitl.autopilot.protocol.timesync import MisaddressedTimesync
+from sitl.config import VehicleConfig
 from sitl.plant.battery import BatteryReading
+from sitl.plant.estimator import Estimator
 from sitl.plant.truth import VehicleTruth
-from sitl.vehicle.config import VehicleConfig
 
 logger = logging.getLogger(__name__)
 

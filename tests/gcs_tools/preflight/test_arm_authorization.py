@@ -10,8 +10,8 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from gcs_tools.console.processes import free_ports
+from gcs_tools.preflight.arm_authorization import AUTHORISER_SYSTEM_ID, answer_arm_requests
 from gcs_tools.preflight.finding import Verdict
-from gcs_tools.vehicle.arm_authorization import AUTHORISER_SYSTEM_ID, answer_arm_requests
 from gcs_tools.vehicle.connection import AmbiguousVehicleError
 from tests.gcs_tools.vehicle.fake_autopilot import FakeAutopilot, autopilots
 

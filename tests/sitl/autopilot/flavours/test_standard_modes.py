@@ -9,8 +9,8 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from pymavlink.dialects.v20 import development
 
+from sitl.autopilot.flavours.standard_modes import AVAILABLE_MODES_ID, STANDARD_MODES
 from sitl.autopilot.modes import Mode
-from sitl.autopilot.protocol.standard_modes import AVAILABLE_MODES_ID, STANDARD_MODES
 from tests.sitl.mavlink_client import Client, in_air, mode_of, on_ground
 
 FIELD: dict[str, Any] = {"realism": "field"}

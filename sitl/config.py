@@ -11,9 +11,9 @@ from pydantic import Field, model_validator
 
 from onboard.files.yaml_file import FileModel, load_yaml
 from onboard.files.zenoh_endpoints import Endpoints, ZenohEndpoints
-from sitl.autopilot.estimator import EstimatorProfile
 from sitl.environment.sensor import SensorConfig
 from sitl.plant.battery import BatteryConfig
+from sitl.plant.estimator import EstimatorProfile
 from sitl.plant.multirotor import MultirotorParameters, quadrotor
 from sitl.plant.wind import WindConfig
 

@@ -8,11 +8,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from sitl.autopilot.estimator import IDEAL, EstimateError, Estimator, EstimatorProfile
 from sitl.autopilot.flavours.ardupilot import Copter
 from sitl.autopilot.flavours.px4 import Px4
+from sitl.config import EstimatorConfig
+from sitl.plant.estimator import IDEAL, EstimateError, Estimator, EstimatorProfile
 from sitl.plant.truth import VehicleTruth
-from sitl.vehicle.config import EstimatorConfig
 
 PROFILES = {"px4": Px4.field.estimator, "ardupilot": Copter.field.estimator}
 NOTHING = (0.0, 0.0, 0.0)

@@ -12,8 +12,8 @@ from hypothesis import strategies as st
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sitl.autopilot.modes import LandedState, Mode
+from sitl.config import StartConfig, VehicleConfig
 from sitl.plant.battery import BatteryConfig
-from sitl.vehicle.config import StartConfig, VehicleConfig
 from sitl.vehicle.vehicle import SimulatedVehicle
 from tests.sitl.mavlink_client import (
     COMPANION,

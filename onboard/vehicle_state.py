@@ -1,0 +1,66 @@
+"""What is known and asked of the vehicle: pose, status, setpoint."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import NamedTuple
+
+# Position (NED, m) and velocity (NED, m/s); NaN where there is none.
+Target = tuple[tuple[float, float, float], tuple[float, float, float]]
+
+
+class Setpoint(NamedTuple):
+    """One point of a plan, as SET_POSITION_TARGET_LOCAL_NED carries it.
+
+    Attributes:
+        position_ned_m, velocity_ned_mps, acceleration_ned_mps2: NED.
+        yaw_ned_rad: heading of the nose, from north towards east.
+    """
+
+    position_ned_m: tuple[float, float, float]
+    velocity_ned_mps: tuple[float, float, float]
+    acceleration_ned_mps2: tuple[float, float, float]
+    yaw_ned_rad: float
+
+
+class Pose(NamedTuple):
+    """Position, velocity and attitude at one instant of the daemon's clock.
+
+    Attributes:
+        time_s: when the position arrived.
+        position_ned_m, velocity_ned_mps: NED.
+        roll_rad, pitch_rad, yaw_rad: attitude, the latest known at that time.
+        measured_s: when the position was measured, by the autopilot's clock; None if unknown.
+    """
+
+    time_s: float
+    position_ned_m: tuple[float, float, float]
+    velocity_ned_mps: tuple[float, float, float]
+    roll_rad: float
+    pitch_rad: float
+    yaw_rad: float
+    measured_s: float | None = None
+
+
+@dataclass(frozen=True)
+class VehicleStatus:
+    """What the autopilot says of itself.
+
+    Attributes:
+        heard_s: time of its last heartbeat.
+        armed: motors armed.
+        ardupilot: it is ArduPilot; else it is taken for PX4.
+        external_control: its mode obeys our setpoints (OFFBOARD, GUIDED).
+        mode: name for people.
+        airborne: from EXTENDED_SYS_STATE; None until known.
+        failsafe: whether a failsafe of its own acts (system status CRITICAL or EMERGENCY).
+    """
+
+    heard_s: float = -math.inf
+    armed: bool = False
+    ardupilot: bool = False
+    external_control: bool = False
+    mode: str = "unknown"
+    airborne: bool | None = None
+    failsafe: bool = False
