@@ -7,7 +7,7 @@ PIP_INSTALL = $(BIN)/python -m pip install --quiet --disable-pip-version-check -
 # Dozens of processes import the same: what one of them has compiled is kept for the others.
 export PYTHONDONTWRITEBYTECODE :=
 
-.PHONY: fly test test-in-any-time lint bench clean
+.PHONY: fly test test-in-any-time lint docs bench companion clean
 
 fly: $(VENV)/.ground
 	$(BIN)/clearway fly
@@ -29,6 +29,23 @@ lint: $(VENV)/.dev
 
 bench: $(VENV)/.dev
 	$(BIN)/python -m tests.benchmarks $(if $(ONLY),--only $(ONLY)) --output build/bench.json
+
+# The API pages and all of docs/, for a browser, in build/site.
+docs: $(VENV)/.dev
+	$(BIN)/mkdocs build --quiet --strict
+
+# What the vehicle's computer needs and nothing else: the package without extras, without pip, the
+# libraries' own tests and the dialects of MAVLink 1.  Run this on the vehicle's computer.
+COMPANION ?= build/companion
+companion: | $(VENV)/bin/python
+	rm -rf build/lib build/bdist.* $(COMPANION)
+	$(PYTHON) -m venv --without-pip $(COMPANION)
+	$(BIN)/python -m pip --python $(COMPANION) install --quiet --disable-pip-version-check --no-compile \
+	    --constraint constraints.txt .
+	find $(COMPANION)/lib -type d -name tests -prune -exec rm -r {} +
+	rm -r $(COMPANION)/lib/python3*/site-packages/pymavlink/dialects/v10
+	$(COMPANION)/bin/clearway-onboard --help >/dev/null
+	du -sm $(COMPANION)
 
 $(VENV)/bin/python:
 	$(PYTHON) -m venv $(VENV)

@@ -1,4 +1,4 @@
-"""The contracts of import-linter in pyproject.toml: `make lint` checks the code by them, and each bites.
+"""Contracts of import-linter (pyproject.toml): the code keeps each, and each reports a violation.
 
 One copy of the packages gets every forbidden import at once; each has to be reported.
 """
