@@ -16,10 +16,10 @@ from tests.tools.structure import (
     arrows,
     file_lengths,
     function_lengths,
+    ratio_of_tests,
     room_of,
     rooms,
     sources,
-    ratio_of_tests,
 )
 
 
