@@ -25,14 +25,14 @@ lint: $(VENV)/.dev
 	$(BIN)/ruff check .
 	$(BIN)/lint-imports --no-logo
 	$(BIN)/mypy
-	$(BIN)/mypy tests
+	$(BIN)/mypy tests examples docs/hooks.py
 
 bench: $(VENV)/.dev
 	$(BIN)/python -m tests.benchmarks $(if $(ONLY),--only $(ONLY)) --output build/bench.json
 
 # The API pages and all of docs/, for a browser, in build/site.
 docs: $(VENV)/.dev
-	$(BIN)/mkdocs build --quiet --strict
+	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --quiet --strict
 
 # What the vehicle's computer needs and nothing else: the package without extras, without pip, the
 # libraries' own tests and the dialects of MAVLink 1.  Run this on the vehicle's computer.
