@@ -211,3 +211,40 @@ def test_every_finding_has_its_test_or_is_said_to_be_open() -> None:
     assert len(re.findall(r"::test_", FINDINGS)) == len(
         re.findall(r"`[\w/]+\.py::test_\w+(?:\[\w+\])?`", FINDINGS)
     )
+
+
+CONTRIBUTORS_PAGES = [
+    *(ROOT / name for name in ("README.md", "CONTRIBUTING.md", "CHANGELOG.md")),
+    *(ROOT / "docs" / name for name in ("architecture.md", "glossary.md")),
+]
+
+
+@pytest.mark.parametrize("page", CONTRIBUTORS_PAGES, ids=lambda page: page.name)
+def test_files_and_modules_that_a_page_names_exist(page: Path) -> None:
+    quoted = re.findall(
+        r"`((?:onboard|sitl|gcs_tools|tests|config|docs|examples)[/.][\w/.]*)`", page.read_text()
+    )
+    for name in quoted:
+        dotted = "/" not in name
+        path = ROOT / (name.replace(".", "/") if dotted else name)
+        is_there = path.exists() or (dotted and path.with_suffix(".py").is_file())
+        is_attribute = dotted and path.parent.with_suffix(".py").is_file()
+        assert is_there or is_attribute, name
+
+
+@pytest.mark.parametrize("page", [*PAGES, ROOT / "CONTRIBUTING.md"], ids=lambda page: page.name)
+def test_links_between_pages_lead_somewhere(page: Path) -> None:
+    """Files and headings; `mkdocs build --strict` checks only what the site shows."""
+    for target, anchor in re.findall(
+        r"\]\((?!https?:)([^)#\s]*)(?:#([\w-]+))?\)", page.read_text()
+    ):
+        file = page.parent / target if target else page
+        assert file.exists(), target
+        if anchor:
+            headings = re.findall(r"^#+ (.+)$", file.read_text(), re.MULTILINE)
+            slugs = [re.sub(r"[^\w\- ]", "", each.lower()).replace(" ", "-") for each in headings]
+            assert anchor in slugs, f"{target}#{anchor}"
+
+
+def test_the_readme_stays_an_entrance() -> None:
+    assert len((ROOT / "README.md").read_text(encoding="utf-8").splitlines()) < 350
