@@ -23,7 +23,7 @@ PAGES: Final = {
     "CHANGELOG.md": "changelog.md",
     "onboard/contract/THEORY.md": "theory.md",
 }
-_LINK: Final = re.compile(r"\]\((?!https?:|#|mailto:)([^)#\s]+)(#[^)\s]*)?\)")
+_LINK: Final = re.compile(r"\[([^\]]*)\]\((?!https?:|#|mailto:)([^)#\s]+)(#[^)\s]*)?\)")
 
 
 def on_config(config: MkDocsConfig) -> MkDocsConfig:
@@ -54,17 +54,18 @@ def on_page_read_source(page: object, config: MkDocsConfig) -> str | None:
 def linked(content: str, directory: Path) -> str:
     """Turn links relative to a directory of the repository into links between pages of the site.
 
-    A link to a file that is no page, such as a configuration, becomes the file's name.
+    A link to a file or folder that the site does not show, such as a program, becomes its text.
     """
 
     def replaced(found: re.Match[str]) -> str:
-        path, anchor = found[1], found[2] or ""
+        text, path, anchor = found[1], found[2], found[3] or ""
         target = (ROOT / directory / path).resolve()
-        if not target.is_relative_to(ROOT):
-            return found[0]
-        name = target.relative_to(ROOT).as_posix()
-        within = name.removeprefix("docs/")
-        return f"]({PAGES.get(name, within)}{anchor})"
+        name = target.relative_to(ROOT).as_posix() if target.is_relative_to(ROOT) else ""
+        if name in PAGES:
+            return f"[{text}]({PAGES[name]}{anchor})"
+        if name.startswith("docs/"):
+            return f"[{text}]({name.removeprefix('docs/')}{anchor})"
+        return text
 
     return _LINK.sub(replaced, content)
 

@@ -69,7 +69,8 @@ def test_the_site_asks_no_server_for_anything(site: Path) -> None:
         ("docs", "[a](../onboard/contract/THEORY.md)", "[a](theory.md)"),
         ("docs", "[a](realism.md), [b](#here)", "[a](realism.md), [b](#here)"),
         (".", "[a](https://example.org/docs/x.md)", "[a](https://example.org/docs/x.md)"),
-        ("docs", "[a](../../elsewhere.md)", "[a](../../elsewhere.md)"),
+        ("docs", "[a](../../elsewhere.md)", "a"),
+        (".", "[examples/](examples)", "examples/"),
     ],
 )
 def test_links_lead_from_page_to_page(

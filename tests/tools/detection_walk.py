@@ -4,8 +4,9 @@ A virtual flight is traced up to its first avoidance.  On the way, the detection
 after another: a frame, an obstacle, a certified plan, a setpoint, bytes.  *Visited* is a module if
 one of its functions is on the call stack when such a thing is made for the first time: it has been
 handed what the detection was before, and waits for what the detection becomes.  These are the files
-to read in order to follow a detection.  Not visited are those that only look at it (the monitors)
-and the mathematics that are called and have returned by then (geometry, polynomials, the QP).
+to read in order to follow a detection.  Not visited are those that only look at it (the monitors),
+what was called and has returned by then (the QP's matrices, the trajectory's polynomials), and the
+rooms of formats and mathematics that everything calls (`BASE_ROOMS`).
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ from typing import Any, Final
 
 from gcs_tools.scenario import load_scenario
 from sitl.virtual.simulation import SimulatedFlight, Simulation
-from tests.tools.structure import ROOT
+from tests.tools.structure import ROOT, room_of
 
 # What a detection becomes, in order: the name, the type of what is returned, and the function that
 # returns it where others return the same type without a detection.
@@ -33,6 +34,8 @@ STATIONS: Final = (
 )
 # The simulation stands in for the daemon, which hands over Zenoh's payload and sends the bytes.
 DAEMON: Final = "onboard.daemon"
+# Formats and mathematics, which know nothing of detections.
+BASE_ROOMS: Final = ("onboard.files", "onboard.geometry", "onboard.motion")
 _FLIGHT_MAX_S: Final = 60.0
 
 
@@ -52,7 +55,14 @@ class Walk:
     def visited(self) -> list[str]:
         """The modules of all stations, in the order in which they are visited."""
         inside = [module for modules in self.stations.values() for module in modules]
-        return list(dict.fromkeys([DAEMON, *inside]))
+        passed_on = [module for module in inside if room_of(module) not in BASE_ROOMS]
+        return list(dict.fromkeys([DAEMON, *passed_on]))
+
+    @property
+    def lines(self) -> int:
+        """The lines of all modules that are visited."""
+        paths = [ROOT.joinpath(*module.split(".")).with_suffix(".py") for module in self.visited]
+        return sum(len(path.read_text(encoding="utf-8").splitlines()) for path in paths)
 
     @property
     def complete(self) -> bool:

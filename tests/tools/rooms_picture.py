@@ -48,10 +48,12 @@ def layers(package: str) -> list[list[str]]:
     settings = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
     for contract in settings["tool"]["importlinter"]["contracts"]:
         if contract["type"] == "layers" and contract.get("containers") == [package]:
-            return [
-                [room.strip() for room in layer.replace(":", "|").split("|")]
+            rows = [
+                [room.strip(" ()") for room in layer.replace(":", "|").split("|")]
                 for layer in contract["layers"]
             ]
+            there = {path.stem for path in (ROOT / package).iterdir()}
+            return [shown for row in rows if (shown := [room for room in row if room in there])]
     raise LookupError(f"pyproject.toml has no layers contract for {package}")
 
 

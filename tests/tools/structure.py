@@ -146,6 +146,7 @@ def _print_walk() -> None:
 
     walk = walk_of_a_detection()
     print(f"modules that a detection visits: {len(walk.visited)} (at most {WALK_MODULES_MAX})")
+    print(f"  {walk.lines} lines in {', '.join(walk.visited)}")
     for made, modules in walk.stations.items():
         print(f"  {made}: {', '.join(modules)}")
     print(f"modules that run at all in those ticks: {len(walk.executed)}")
