@@ -32,7 +32,7 @@ bench: $(VENV)/.dev
 
 # The API pages and all of docs/, for a browser, in build/site.
 docs: $(VENV)/.dev
-	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --quiet --strict
+	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict
 
 # What the vehicle's computer needs and nothing else: the package without extras, without pip, the
 # libraries' own tests and the dialects of MAVLink 1.  Run this on the vehicle's computer.

@@ -28,7 +28,7 @@ def hooks() -> ModuleType:
 def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
     directory = tmp_path_factory.mktemp("site")
     done = subprocess.run(
-        [BIN / "mkdocs", "build", "--quiet", "--strict", "--site-dir", directory],
+        [BIN / "mkdocs", "build", "--strict", "--site-dir", directory],
         cwd=ROOT,
         env={"NO_MKDOCS_2_WARNING": "1", "PATH": str(BIN)},
         capture_output=True,
