@@ -1,10 +1,10 @@
-# Two commands matter: `make fly` and `make test`. Both start from a fresh checkout.
+# The two main commands, `make fly` and `make test`, start from a fresh checkout.
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 PIP_INSTALL = $(BIN)/python -m pip install --quiet --disable-pip-version-check --no-compile --constraint constraints.txt
 
-# Dozens of processes import the same: what one of them has compiled is kept for the others.
+# Dozens of processes import the same modules: keep the bytecode that one of them compiles.
 export PYTHONDONTWRITEBYTECODE :=
 
 .PHONY: fly test test-in-any-time lint docs bench companion clean
@@ -12,7 +12,7 @@ export PYTHONDONTWRITEBYTECODE :=
 fly: $(VENV)/.ground
 	$(BIN)/clearway fly
 
-# Flights in real time need the machine to themselves; all else goes on at once before them.
+# Flights in real time need the machine to themselves; everything else runs before them, in parallel.
 test: $(VENV)/.dev
 	$(MAKE) --jobs 2 --keep-going lint test-in-any-time
 	$(BIN)/pytest -m real_time $$(grep -rl real_time tests --include='test_*.py')
@@ -54,8 +54,8 @@ $(VENV)/.ground: pyproject.toml constraints.txt | $(VENV)/bin/python
 	$(PIP_INSTALL) --editable '.[ground,sitl]'
 	touch $@
 
-# Packages are unpacked by two processes; what is then left to pip is little, and leaves time to
-# compile the simulator, once instead of in every test process.
+# Two processes unpack the packages; pip then has little left to do, which leaves time to compile
+# the simulator, once instead of in every test process.
 $(VENV)/.dev: pyproject.toml constraints.txt | $(VENV)/bin/python
 	grep -v '^#' constraints.txt | xargs -P 2 -n 12 $(PIP_INSTALL) --no-deps
 	$(BIN)/python -c 'from sitl.vehicle.vehicle import warm_up; warm_up()' & \

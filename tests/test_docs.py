@@ -1,4 +1,4 @@
-"""What the documentation tells people to type: it runs, and does what it says."""
+"""The commands and programs of the documentation run, and do what it says."""
 
 import ast
 import math
@@ -68,7 +68,7 @@ def test_contracts_to_start_from_comply(vehicle: str) -> None:
 
 @pytest.mark.parametrize("path", sorted((ROOT / "config").glob("*_contract.yaml")), ids=str)
 def test_shipped_contracts_keep_clear_of_what_the_readme_names(path: Path) -> None:
-    """There is room to stop, a wide view, and passive safety; the paper's own is the exception."""
+    """They have room to stop, a wide view and passive safety, except the paper's own."""
     assessment = assess(load_contract(path), mission_altitude_m=4.0)
     assert assessment.compliant
     assert math.degrees(assessment.terms.sure_view_rad) > 60.0
@@ -139,17 +139,17 @@ def test_mavproxy_flies_as_the_readme_says(tmp_path: Path) -> None:
             if is_typed:
                 console.expect(f"{prompt}> ")
                 console.say(command)
-                if command.startswith("param set"):  # it goes out a little later
+                if command.startswith("param set"):  # MAVProxy sends it a little later
                     observer.wait_for("PARAM_VALUE", "PARAM_VALUE.param_id == 'GUID_TIMEOUT'")
             else:
                 console.expect(line)
-            if "Takeoff" in line:  # what MAVProxy does not tell
+            if "Takeoff" in line:  # MAVProxy does not report the height
                 observer.wait_for("LOCAL_POSITION_NED", "abs(LOCAL_POSITION_NED.z + 5) < 0.1")
         observer.wait_for("HEARTBEAT", "not HEARTBEAT.base_mode & 128")
 
 
 def test_the_preflight_page_shows_what_is_printed(tmp_path: Path) -> None:
-    """Of its transcripts the one that needs no vehicle."""
+    """Checks the one transcript that needs no vehicle."""
     (tmp_path / "config").symlink_to(ROOT / "config")
     page = ROOT / "docs" / "preflight.md"
     (block,) = (each for each in blocks(page, "console") if "cruise_speed_mps=6" in each)
@@ -160,7 +160,7 @@ def test_the_preflight_page_shows_what_is_printed(tmp_path: Path) -> None:
 def test_the_sensor_of_the_vehicle_page_meets_the_shipped_daemon_and_its_operator() -> None:
     (program,) = blocks(ROOT / "docs" / "vehicles.md", "python")
     shipped = load_yaml(ROOT / "config" / "onboard.yaml", DaemonConfig)
-    # The same on ports that are free.
+    # The same program on free ports.
     ports = {"7447": str(free_port(socket.SOCK_STREAM)), "7448": str(free_port(socket.SOCK_STREAM))}
     key = f"clearway/{shipped.vehicle}/obstacles"
 

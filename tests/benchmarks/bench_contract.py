@@ -39,7 +39,7 @@ def bench_contract_surface() -> Measurement:
 
 
 def bench_collision_set_boundary() -> Measurement:
-    """The boundary of one obstacle, sampled so finely that both are off by no more than a cell.
+    """The boundary of one obstacle, sampled so that both are off by at most one cell.
 
     The peer's grid is off by up to a cell, its compilation is not counted; the closed form is
     exact, so the spacing of its samples is the only error.

@@ -73,7 +73,7 @@ def bench_sitl_whole_system() -> Measurement:
         with without_cycle_collection():  # as every virtual flight
             while not simulation.over:
                 simulation.advance()
-                simulation.autonomy.events()  # as somebody must, who else writes them to a log
+                simulation.autonomy.events()  # the journal would take them in a real flight
         flown_s = simulation.now_s
 
     wall_s = seconds_of(flight, repeat=3)

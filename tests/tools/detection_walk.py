@@ -34,7 +34,7 @@ STATIONS: Final = (
 )
 # The simulation stands in for the daemon, which hands over Zenoh's payload and sends the bytes.
 DAEMON: Final = "onboard.daemon"
-# Formats and mathematics, which know nothing of detections.
+# Formats and mathematics that are independent of detections.
 BASE_ROOMS: Final = ("onboard.files", "onboard.geometry", "onboard.motion")
 _FLIGHT_MAX_S: Final = 60.0
 
@@ -86,7 +86,7 @@ class _Tracer:
             self.walk.executed |= self._ran
 
     def traced(self, call: Callable[..., Any]) -> Callable[..., Any]:
-        """Return a call of the service that is traced: nothing else is, for the time it takes."""
+        """Return a call of the service that is traced while it lasts."""
 
         def wrapper(*arguments: Any) -> Any:
             sys.setprofile(self._trace)
@@ -112,7 +112,7 @@ class _Tracer:
 
     @staticmethod
     def _carries(returned: Any) -> bool:
-        """Tell a frame with obstacles from an empty one, and bytes from none."""
+        """Tell whether a frame has obstacles, or there are any bytes."""
         return bool(getattr(returned, "obstacles", returned))
 
     def _stack(self, frame: FrameType | None) -> list[str]:

@@ -38,7 +38,7 @@ _BY_HAND = (
     "test_slow_drift_costs_no_time_and_fast_drift_must_be_outrun",
 )
 
-# Which tests have to notice a change to which file, the quickest first.
+# The tests that must detect a change to each file, the fastest first.
 TESTS = {
     "onboard/contract/agility.py": (_AGILITY, _CONTRACT),
     "onboard/contract/clauses.py": (_CONTRACT, _RECENTRING),
@@ -57,7 +57,7 @@ OPTIONS = (
     *("-W", "ignore::pytest.PytestAssertRewriteWarning"),  # Hypothesis is loaded beforehand
 )
 
-# A mutant that loops is a mutant that is noticed.
+# A mutant that loops without end counts as detected.
 TIME_LIMIT_S = 300
 
 _OPERATORS: dict[type[ast.operator], tuple[type[ast.operator], ...]] = {
@@ -99,7 +99,7 @@ class Mutant:
 def mutants_of(path: str, source: str) -> Iterator[Mutant]:
     """Yield every mutant of a file."""
     tree = ast.parse(source)
-    # frozen=True and the like are no formulas.
+    # frozen=True and the like are not formulas.
     decorators = [d for node in ast.walk(tree) for d in getattr(node, "decorator_list", ())]
     exempt = {id(part) for decorator in decorators for part in ast.walk(decorator)}
     for number, node in enumerate(ast.walk(tree)):
@@ -125,7 +125,7 @@ class _Replace(ast.NodeTransformer):
 
 
 def _replacements(node: ast.AST) -> Iterator[tuple[ast.AST, str]]:
-    """Yield what to put in place of a node, and how to call that."""
+    """Yield replacements of a node, each with its description."""
     match node:
         case ast.BinOp(left=left, op=operator, right=right):
             for other in _OPERATORS.get(type(operator), ()):
@@ -217,7 +217,7 @@ def run(files: list[str], jobs: int) -> int:
                 survivors += 1
                 print(f"\rsurvived: {mutant.path}:{mutant.line}: {mutant.change}", flush=True)
     killed = len(mutants) - survivors
-    print(f"\r{killed} of {len(mutants)} mutants noticed: {100.0 * killed / len(mutants):.1f} %")
+    print(f"\r{killed} of {len(mutants)} mutants detected: {100.0 * killed / len(mutants):.1f} %")
     return survivors
 
 

@@ -45,7 +45,7 @@ def picture_live_view(page: Page, directory: Path) -> None:
 
 
 def main() -> int:
-    """Take both."""
+    """Take both pictures."""
     with tempfile.TemporaryDirectory() as name, chromium(Path(name) / "profile") as page:
         picture_report(page, Path(name) / "paper-1")
         picture_live_view(page, Path(name) / "live")

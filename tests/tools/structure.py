@@ -30,10 +30,10 @@ TESTS_PER_CODE_MIN: Final = 0.9
 
 @dataclass(frozen=True, order=True)
 class Length:
-    """How long something is.
+    """The length of a file or a function.
 
     Attributes:
-        lines: from its first to its last line, comments, docstrings and blank lines included.
+        lines: from the first to the last, comments, docstrings and blank lines included.
         name: of the file, or of the function with its file.
     """
 
