@@ -8,7 +8,7 @@ from tests.tools.structure import (
     FILE_LINES_MAX,
     FUNCTION_LINES_MAX,
     PACKAGES,
-    PICTURE,
+    PICTURES,
     ROOM_FILES_MAX,
     ROOT,
     TESTS_PER_CODE_MIN,
@@ -97,13 +97,14 @@ def test_the_architecture_page_tells_the_walk(walk: Walk) -> None:
     assert missing == [], "docs/architecture.md, 'The walk of a detection', does not name these"
 
 
-def test_the_picture_of_the_rooms_is_up_to_date() -> None:
-    drawn = PICTURE.read_text(encoding="utf-8")
-    assert drawn == draw(), "draw it anew: python -m tests.tools.structure --picture"
+@pytest.mark.parametrize("package", PACKAGES)
+def test_the_picture_of_the_rooms_is_up_to_date(package: str) -> None:
+    drawn = PICTURES[package].read_text(encoding="utf-8")
+    assert drawn == draw(package), "draw it anew: python -m tests.tools.structure --picture"
 
 
 @pytest.mark.parametrize("package", PACKAGES)
 def test_the_picture_shows_every_room(package: str) -> None:
-    picture = PICTURE.read_text(encoding="utf-8")
+    picture = PICTURES[package].read_text(encoding="utf-8")
     for room in room_imports(package):
         assert f">{room}/</text>" in picture or f">{room}.py</text>" in picture

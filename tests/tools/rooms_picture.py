@@ -1,8 +1,8 @@
-"""Draw the rooms and their imports as an SVG; ``python -m tests.tools.structure --picture``.
+"""Draw the rooms and their imports as SVG; ``python -m tests.tools.structure --picture``.
 
-One panel for each package; the rows are the layers of import-linter's contracts in pyproject.toml,
-so that every arrow points down.  An arrow that follows from others (a -> c beside a -> b -> c) is
-left out.
+One picture for each package; its rows are the layers of import-linter's contracts in pyproject.toml:
+every arrow points down.  An arrow that follows from others (a -> c beside a -> b -> c) is left
+out.
 """
 
 from __future__ import annotations
@@ -15,11 +15,11 @@ from xml.sax.saxutils import escape
 import grimp
 
 from tests.tools.layered_layout import place
-from tests.tools.structure import PACKAGES, ROOT
+from tests.tools.structure import ROOT
 
 _BOX_WIDTH, _BOX_HEIGHT = 148, 44
 _GAP_X, _GAP_Y = 14, 40
-_MARGIN, _TITLE = 24, 46
+_TITLE = 50
 _TITLES: Final = {
     "onboard": "onboard: the daemon",
     "sitl": "sitl: the simulated vehicle",
@@ -90,29 +90,8 @@ def without_implied(imports: dict[str, set[str]]) -> dict[str, set[str]]:
     }
 
 
-def draw() -> str:
-    """Return the picture as SVG text, the same for the same code."""
-    panels, x = [], float(_MARGIN)
-    height = 0.0
-    for package in PACKAGES:
-        panel, width, panel_height = _panel(package, x)
-        panels += panel
-        x += width + _MARGIN
-        height = max(height, panel_height)
-    total = height + 2 * _MARGIN
-    lines = [
-        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {x:.0f} {total:.0f}" role="img">',
-        "<title>Rooms of Clearway and the direction of their imports</title>",
-        f"<style>{_STYLE}</style>",
-        _ARROW_HEAD,
-        *panels,
-        "</svg>",
-    ]
-    return "\n".join(lines) + "\n"
-
-
-def _panel(package: str, left: float) -> tuple[list[str], float, float]:
-    """Return a package's part of the picture, its width and its height."""
+def draw(package: str) -> str:
+    """Return a package's picture as SVG text, the same for the same code."""
     rows = layers(package)
     arrows = [
         (room, imported)
@@ -122,23 +101,25 @@ def _panel(package: str, left: float) -> tuple[list[str], float, float]:
     layout = place(rows, arrows, _BOX_WIDTH, _GAP_X)
     width = layout.width + 2 * _GAP_X
     height = _TITLE + len(rows) * (_BOX_HEIGHT + _GAP_Y)
-    panel = f'x="{left:.0f}" y="{_MARGIN}" width="{width:.0f}" height="{height}" rx="8"'
-    parts = [
-        f'<rect class="panel" {panel}/>',
-        _text("title", left + width / 2, _MARGIN + 28, _TITLES[package]),
+    lines = [
+        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {width:.0f} {height}" role="img">',
+        f"<title>Rooms of {package} and the direction of their imports</title>",
+        f"<style>{_STYLE}</style>",
+        _ARROW_HEAD,
+        f'<rect class="panel" width="{width:.0f}" height="{height}" rx="8"/>',
+        _text("title", width / 2, 28, _TITLES[package]),
     ]
-    parts += [
-        _arrow([(left + _GAP_X + x, _y(row)) for x, row in points])
-        for points in layout.arrows.values()
+    lines += [
+        _arrow([(_GAP_X + x, _y(row)) for x, row in points]) for points in layout.arrows.values()
     ]
     for row, rooms in enumerate(rows):
         for room in rooms:
-            parts += _drawn(package, room, left + _GAP_X + layout.x[room], _y(row))
-    return parts, width, height
+            lines += _drawn(package, room, _GAP_X + layout.x[room], _y(row))
+    return "\n".join([*lines, "</svg>"]) + "\n"
 
 
 def _y(row: int) -> float:
-    return _MARGIN + _TITLE + _BOX_HEIGHT / 2 + row * (_BOX_HEIGHT + _GAP_Y)
+    return _TITLE + _BOX_HEIGHT / 2 + row * (_BOX_HEIGHT + _GAP_Y)
 
 
 def _drawn(package: str, room: str, x: float, y: float) -> list[str]:
@@ -152,14 +133,10 @@ def _drawn(package: str, room: str, x: float, y: float) -> list[str]:
     if not path.is_dir():
         return [frame, _text("module", x, y + 5, f"{room}.py")]
     inner = sorted(each.parent.name for each in path.rglob("*/__init__.py") if each.parent != path)
-    beneath = (
-        ", ".join(f"{name}/" for name in inner) or f"{sum(1 for _ in path.glob('*.py'))} files"
-    )
-    return [
-        frame,
-        _text("room", x, y - 2, f"{room}/"),
-        _text("files", x, y + 14, beneath),
-    ]
+    if not inner:
+        return [frame, _text("room", x, y + 5, f"{room}/")]
+    beneath = ", ".join(f"{name}/" for name in inner)
+    return [frame, _text("room", x, y - 2, f"{room}/"), _text("inner", x, y + 14, beneath)]
 
 
 def _text(kind: str, x: float, y: float, content: str) -> str:

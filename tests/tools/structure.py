@@ -2,7 +2,7 @@
 
 Prints rooms with their files, arrows between rooms, the longest files and functions, the modules on
 a detection's way to a setpoint, and lines of tests per line of code.  ``--picture`` writes
-docs/rooms.svg anew.  tests/test_structure.py holds the limits.
+docs/rooms_*.svg anew.  tests/test_structure.py holds the limits.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ import grimp
 
 ROOT: Final = Path(__file__).parents[2]
 PACKAGES: Final = ("onboard", "sitl", "gcs_tools")
-PICTURE: Final = ROOT / "docs" / "rooms.svg"
+PICTURES: Final = {package: ROOT / "docs" / f"rooms_{package}.svg" for package in PACKAGES}
 
 ROOM_FILES_MAX: Final = 16
 FILE_LINES_MAX: Final = 400
@@ -107,15 +107,16 @@ def ratio_of_tests() -> float:
 
 
 def main() -> None:
-    """Print the measurements, or write the picture."""
+    """Print the measurements, or write the pictures."""
     parser = argparse.ArgumentParser(description=__doc__, prog="python -m tests.tools.structure")
     parser.add_argument(
-        "--picture", action="store_true", help="write docs/rooms.svg and nothing else"
+        "--picture", action="store_true", help="write docs/rooms_*.svg and nothing else"
     )
     if parser.parse_args().picture:
         from tests.tools.rooms_picture import draw  # noqa: PLC0415  it imports this module
 
-        PICTURE.write_text(draw(), encoding="utf-8")
+        for package, path in PICTURES.items():
+            path.write_text(draw(package), encoding="utf-8")
         return
     found = rooms()
     print(f"rooms: {len(found)}; files in each (at most {ROOM_FILES_MAX})")
