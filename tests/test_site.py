@@ -24,11 +24,10 @@ def hooks() -> ModuleType:
     return module
 
 
-@pytest.fixture(scope="module")
-def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    directory = tmp_path_factory.mktemp("site")
+def test_the_site_builds_without_a_warning(hooks: ModuleType, tmp_path: Path) -> None:
+    """One test for all that needs the site, so that parallel tests build it once."""
     done = subprocess.run(
-        [BIN / "mkdocs", "build", "--strict", "--site-dir", directory],
+        [BIN / "mkdocs", "build", "--strict", "--site-dir", tmp_path],
         cwd=ROOT,
         env={"NO_MKDOCS_2_WARNING": "1", "PATH": str(BIN)},
         capture_output=True,
@@ -36,10 +35,12 @@ def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
         check=False,
     )
     assert done.returncode == 0, done.stdout + done.stderr
-    return directory
+    check_every_page_is_there(tmp_path, hooks)
+    check_the_api_shows_what_is_public(tmp_path)
+    check_no_server_is_asked_for_anything(tmp_path)
 
 
-def test_the_site_has_every_page(site: Path, hooks: ModuleType) -> None:
+def check_every_page_is_there(site: Path, hooks: ModuleType) -> None:
     pages = {path.name for path in (ROOT / "docs").glob("*.md")}
     pages |= {*hooks.PAGES.values(), *hooks.api_pages()}
     for page in pages:
@@ -47,13 +48,13 @@ def test_the_site_has_every_page(site: Path, hooks: ModuleType) -> None:
         assert where.is_file(), page
 
 
-def test_the_api_pages_show_what_is_public(site: Path) -> None:
+def check_the_api_shows_what_is_public(site: Path) -> None:
     page = (site / "api" / "onboard.planning" / "index.html").read_text(encoding="utf-8")
     assert 'id="onboard.planning.planner.Planner.plan"' in page
     assert "_plan_to_brake" not in page
 
 
-def test_the_site_asks_no_server_for_anything(site: Path) -> None:
+def check_no_server_is_asked_for_anything(site: Path) -> None:
     loaded = re.compile(r'(?:src|href)="(https?://[^"]+)"[^>]*(?:rel="stylesheet"|></script>)')
     for path in site.rglob("*.html"):
         assert loaded.findall(path.read_text(encoding="utf-8")) == [], path

@@ -1,7 +1,7 @@
 """Draw the rooms and their imports as SVG; ``python -m tests.tools.structure --picture``.
 
-One picture for each package; its rows are the layers of import-linter's contracts in pyproject.toml:
-every arrow points down.  An arrow that follows from others (a -> c beside a -> b -> c) is left
+One picture for each package; its rows are the layers of the import contracts in pyproject.toml, so
+that every arrow points down.  An arrow that follows from others (a -> c beside a -> b -> c) is left
 out.
 """
 
