@@ -63,4 +63,4 @@ $(VENV)/.dev: pyproject.toml constraints.txt | $(VENV)/bin/python
 	touch $@ $(VENV)/.ground
 
 clean:
-	rm -rf $(VENV) build flights .pytest_cache .mypy_cache .ruff_cache .hypothesis
+	rm -rf $(VENV) build flights .pytest_cache .mypy_cache .ruff_cache .hypothesis .import_linter_cache
