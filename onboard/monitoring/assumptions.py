@@ -17,7 +17,8 @@ from onboard.contract.derivation import face_error_m
 from onboard.contract.region import SCALAR
 from onboard.contract.terms import Terms
 from onboard.events import Event, Severity
-from onboard.perception.obstacle_map import DetectionFrame, Obstacle
+from onboard.perception.detection import DetectionFrame
+from onboard.perception.obstacle_map import Obstacle
 
 
 @unique

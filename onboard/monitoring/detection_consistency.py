@@ -16,7 +16,8 @@ from dataclasses import dataclass, field
 from typing import Final, NamedTuple
 
 from onboard.monitoring.assumptions import Assumption, Violation
-from onboard.perception.obstacle_map import MAX_TRACKS, Corners
+from onboard.perception.detection import Corners
+from onboard.perception.obstacle_map import MAX_TRACKS
 
 # A contradiction that has not been seen for this long is over.
 SETTLED_AFTER_S: Final = 2.0

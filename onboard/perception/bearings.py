@@ -7,7 +7,8 @@ from collections.abc import Mapping
 from typing import Final, NamedTuple
 
 from onboard.geometry.frames import heading_displacement_m, wrap_angle
-from onboard.perception.obstacle_map import MAX_TRACKS, Corners
+from onboard.perception.detection import Corners
+from onboard.perception.obstacle_map import MAX_TRACKS
 from onboard.vehicle_state import Pose
 
 Point = tuple[float, float]

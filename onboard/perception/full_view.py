@@ -13,7 +13,7 @@ from typing import Final
 import numpy as np
 
 from onboard.geometry.frames import FloatArray
-from onboard.perception.obstacle_map import Corners
+from onboard.perception.detection import Corners
 from onboard.vehicle_state import Pose
 
 # The edge of a view, and of what another box hides, is known no better than this.

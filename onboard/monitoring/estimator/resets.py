@@ -74,19 +74,19 @@ class PoseMonitor:
     """Whether the position is recent, and continues the one before on all three axes.
 
     Args:
-        stale_after_s: older telemetry is ignored.
+        telemetry_timeout_s: older telemetry is ignored.
     """
 
-    def __init__(self, stale_after_s: float) -> None:
-        self._stale_after_s = stale_after_s
+    def __init__(self, telemetry_timeout_s: float) -> None:
+        self._telemetry_timeout_s = telemetry_timeout_s
         self._previous: Pose | None = None
 
     def check_age(self, pose: Pose | None, now_s: float) -> Violation | None:
         """Tell whether the position is too old."""
         age_s = now_s - pose.time_s if pose is not None else math.inf
-        if age_s <= self._stale_after_s:
+        if age_s <= self._telemetry_timeout_s:
             return None
-        return Violation(Assumption.TELEMETRY_AGE, age_s, self._stale_after_s, "s")
+        return Violation(Assumption.TELEMETRY_AGE, age_s, self._telemetry_timeout_s, "s")
 
     def check_jump(self, pose: Pose) -> EstimatorReset | None:
         """Tell whether the estimator moved the vehicle since the last pose, not its motors."""

@@ -14,15 +14,10 @@ from onboard.contract.region import Encounter, RegionOfInfluence
 from onboard.files.json_payload import MalformedPayloadError
 from onboard.geometry.box import Box
 from onboard.geometry.frames import LegFrame, wrap_angle
-from onboard.perception.obstacle_map import (
-    Corners,
-    Detection,
-    Obstacle,
-    ObstacleMap,
-    corners_ned,
-    parse_frame,
-)
+from onboard.perception.detection import Corners, Detection, corners_ned
+from onboard.perception.obstacle_map import Obstacle, ObstacleMap
 from onboard.perception.pose_history import PoseHistory
+from onboard.perception.sources.json_v1 import parse_frame
 from onboard.vehicle_state import Pose
 
 NORTH_LEG = LegFrame((0.0, 0.0, -4.0), 0.0)
@@ -346,7 +341,7 @@ def test_shifted_map_is_the_map_of_shifted_obstacles(
         moved_ned_m = (north_m + offset_ned_m[0], east_m + offset_ned_m[1])
         expected.add(str(index), square(moved_ned_m), 0.05)
     revision = shifted.revision
-    shifted.shift(*offset_ned_m)
+    shifted.shift(*offset_ned_m, 0.0)
     assert shifted.revision > revision
     for index in range(len(centres_ned_m)):
         one, other = shifted.of_track(str(index)), expected.of_track(str(index))

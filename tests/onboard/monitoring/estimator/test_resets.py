@@ -32,7 +32,7 @@ def pose(
 
 
 def test_telemetry_grows_stale() -> None:
-    monitor = PoseMonitor(stale_after_s=0.5)
+    monitor = PoseMonitor(telemetry_timeout_s=0.5)
     assert monitor.check_age(pose(1.0, STILL), 1.5) is None
     stale = monitor.check_age(pose(1.0, STILL), 1.51)
     assert stale is not None
