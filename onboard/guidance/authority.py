@@ -39,8 +39,8 @@ class ControlAuthority:
     Args:
         link: what the autopilot reports.
         navigator: flies while the service is in control.
-        supervisor: knows what speaks against departing.
-        authorization: knows whether the pre-flight check has passed.
+        supervisor: finds what speaks against departing.
+        authorization: says whether the pre-flight check has passed.
         emit: takes the events.
         fly_outside_contract: depart although the contract does not comply.
     """
@@ -178,7 +178,7 @@ class ControlAuthority:
         return self._navigator.setpoint(now_s) or self._standby_setpoint
 
     def follow_reset(self, pose: Pose) -> None:
-        """Hold the vehicle, in STANDBY, where a reset estimator says that it is."""
+        """Hover, in STANDBY, where the estimator says after a reset that the vehicle is."""
         self._standby_setpoint = hovering_at(pose)
 
     def _is_left_to_autopilot(self, now_s: float) -> bool:

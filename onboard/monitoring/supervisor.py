@@ -142,7 +142,7 @@ class MonitorSupervisor:
         Returns:
             Whether there was one.
         """
-        resets = self._resets.take_unanswered()
+        resets = self._resets.take_pending()
         for reset in resets:
             self._respond_to_reset(reset, now_s)
         return bool(resets)

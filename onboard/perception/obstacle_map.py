@@ -98,8 +98,8 @@ class ObstacleMap:
     """Obstacles seen so far, ordered along the current leg.
 
     Obstacles whose regions intersect are merged into one as long as it is no larger than a single
-    obstacle may be, until no two regions intersect or nothing more fits; what then still conflicts
-    is for the monitors.
+    obstacle may be, until no two regions intersect or nothing more fits; the monitors report what
+    still conflicts then.
 
     Args:
         leg: the leg frame.
@@ -140,7 +140,7 @@ class ObstacleMap:
     def rebuild(
         self, leg: LegFrame, region_around: RegionFactory, merged_size_max_m: float
     ) -> None:
-        """Express everything remembered anew: on another leg, or under other terms."""
+        """Express everything remembered on another leg, or under other terms."""
         tracks = self._tracks
         self._leg, self._region_around = leg, region_around
         self._merged_size_max_m = merged_size_max_m
@@ -178,7 +178,7 @@ class ObstacleMap:
         return shifted_corners(corners_ned_m, (-north_m, -east_m))
 
     def rejoin(self) -> None:
-        """Let places that contradict each other be one obstacle again: they may be merged."""
+        """Allow places that contradict each other to merge into one obstacle again."""
         if any(track.apart_from is not None for track in self._tracks.values()):
             self._tracks = {
                 track_id: replace(track, apart_from=None)

@@ -1,4 +1,4 @@
-"""How well the vehicle follows its reference, against the errors that the contract states."""
+"""Check how well the vehicle follows its reference against the contract's tracking errors."""
 
 from __future__ import annotations
 
