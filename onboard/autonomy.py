@@ -196,7 +196,7 @@ class Autonomy:
         setpoint = self.authority.setpoint(now_s)
         if setpoint is not None:
             self.link.send_setpoint(setpoint, now_s)
-            self.supervisor.sent.add(setpoint, now_s)
+            self.supervisor.response.sent.add(setpoint, now_s)
         self._collect_events()
 
     def _decide(self, now_s: float) -> None:
@@ -249,8 +249,8 @@ class Autonomy:
 
     def snapshot(self, now_s: float) -> dict[str, Any]:
         """Return the state of this tick as it is logged and published; JSON values only."""
-        pose, status, tracking = self.link.pose, self.link.status, self.supervisor.tracking_monitor
-        sign = self.supervisor.position_sign
+        pose, status = self.link.pose, self.link.status
+        tracking, sign = self.supervisor.response.tracking_monitor, self.supervisor.position_sign
         setpoint = self.navigator.setpoint(now_s)
         age_s = self.supervisor.detections.monitor.age_s(now_s)
         return {

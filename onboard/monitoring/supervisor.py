@@ -7,7 +7,6 @@ the one that the operator reads.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from typing import Final
 
 from onboard.events import Event
 from onboard.mavlink.endpoint import MavlinkEndpoint
@@ -17,12 +16,7 @@ from onboard.monitoring.estimator.heading import HeadingMonitor
 from onboard.monitoring.estimator.position_quality import PositionQualityMonitor, Sign
 from onboard.monitoring.estimator.resets import EstimatorReset, PoseMonitor, ResetLedger
 from onboard.monitoring.loop_overrun import LoopOverrunMonitor
-from onboard.monitoring.response.second_commander import PX4_GAIN_MAX_PER_S, SecondCommanderMonitor
-from onboard.monitoring.response.sent_setpoints import SentSetpoints
-from onboard.monitoring.response.tilt import TiltResponseMonitor
-from onboard.monitoring.response.tracking import TrackingMonitor
-from onboard.monitoring.response.trim import TrimEstimator
-from onboard.monitoring.response.wind import WindMonitor
+from onboard.monitoring.response.vehicle_response import VehicleResponse
 from onboard.monitoring.supervised_flight import SupervisedFlight
 from onboard.monitoring.violation_log import ViolationLog
 from onboard.perception.detection import DetectionFrame
@@ -30,12 +24,9 @@ from onboard.perception.intake import DetectionCounters
 from onboard.perception.pose_history import PoseHistory
 from onboard.vehicle_state import Pose
 
-# Another node's setpoint this recent means that two are commanding.
-SECOND_COMMANDER_MEMORY_S: Final = 0.5
-
 
 class MonitorSupervisor:
-    """Checks the contract's assumptions; each violation is said once, and responded to in flight.
+    """Checks the contract's assumptions, reports each violation once, and has the flight respond.
 
     Args:
         link: what the autopilot reports.
@@ -48,8 +39,7 @@ class MonitorSupervisor:
         position_sign: the sign that the position is not to be believed, of this tick; None without.
         wind_violation: more wind than the contract declares, of this tick; None without.
         detections: what every sensor saw, and when.
-        tracking_monitor: how well the vehicle follows its reference.
-        sent: the setpoints of late, kept up to date by what sends them.
+        response: how the vehicle responds to what is sent to it.
     """
 
     def __init__(
@@ -73,28 +63,24 @@ class MonitorSupervisor:
         self.position_sign: Sign | None = None
         self.wind_violation: Violation | None = None
         self._loop_monitor = LoopOverrunMonitor()
-        self.sent = SentSetpoints()
-        self._trim = TrimEstimator()
-        self._tilt_monitor = TiltResponseMonitor(self._trim)
-        self._wind_monitor = WindMonitor(self._trim)
-        self.tracking_monitor, self._heading_monitor = TrackingMonitor(), HeadingMonitor()
-        self._second_commander_monitor = SecondCommanderMonitor()
+        self.response = VehicleResponse(link)
+        self._heading_monitor = HeadingMonitor()
 
-    # ------------------------------------------------------------------ the flight's limits
+    # ------------------------------------------------------------------ departure and landing
 
     def begin_flight(self, now_s: float) -> None:
-        """Judge from here on: a flight departs, and relies on what vouches for its position now."""
+        """Start the checks of a flight, which relies on what confirms its position now."""
         self._log.begin_flight()
         self._resets.begin_flight()
         self.position_quality.depart(now_s)
         self.position_sign = None
-        self.tracking_monitor, self._heading_monitor = TrackingMonitor(), HeadingMonitor()
-        self._second_commander_monitor = SecondCommanderMonitor()
+        self.response.begin_flight()
+        self._heading_monitor = HeadingMonitor()
         # The estimator may have aligned its heading since: in the climb, magnetometers recover.
         self.detections.bearings.forget()
 
     def end_flight(self) -> None:
-        """Doubt the position no more until the next departure: the vehicle has landed."""
+        """Stop checking the position until the next departure: the vehicle has landed."""
         self.position_quality.forget_flight()
 
     # ------------------------------------------------------------------ what arrives
@@ -183,8 +169,9 @@ class MonitorSupervisor:
         """
         moved = pose is not self._checked_pose
         self._checked_pose = pose
-        tilt = self._check_tilt(pose) if moved else None
-        self.wind_violation = self._wind_monitor.check(now_s, self._flight.assessment.terms)
+        terms = self._flight.assessment.terms
+        tilt = self.response.check_tilt(pose, terms) if moved else None
+        self.wind_violation = self.response.check_wind(now_s, terms)
         if self._flight.flying:
             self._check_flight(pose, tilt, now_s, moved=moved)
         elif self._flight.in_control:
@@ -202,7 +189,7 @@ class MonitorSupervisor:
             None if sign is None else sign.violation(),
             self.detections.monitor.check(now_s, terms),
             self.telemetry_age_violation(pose, now_s),
-            self._second_commander(pose, now_s),
+            self.response.check_commander(pose, now_s),
             self.wind_violation,
             *heading,
             *self.environment_violations(now_s),
@@ -215,7 +202,7 @@ class MonitorSupervisor:
 
     def _check_hover(self, pose: Pose, tilt: Violation | None, now_s: float) -> None:
         """Report a second commander of a vehicle that hovers; there is no other response left."""
-        commanded = self._second_commander(pose, now_s)
+        commanded = self.response.check_commander(pose, now_s)
         if commanded is not None:
             self._log.report(commanded, now_s)
         self._check_tracking(pose, tilt, now_s)
@@ -261,56 +248,15 @@ class MonitorSupervisor:
         pointed_at_rad = flight.leg.heading_rad if flight.moving else None
         return [compass, drift, monitor.check_pointing(pose, pointed_at_rad)]
 
-    def _check_tilt(self, pose: Pose) -> Violation | None:
-        """Learn the trim, and check the tilt against what was asked for one attitude lag ago.
-
-        Asked for means sent: the reference of before may have been replaced since.  While the pilot
-        flies that is a hover, so the trim is learnt before the vehicle departs.
-        """
-        if self._link.status.airborne is not True:
-            self._trim.forget()
-            return None
-        terms = self._flight.assessment.terms
-        asked_ned_mps2 = self.sent.acceleration_ned_mps2(pose.time_s - terms.attitude_lag_s)
-        return self._tilt_monitor.check(pose, asked_ned_mps2[:2], terms)
-
     def _check_tracking(self, pose: Pose, tilt: Violation | None, now_s: float) -> None:
         """Respond to tracking errors, as far as the autopilot follows us.
 
         If it does not, the next heartbeat tells whom it follows: the pilot, and we are out, or a
         second commander.  Until then the deviation is only reported.
         """
-        for violation in (*self._tracking_violations(pose), *((tilt,) if tilt else ())):
-            if self._second_commander_monitor.suspects(now_s):
+        found = self.response.check_tracking(pose, self._flight)
+        for violation in found if tilt is None else [*found, tilt]:
+            if self.response.follows_another(now_s):
                 self._log.report_suspicion(violation, now_s)
             else:
                 self.report_and_respond(violation, now_s)
-
-    def _tracking_violations(self, pose: Pose) -> list[Violation]:
-        flight = self._flight
-        reference = flight.reference(pose.time_s)
-        if reference is None:
-            return []
-        x_m, y_m, z_m = flight.leg.position_leg(pose.position_ned_m)
-        vx_mps, vy_mps, _ = flight.leg.vector_leg(pose.velocity_ned_mps)
-        reference_x_m, reference_y_m, reference_z_m = reference.position_leg_m
-        return self.tracking_monitor.check(
-            (x_m - reference_x_m, y_m - reference_y_m, z_m - reference_z_m),
-            (vx_mps, vy_mps),
-            (reference.velocity_leg_mps[0], reference.velocity_leg_mps[1]),
-            flight.assessment.terms,
-            cruising=flight.cruising_freely,
-        )
-
-    def _second_commander(self, pose: Pose, now_s: float) -> Violation | None:
-        """Look for another node's setpoints, addressed to us to see or in the autopilot's echo."""
-        link = self._link
-        if now_s - link.rival_heard_s <= SECOND_COMMANDER_MEMORY_S:
-            return Violation(Assumption.SECOND_COMMANDER, 2.0, 1.0, "commanders", link.rival)
-        return self._second_commander_monitor.check(
-            link.target_heard_s,
-            link.target,
-            self.sent.newest_first(),
-            pose,
-            gain_max_per_s=0.0 if link.status.ardupilot else PX4_GAIN_MAX_PER_S,
-        )

@@ -17,8 +17,9 @@ from onboard.monitoring.estimator.position_quality import PositionQualityMonitor
 from onboard.monitoring.loop_overrun import TICK_OVERRUN_S
 from onboard.monitoring.response.tracking import CONFIRMATIONS
 from onboard.monitoring.response.trim import LEARNING_TIME_S
+from onboard.monitoring.response.vehicle_response import SECOND_COMMANDER_MEMORY_S
 from onboard.monitoring.response.wind import CONFIRMATION_S
-from onboard.monitoring.supervisor import SECOND_COMMANDER_MEMORY_S, MonitorSupervisor
+from onboard.monitoring.supervisor import MonitorSupervisor
 from onboard.perception.intake import DetectionCounters
 from onboard.perception.sources.json_v1 import parse_frame
 from onboard.vehicle_state import Pose, Setpoint
@@ -362,7 +363,7 @@ def test_a_vehicle_off_its_reference_is_responded_to_once_confirmed(bench: Bench
     assert bench.flight.answers == []
     bench.run(TICK_S, **off)
     assert bench.flight.answered == [Assumption.TRACKING_ERROR]
-    assert bench.supervisor.tracking_monitor.position_error_m == pytest.approx(1.0)
+    assert bench.supervisor.response.tracking_monitor.position_error_m == pytest.approx(1.0)
 
 
 def test_one_pose_is_not_counted_twice(bench: Bench) -> None:
@@ -429,7 +430,7 @@ def test_an_attitude_that_does_not_follow_is_responded_to(bench: Bench) -> None:
     for _ in range(60):
         bench.now_s += TICK_S
         asked = Setpoint((0.0, 0.0, -4.0), STILL, (2.5, 0.0, 0.0), 0.0)
-        bench.supervisor.sent.add(asked, bench.now_s)
+        bench.supervisor.response.sent.add(asked, bench.now_s)
         bench.see()
         bench.check()
     assert set(bench.flight.answered) == {Assumption.TILT_RESPONSE}
@@ -479,7 +480,7 @@ def test_a_vehicle_that_follows_another_target_is_suspected_not_blamed(bench: Be
     for _ in range(2 * CONFIRMATIONS):
         bench.now_s += TICK_S
         bench.see()
-        bench.supervisor.sent.add(ours, bench.now_s)
+        bench.supervisor.response.sent.add(ours, bench.now_s)
         bench.link.target = ((5.0, 5.0, -4.0), STILL)
         bench.link.target_heard_s = bench.now_s
         bench.check(pose_at(bench.now_s, (0.0, 1.0, -4.0)))
@@ -489,7 +490,7 @@ def test_a_vehicle_that_follows_another_target_is_suspected_not_blamed(bench: Be
 
 def test_after_a_departure_no_earlier_suspicion_is_left(bench: Bench) -> None:
     bench.link.target = ((5.0, 5.0, -4.0), STILL)
-    bench.supervisor.sent.add(Setpoint((0.0, 0.0, -4.0), STILL, STILL, 0.0), bench.now_s)
+    bench.supervisor.response.sent.add(Setpoint((0.0, 0.0, -4.0), STILL, STILL, 0.0), bench.now_s)
     bench.link.target_heard_s = bench.now_s
     bench.check()
     bench.supervisor.begin_flight(bench.now_s)
