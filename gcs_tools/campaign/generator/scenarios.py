@@ -21,7 +21,7 @@ from onboard.contract.assessment import Assessment, assess
 from onboard.files.models import Contract, Mission, SensorTerms, VehicleTerms
 from onboard.files.obstacle_field import Obstacle, ObstacleField
 from onboard.geometry.frames import LegFrame
-from onboard.perception.intake import POSE_TIMING_S
+from onboard.perception.placement import POSE_TIMING_S
 from sitl.virtual.faults.schedule import Fault, FaultKind
 
 Breach = Literal["larger", "closer", "range", "speed"]
