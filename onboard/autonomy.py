@@ -497,7 +497,7 @@ class Autonomy:
         """Report a violation once per flight, and answer it if we are the ones flying."""
         if self.navigator.flying:
             self._report(violation, now_s)
-            self.navigator.answer(violation, now_s, measured)
+            self.navigator.respond_to(violation, now_s, measured)
 
     def _report(self, violation: Violation, now_s: float) -> None:
         key = (violation.assumption, violation.subject)

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from onboard.contract.assessment import Assessment, assess, assess_terms
 from onboard.files.models import Contract
-from onboard.guidance.navigator import _envelope as envelope_of
+from onboard.guidance.envelope import envelope_of
 from onboard.monitoring.adaptation import (
     HEADROOM,
     SPEED_MIN_MPS,
