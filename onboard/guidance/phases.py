@@ -127,7 +127,7 @@ TRIGGERS: Final = MappingProxyType(
         _T.PRE_CONDITION: "at the region of an obstacle of interest, with a certified plan",
         _T.POST_CONDITION: "the avoidance has ended at the post-obstacle border",
         _T.MISSION_CHANGED: "the operator has sent another mission",
-        _T.LEG_FLOWN: "at rest at the end of a leg, or short of it for another mission; a leg follows",
+        _T.LEG_FLOWN: "at rest at the leg's end, or stopped for another mission; a leg follows",
         _T.MISSION_FLOWN: "the same, and no leg follows",
         _T.ASSUMPTION_FAILED: "an assumption of the contract failed, and no adapted contract helps",
     }
