@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from typing import Final
 
@@ -47,16 +48,19 @@ class CountingPlanner(Planner):
     Attributes:
         problems: in order.
         failing: find no plan.
+        exit_max_mps: find no plan with a higher exit speed.
     """
 
     def __init__(self) -> None:
         super().__init__()
         self.problems: list[AvoidanceProblem] = []
-        self.failing = False
+        self.failing, self.exit_max_mps = False, math.inf
 
     def plan(self, problem: AvoidanceProblem, current: Plan | None = None) -> Plan | NoPlan:
         self.problems.append(problem)
-        return NoPlan(("told to fail",)) if self.failing else super().plan(problem, current)
+        if self.failing or problem.exit_speed_mps > self.exit_max_mps:
+            return NoPlan(("told to fail",))
+        return super().plan(problem, current)
 
 
 class PerfectFlight:
