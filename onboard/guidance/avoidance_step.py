@@ -144,7 +144,7 @@ class AvoidanceStep:
         if avoidance is None:
             self._report_no_plan(obstacle, now_s)
             return
-        self._fly(avoidance)
+        self._fly(avoidance, now_s)
         text = f"avoiding {obstacle.id} ({avoidance.plan.kind})"
         self._situation.fire(Trigger.PRE_CONDITION, now_s, text=text)
 
@@ -184,10 +184,10 @@ class AvoidanceStep:
         other = Event(now_s, "pre_condition", Severity.ERROR, "; ".join(condition.failures))
         self._situation.emit(late.event(now_s) if late_m > allowed_m else other)
 
-    def _fly(self, avoidance: Avoidance) -> None:
+    def _fly(self, avoidance: Avoidance, now_s: float) -> None:
         situation = self._situation
         situation.avoidance = avoidance
-        situation.reference.schedule(avoidance.plan.trajectory)
+        situation.reference.schedule(avoidance.plan.trajectory, now_s)
         plan_time_s = self._planner.plan_times_s[-1]
         step = PlannedStep(avoidance.plan, avoidance.obstacle, situation.leg, plan_time_s)
         self._planned.append(step)
@@ -255,7 +255,7 @@ class AvoidanceStep:
         replanned = self._planner.plan(obstacle, start, start_s, avoidance.entry_speed_mps)
         if replanned is None:
             return False
-        self._fly(replanned)
+        self._fly(replanned, now_s)
         text = f"replanned around {obstacle.id} ({replanned.plan.kind})"
         self._situation.emit(Event(now_s, "replanned", Severity.NOTICE, text))
         return True
@@ -286,5 +286,5 @@ class AvoidanceStep:
         if self._clear_check.is_clear(longer.from_time(now_s), [certified]):
             plan = replace(plan, trajectory=longer)
             self._situation.avoidance = replace(avoidance, plan=plan)
-            self._situation.reference.schedule(longer)
+            self._situation.reference.schedule(longer, now_s)
             self._planned.append(PlannedStep(plan, obstacle, self._situation.leg, 0.0))

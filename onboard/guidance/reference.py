@@ -28,8 +28,9 @@ class Reference:
         """Fly a trajectory from now on, and drop the one that was to take over."""
         self.current, self.upcoming = trajectory, None
 
-    def schedule(self, trajectory: Trajectory) -> None:
-        """Have a trajectory take over at its own start."""
+    def schedule(self, trajectory: Trajectory, now_s: float) -> None:
+        """Have a trajectory take over at its own start; until then what is flown now goes on."""
+        self.hand_over(now_s)
         self.upcoming = trajectory
 
     def hand_over(self, now_s: float) -> None:

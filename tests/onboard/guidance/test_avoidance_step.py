@@ -13,7 +13,7 @@ from onboard.monitoring.assumptions import Assumption, Violation
 from onboard.motion.trajectory import State
 from onboard.perception.obstacle_map import Obstacle
 from onboard.planning.certifier import certify_clear
-from tests.onboard.guidance.perfect_flight import DEFECT, PerfectFlight, mission_to
+from tests.onboard.guidance.perfect_flight import DEFECT, PerfectFlight, mission_to, pose_at
 
 RESET = Violation(Assumption.ESTIMATOR_RESET, 0.5, 0.4, "m")
 
@@ -212,6 +212,20 @@ def test_growth_into_the_plan_is_planned_around(near: PerfectFlight) -> None:
     assert step.plan is after.plan
     near.run_until(FlightState.ARRIVED)
     assert near.texts("violation") == []
+
+
+def test_a_plan_replaced_as_soon_as_it_has_taken_over_is_flown_until_then(
+    near: PerfectFlight,
+) -> None:
+    near.navigator.release_control(near.now_s)
+    near.pose = pose_at(0.0)
+    near.cruise_at_full_speed()
+    near.run_until(FlightState.AVOIDING)
+    near.now_s += TICK_S
+    before = near.reference
+    measured_again(near, 0.3)
+    assert near.texts("replanned") != []
+    assert near.reference == before
 
 
 def test_growth_within_the_error_keeps_the_plan(near: PerfectFlight) -> None:

@@ -40,7 +40,7 @@ def test_nothing_is_flown_at_first() -> None:
 def test_the_upcoming_trajectory_takes_over_at_its_own_start(time_s: float) -> None:
     reference = Reference()
     reference.fly(moving(0.0, 0.0, 1.0))
-    reference.schedule(moving(1.5, 100.0, 2.0))
+    reference.schedule(moving(1.5, 100.0, 2.0), 0.0)
     expected_m = time_s if time_s < 1.5 else 100.0 + 2.0 * (time_s - 1.5)
     assert x_of(reference, time_s) == pytest.approx(expected_m)
 
@@ -49,7 +49,7 @@ def test_the_upcoming_trajectory_takes_over_at_its_own_start(time_s: float) -> N
 def test_handing_over_changes_nothing_from_then_on(now_s: float, later_s: float) -> None:
     reference = Reference()
     reference.fly(moving(0.0, 0.0, 1.0))
-    reference.schedule(moving(1.5, 100.0, 2.0))
+    reference.schedule(moving(1.5, 100.0, 2.0), 0.0)
     before_m = x_of(reference, now_s + later_s)
     reference.hand_over(now_s)
     assert (reference.upcoming is None) is (now_s >= 1.5)
@@ -59,7 +59,7 @@ def test_handing_over_changes_nothing_from_then_on(now_s: float, later_s: float)
 def test_handing_over_waits_for_the_start() -> None:
     reference, first, second = Reference(), moving(0.0, 0.0, 1.0), moving(1.5, 5.0, 2.0)
     reference.fly(first)
-    reference.schedule(second)
+    reference.schedule(second, 0.0)
     reference.hand_over(1.4999)
     assert (reference.current, reference.upcoming) == (first, second)
     reference.hand_over(1.5)
@@ -69,7 +69,7 @@ def test_handing_over_waits_for_the_start() -> None:
 def test_another_trajectory_at_once_drops_what_was_to_take_over() -> None:
     reference, stop = Reference(), moving(1.0, 3.0, 0.0)
     reference.fly(moving(0.0, 0.0, 1.0))
-    reference.schedule(moving(1.5, 100.0, 2.0))
+    reference.schedule(moving(1.5, 100.0, 2.0), 0.0)
     reference.fly(stop)
     assert reference.upcoming is None
     assert x_of(reference, 3.0) == 3.0
@@ -78,15 +78,24 @@ def test_another_trajectory_at_once_drops_what_was_to_take_over() -> None:
 def test_what_was_to_take_over_can_be_replaced() -> None:
     reference = Reference()
     reference.fly(moving(0.0, 0.0, 1.0))
-    reference.schedule(moving(1.5, 100.0, 2.0))
-    reference.schedule(moving(1.0, 50.0, 2.0))
+    reference.schedule(moving(1.5, 100.0, 2.0), 0.0)
+    reference.schedule(moving(1.0, 50.0, 2.0), 0.0)
     assert x_of(reference, 2.0) == pytest.approx(52.0)
+
+
+def test_what_has_taken_over_is_flown_until_the_next_one_does() -> None:
+    reference = Reference()
+    reference.fly(moving(0.0, 0.0, 1.0))
+    reference.schedule(moving(1.0, 50.0, 2.0), 0.9)
+    reference.schedule(moving(1.1, 90.0, 2.0), 1.05)
+    assert x_of(reference, 1.05) == pytest.approx(50.1)
+    assert x_of(reference, 1.1) == pytest.approx(90.0)
 
 
 def test_clearing_leaves_nothing() -> None:
     reference = Reference()
     reference.fly(moving(0.0, 0.0, 1.0))
-    reference.schedule(moving(1.5, 100.0, 2.0))
+    reference.schedule(moving(1.5, 100.0, 2.0), 0.0)
     reference.clear()
     assert reference.sample(2.0) is None
 
@@ -95,7 +104,7 @@ def test_clearing_leaves_nothing() -> None:
 def test_a_shift_moves_both(x_m: float, y_m: float, z_m: float) -> None:
     reference = Reference()
     reference.fly(moving(0.0, 0.0, 1.0))
-    reference.schedule(moving(1.5, 100.0, 2.0))
+    reference.schedule(moving(1.5, 100.0, 2.0), 0.0)
     before = [reference.sample(time_s) for time_s in (1.0, 2.0)]
     reference.shift((x_m, y_m, z_m))
     for time_s, state in zip((1.0, 2.0), before, strict=True):
