@@ -1,9 +1,12 @@
 """The dispatcher: which part acts in which state, and whole flights without a service."""
 
 import inspect
+import math
 
 import pytest
 
+from onboard.autonomy import Autonomy
+from onboard.contract.assessment import TICK_S
 from onboard.files.models import Contract
 from onboard.guidance import navigator as module
 from onboard.guidance.avoidance_step import AvoidanceStep
@@ -11,10 +14,11 @@ from onboard.guidance.cruise import Cruise
 from onboard.guidance.fallback import Fallback
 from onboard.guidance.leg_progress import LegProgress
 from onboard.guidance.navigator import Navigator
-from onboard.guidance.phases import TRANSITIONS, FlightState, Phase
+from onboard.guidance.phases import TRANSITIONS, FlightState, Phase, Trigger
 from onboard.guidance.situation import Situation
 from onboard.monitoring.assumptions import Assumption, Violation
 from tests.onboard.guidance.perfect_flight import DEFECT, PerfectFlight, mission_to, pose_at
+from tests.onboard.test_autonomy import EPOCH_UNIX_S, OFFBOARD, Rig
 
 RESET = Violation(Assumption.ESTIMATOR_RESET, 0.5, 0.4, "m")
 
@@ -188,3 +192,45 @@ def test_events_and_obstacles_are_those_of_the_situation(flight: PerfectFlight) 
     assert navigator.obstacles is situation.obstacles
     assert navigator.assessment is situation.assessment
     assert navigator.leg is situation.route.frame
+
+
+# ---------------------------------------------------------------------------- defects in flight
+
+
+@pytest.fixture
+def rig(contract: Contract) -> Rig:
+    """A service in cruise."""
+    autonomy = Autonomy(contract, mission_to((60.0, 0.0)), epoch_unix_s=EPOCH_UNIX_S)
+    rig = Rig(autonomy, mode=OFFBOARD)
+    rig.run(6.0)
+    assert autonomy.navigator.state is FlightState.CRUISING
+    return rig
+
+
+ILLEGAL = [t for t in Trigger if (FlightState.CRUISING, t) not in TRANSITIONS]
+
+
+@pytest.mark.parametrize("trigger", ILLEGAL)
+def test_an_illegal_transition_in_flight_ends_in_a_hold(
+    rig: Rig, monkeypatch: pytest.MonkeyPatch, trigger: Trigger
+) -> None:
+    navigator = rig.autonomy.navigator
+    monkeypatch.setattr(
+        navigator, "advance", lambda _, now_s: navigator.situation.fire(trigger, now_s)
+    )
+    sent = len(rig.setpoints)
+    rig.run(3.0)
+    assert navigator.state is FlightState.HOLDING
+    # The stream goes on, tick by tick, to a hover.
+    assert len(rig.setpoints) - sent == round(3.0 / TICK_S)
+    assert math.hypot(*rig.velocity_ned_mps) < 0.01
+    assert rig.texts("violation") == ["self_check: 1.00, limit 0.00 exceptions"]
+
+
+def test_a_defect_of_any_part_ends_in_a_hold(rig: Rig, monkeypatch: pytest.MonkeyPatch) -> None:
+    def defect(*_: object) -> None:
+        raise ZeroDivisionError
+
+    monkeypatch.setattr(Cruise, "advance", defect)
+    rig.tick()
+    assert rig.autonomy.navigator.state is FlightState.HOLDING
