@@ -74,7 +74,7 @@ def departure_refusals(situation: Situation, pose: Pose) -> list[Refusal]:
 
 
 def _checks(situation: Situation, pose: Pose) -> Iterator[tuple[RefusalKind, bool, str]]:
-    """Yield what a start asks of a pose: its kind, whether it holds, and what if it does not."""
+    """Yield each check of a pose: its kind, whether it passes, and the refusal if it does not."""
     x_m, y_m, z_m = situation.leg.position_leg(pose.position_ned_m)
     limit_m = START_TOLERANCE_M
     text = f"{-x_m:.1f} m before the start of the leg (limit {limit_m:g} m)"

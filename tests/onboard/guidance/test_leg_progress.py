@@ -152,7 +152,7 @@ def test_the_pilot_takes_over_at_any_time(flight: PerfectFlight, seconds: float)
     assert flight.texts("phase")[-1] == "standby (control taken)"
 
 
-def test_giving_back_what_was_not_taken_is_no_event(flight: PerfectFlight) -> None:
+def test_giving_back_what_was_not_taken_reports_nothing(flight: PerfectFlight) -> None:
     flight.navigator.release_control(0.0)
     assert flight.state is FlightState.STANDBY
     assert flight.navigator.events == []
@@ -270,7 +270,7 @@ def test_the_last_of_several_missions_counts(cruising: PerfectFlight) -> None:
     assert cruising.pose.position_ned_m == pytest.approx((10.0, 30.0, -4.0), abs=0.05)
 
 
-def test_stopping_beside_the_target_is_no_failure(contract: Contract) -> None:
+def test_stopping_beside_the_target_does_not_fail(contract: Contract) -> None:
     flight = PerfectFlight(contract, mission_to((60.0, 0.0), half_width_m=0.5))
     flight.cruise_at_full_speed()
     flight.navigator.change_mission(OTHER, flight.now_s)

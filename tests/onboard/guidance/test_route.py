@@ -155,7 +155,7 @@ def test_a_hold_is_not_left_for_another_mission(cruising: Rig) -> None:
         b'{"altitude_m": 4.0, "legs": [{"end_ned_m": [1.0, 2.0]}], "wind": 1}',
     ],
 )
-def test_what_is_no_mission_is_counted_and_changes_nothing(cruising: Rig, payload: bytes) -> None:
+def test_a_malformed_mission_is_counted_and_changes_nothing(cruising: Rig, payload: bytes) -> None:
     cruising.autonomy.receive_mission(payload, cruising.now_s)
     cruising.run(0.1)
     dropped = cruising.autonomy.snapshot(cruising.now_s)["dropped"]
