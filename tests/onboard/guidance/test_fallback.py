@@ -87,6 +87,32 @@ def test_where_braking_is_blocked_it_finishes_the_avoidance(
     assert way.sample(end_s).position_leg_m[0] == pytest.approx(border_m, abs=1e-5)
 
 
+@pytest.mark.parametrize("blocked", ["the plan", "the stop after it"])
+def test_finishing_the_avoidance_needs_both_the_plan_and_the_stop_after_it(
+    avoiding: PerfectFlight, monkeypatch: pytest.MonkeyPatch, blocked: str
+) -> None:
+    avoidance = avoiding.situation.avoidance
+    assert avoidance is not None
+    end_s = avoidance.plan.trajectory.end_s
+    # The plan ends there, and the stop after it begins there; braking at once does neither.
+    plan_clear = blocked != "the plan"
+    monkeypatch.setattr(
+        ClearCheck,
+        "is_clear",
+        lambda _, way: (way.end_s if plan_clear else way.start_s) == end_s,
+    )
+    avoiding.navigator.hold(DEFECT, avoiding.now_s)
+    assert avoiding.texts("phase")[-1].endswith(UNCERTIFIED)
+
+
+def test_at_the_end_of_the_plan_there_is_nothing_left_to_finish(avoiding: PerfectFlight) -> None:
+    avoidance = avoiding.situation.avoidance
+    assert avoidance is not None
+    avoiding.navigator.hold(DEFECT, avoidance.plan.trajectory.end_s)
+    assert avoiding.state is FlightState.HOLDING
+    assert "finishing" not in avoiding.texts("phase")[-1]
+
+
 @pytest.mark.parametrize("seconds", [0.0, 1.5])
 def test_where_nothing_certifies_it_says_so(
     avoiding: PerfectFlight, monkeypatch: pytest.MonkeyPatch, seconds: float
@@ -140,7 +166,9 @@ def test_an_obstacle_off_the_braking_path_changes_nothing(cruising: PerfectFligh
 
 def test_at_rest_nothing_is_left_to_block(cruising: PerfectFlight) -> None:
     flight = holding(cruising)
-    flight.run(10.0)
+    braking = flight.situation.reference.current
+    assert braking is not None
+    flight.now_s = braking.end_s
     flight.see(flight.reference.position_leg_m[0] + 0.5, 0.0)
     assert flight.texts("hold_replanned") == []
 
