@@ -112,7 +112,8 @@ def test_a_leg_that_ends_inside_a_region_is_not_flown_to_its_end(cruising: Perfe
     obstacle = cruising.see(60.0, 0.0)
     cruising.run_until(FlightState.HOLDING)
     (text,) = cruising.texts("violation")
-    assert text.startswith("leg_end_clear (front/1): ")
+    short_m = obstacle.region.x_pob_m - 60.0
+    assert text == f"leg_end_clear (front/1): {short_m:.2f}, limit 0.00 m"
     cruising.run(4.0)
     assert cruising.reference.position_leg_m[0] < obstacle.region.obstacle.x_min_m
     assert cruising.planner.problems == []
@@ -137,6 +138,27 @@ def test_it_drifts_back_to_the_leg_line_and_cruises_on(recentring: PerfectFlight
     ]
     assert abs(recentring.reference.position_leg_m[1]) < 0.05
     assert recentring.texts("phase") == ["cruise (control granted)", "arrived (mission flown)"]
+
+
+def test_the_drift_has_ended_before_the_vehicle_slows_down() -> None:
+    """Else it would be faster sideways, for its speed along the leg, than the view allows for."""
+    contract = load_contract(CONFIG / "recentring_contract.yaml")
+    flight = PerfectFlight(contract, mission_to((60.0, 0.0), half_width_m=20.0))
+    flight.pose = flight.pose._replace(position_ned_m=(0.0, -12.0, -4.0))
+    flight.depart()
+    corridor = flight.navigator.assessment.corridor
+    assert corridor is not None
+    flight.run_until(FlightState.RECENTRING)
+    drifts_mps = {True: 0.0, False: 0.0}
+    while flight.state is not FlightState.ARRIVED:
+        flight.tick()
+        along_mps, lateral_mps, _ = flight.reference.velocity_leg_mps
+        fast = along_mps >= corridor.speed_min_mps - 1e-6
+        drifts_mps[fast] = max(drifts_mps[fast], abs(lateral_mps))
+        assert flight.now_s < 60.0
+    assert abs(flight.reference.position_leg_m[1]) > 1.0, "the leg line was reached"
+    assert drifts_mps[True] == pytest.approx(0.40)
+    assert drifts_mps[False] == pytest.approx(0.0, abs=1e-9)
 
 
 def test_while_it_drifts_it_counts_as_cruising_freely(recentring: PerfectFlight) -> None:
