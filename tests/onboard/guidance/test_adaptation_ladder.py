@@ -2,8 +2,10 @@
 
 import pytest
 
+from onboard.contract.assessment import assess
 from onboard.files.models import Contract
 from onboard.guidance.phases import FlightState
+from onboard.monitoring.adaptation import adapt
 from onboard.monitoring.assumptions import Assumption, Violation
 from tests.onboard.guidance.perfect_flight import DEFECT, PerfectFlight, mission_to, pose_at
 
@@ -120,6 +122,27 @@ def test_a_region_that_begins_before_it_is_slow_enough_ends_in_a_hold(
     known = cruising.navigator.obstacles.of_track("front/1")
     assert known is not None
     assert known.region == obstacle.region
+
+
+def test_an_unseen_region_that_may_begin_before_it_is_slow_enough_ends_in_a_hold(
+    contract: Contract,
+) -> None:
+    """Where the range is just enough, the slower contract needs all of it."""
+    sensors = (
+        contract.sensor.model_copy(update={"detection_range_m": tenths_m / 10.0})
+        for tenths_m in range(40, 120)
+    )
+    contracts = (contract.model_copy(update={"sensor": sensor}) for sensor in sensors)
+    short = next(each for each in contracts if assess(each, mission_altitude_m=4.0).compliant)
+    flight = PerfectFlight(short, mission_to((60.0, 0.0)))
+    flight.cruise_at_full_speed()
+    late = Violation(Assumption.REACTION_TIME, 0.20, 0.15, "s")
+    adaptation = adapt(flight.navigator.assessment, late)
+    assert adaptation is not None
+    assert adaptation.slower
+    respond(flight, late)
+    assert flight.state is FlightState.HOLDING
+    assert flight.texts("adapted") == []
 
 
 def test_in_an_avoidance_it_does_not_slow_down(avoiding: PerfectFlight) -> None:

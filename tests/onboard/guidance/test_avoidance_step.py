@@ -168,6 +168,13 @@ def test_the_step_ends_past_the_border_and_the_cruise_goes_on(avoiding: PerfectF
     assert "cruise (post-condition)" in avoiding.texts("phase")
 
 
+@pytest.mark.parametrize(("late_s", "ended"), [(-1e-6, False), (0.0, True)])
+def test_the_step_ends_with_its_plan(avoiding: PerfectFlight, late_s: float, ended: bool) -> None:
+    end_s = avoidance_of(avoiding).plan.trajectory.end_s
+    avoiding.navigator.advance(avoiding.pose, end_s + late_s)
+    assert (avoiding.state is FlightState.CRUISING) is ended
+
+
 def test_a_broken_post_condition_is_reported_as_a_defect(avoiding: PerfectFlight) -> None:
     avoidance = avoidance_of(avoiding)
     avoiding.situation.avoidance = replace(avoidance, exit_speed_mps=1.0)

@@ -171,15 +171,36 @@ def test_while_it_drifts_it_counts_as_cruising_freely(recentring: PerfectFlight)
 
 
 def test_an_obstacle_in_the_corridor_ends_the_drift(recentring: PerfectFlight) -> None:
+    corridor = recentring.navigator.assessment.corridor
+    assert corridor is not None
     recentring.run_until(FlightState.RECENTRING)
     recentring.run(0.5)
     x_m, y_m, _ = recentring.reference.position_leg_m
     recentring.see(x_m + 8.0, y_m + 3.5, size_m=(0.5, 0.5))
     recentring.tick()
-    assert recentring.state is FlightState.CRUISING
+    assert recentring.state.value == "cruising"
+    blocked_x_m = recentring.reference.position_leg_m[0]
     recentring.run(2.0)
     assert recentring.reference.velocity_leg_mps[1] == pytest.approx(0.0, abs=1e-9)
-    assert recentring.state is FlightState.CRUISING
+    # The next one begins once it has flown straight on from there, past the obstacle.
+    recentring.run_until(FlightState.RECENTRING)
+    assert recentring.reference.position_leg_m[0] >= blocked_x_m + corridor.reach_m
+
+
+@pytest.mark.parametrize(("ahead_m", "ends"), [(-0.5, True), (0.5, False)])
+def test_the_corridor_reaches_as_far_ahead_as_it_says(
+    recentring: PerfectFlight, ahead_m: float, ends: bool
+) -> None:
+    corridor = recentring.navigator.assessment.corridor
+    assert corridor is not None
+    recentring.run_until(FlightState.RECENTRING)
+    x_m, y_m, _ = recentring.reference.position_leg_m
+    probe = recentring.see(140.0, 0.0, size_m=(0.5, 0.5), name="probe")
+    front_m = 140.0 - probe.region.extent.x_min_m
+    beside_m = y_m + corridor.side_m / 2.0
+    recentring.see(x_m + corridor.reach_m + front_m + ahead_m, beside_m, size_m=(0.5, 0.5))
+    recentring.tick()
+    assert (recentring.state is FlightState.CRUISING) is ends
 
 
 def test_on_its_line_it_does_not_drift() -> None:
