@@ -9,7 +9,7 @@ import pytest
 import zenoh
 
 from onboard.files.zenoh_endpoints import ZenohEndpoints
-from onboard.perception.obstacle_map import parse_frame
+from onboard.perception.sources.json_v1 import parse_frame
 from onboard.zenoh_session import open_session
 from tests.onboard.test_daemon import free_port
 

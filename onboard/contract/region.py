@@ -320,16 +320,16 @@ class RegionOfInfluence:
         return self.extent.x_max_m
 
     @property
-    def way_m(self) -> tuple[float, float]:
-        """Between which y a vehicle that flies along x would meet the obstacle."""
+    def conflict_band_y_m(self) -> tuple[float, float]:
+        """The y between which a vehicle that flies along x would meet the obstacle."""
         return (
             self.obstacle.y_min_m - self.drift_left_m,
             self.obstacle.y_max_m + self.drift_right_m,
         )
 
-    def lies_ahead(self, x_m: float, y_m: float) -> bool:
+    def on_collision_course(self, x_m: float, y_m: float) -> bool:
         """Tell whether the vehicle at (x, y), flying along x, would meet the obstacle."""
-        left_m, right_m = self.way_m
+        left_m, right_m = self.conflict_band_y_m
         return left_m <= y_m <= right_m and x_m <= self.obstacle.x_max_m
 
 

@@ -58,7 +58,7 @@ class SupervisedFlight(Protocol):
         """Return the obstacles whose properties matter now."""
         ...
 
-    def answer(self, violation: Violation, now_s: float, measured: Pose | None = None) -> None:
+    def respond_to(self, violation: Violation, now_s: float, measured: Pose | None = None) -> None:
         """Adapt the contract to a failed assumption, or brake to hover.
 
         Args:

@@ -219,7 +219,7 @@ class MonitorSupervisor:
         """
         if self._flight.flying:
             self._log.report(violation, now_s)
-            self._flight.answer(violation, now_s, measured)
+            self._flight.respond_to(violation, now_s, measured)
 
     # ------------------------------------------------------------------ single checks
 

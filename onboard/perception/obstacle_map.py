@@ -280,7 +280,7 @@ class ObstacleMap:
         ahead = (
             obstacle
             for obstacle in self._reaching(in_the_way, x_m, x_m + horizon_m)
-            if obstacle.region.lies_ahead(x_m, y_m)
+            if obstacle.region.on_collision_course(x_m, y_m)
         )
         return min(ahead, key=lambda obstacle: obstacle.region.keep_out.x_min_m, default=None)
 
@@ -346,7 +346,7 @@ class ObstacleMap:
     def _orders_of(self, obstacle: Obstacle) -> Iterator[list[tuple[float, str]]]:
         """Every sorted list that an obstacle stands in."""
         yield self._order
-        left_m, right_m = obstacle.region.way_m
+        left_m, right_m = obstacle.region.conflict_band_y_m
         for strip in range(math.floor(left_m), math.floor(right_m) + 1):
             yield self._strips[strip]
 

@@ -19,7 +19,7 @@ from onboard.contract.region import RegionOfInfluence, boundary_depth_at
 from onboard.geometry.box import Box
 from onboard.geometry.frames import FloatArray, LegFrame
 from onboard.guidance.authority import AUTOPILOT_SILENCE_S
-from onboard.guidance.navigator import PlannedStep
+from onboard.guidance.avoidance_step import PlannedStep
 from onboard.motion.trajectory import Trajectory
 from onboard.perception.obstacle_map import Obstacle
 from onboard.recording.foxglove_scene import Scene

@@ -671,7 +671,7 @@ def test_cruise_that_does_not_certify_is_not_flown(
     def too_fast(state: State, start_s: float, envelope: Envelope, *_: object, **__: object) -> Any:
         return cruise(state, start_s, envelope, 4.0)
 
-    monkeypatch.setattr("onboard.guidance.navigator.stop_at", too_fast)
+    monkeypatch.setattr("onboard.guidance.cruise.stop_at", too_fast)
     rig.mode = OFFBOARD
     rig.run(6.0)
     assert rig.phase is Phase.HOLD
@@ -734,7 +734,7 @@ def test_obstacle_that_appears_in_the_way_to_hover_is_answered(cruising: Rig) ->
     assert cruising.phase is Phase.HOLD
     cruising.obstacles = [box((cruising.position_ned_m[0] + 1.5, 0.0), side_m=0.5)]
     cruising.run(0.2)
-    assert "in the way to hover" in cruising.texts("hold_replanned")[0]
+    assert "blocks the braking path" in cruising.texts("hold_replanned")[0]
 
 
 def test_operator_is_told_once_even_if_nobody_fetches_the_events(cruising: Rig) -> None:

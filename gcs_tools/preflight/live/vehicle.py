@@ -19,7 +19,7 @@ from gcs_tools.vehicle.query import TRIES, WAIT_S
 from gcs_tools.vehicle.survey import COUNTED, LISTEN_S, VehicleFacts
 from onboard.contract.assessment import Assessment
 from onboard.files.models import Mission
-from onboard.guidance.navigator import START_TOLERANCE_M
+from onboard.guidance.departure import START_TOLERANCE_M
 from onboard.monitoring.detections import CLOCK_TOLERANCE_S
 
 RATE_MIN_HZ = 5.0

@@ -620,17 +620,17 @@ def test_the_region_lies_around_its_obstacle() -> None:
     assert (region.drift_left_m, region.drift_right_m) == (size.drift_left_m, size.drift_right_m)
 
 
-def test_what_lies_ahead() -> None:
+def test_what_is_on_a_collision_course() -> None:
     limits = AccelerationLimits(2.0, 4.0, 1.0, 3.0)
     e = replace(Encounter.ideal(limits, 2.0, (1.0, 8.0)), lateral_speed_mps=0.6)
     region = RegionOfInfluence.around(Box(10.0, 11.0, -3.0, 5.0), e)
     # A drift of 0.6 m/s towards the face needs 18 cm on the left and 6 cm on the right to end.
-    assert region.lies_ahead(0.0, -3.179)
-    assert not region.lies_ahead(0.0, -3.181)
-    assert region.lies_ahead(0.0, 5.059)
-    assert not region.lies_ahead(0.0, 5.061)
-    assert region.lies_ahead(11.0, 0.0)
-    assert not region.lies_ahead(11.001, 0.0)
+    assert region.on_collision_course(0.0, -3.179)
+    assert not region.on_collision_course(0.0, -3.181)
+    assert region.on_collision_course(0.0, 5.059)
+    assert not region.on_collision_course(0.0, 5.061)
+    assert region.on_collision_course(11.0, 0.0)
+    assert not region.on_collision_course(11.001, 0.0)
 
 
 # --- boxes

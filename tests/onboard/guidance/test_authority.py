@@ -20,7 +20,7 @@ from onboard.guidance.authority import (
 )
 from onboard.guidance.departure import Refusal, RefusalKind
 from onboard.guidance.navigator import Navigator
-from onboard.guidance.phases import TRANSITIONS, Phase, Trigger, next_phase
+from onboard.guidance.phases import TRANSITIONS, FlightState, Phase, Trigger, next_state
 from onboard.mavlink.endpoint import MavlinkEndpoint
 from onboard.monitoring.assumptions import Assumption, Violation
 from onboard.monitoring.estimator.position_quality import DEAD_RECKONING_S, Sign, Worth
@@ -37,6 +37,16 @@ CONTRACT = load_contract(CONTRACTS / "precise_vehicle.yaml")
 
 def pose_at(now_s: float, north_m: float = 0.0) -> Pose:
     return Pose(now_s, (north_m, 0.0, -4.0), STILL, 0.0, 0.0, 0.25)
+
+
+# One state of the automaton for each published phase.
+STATE_OF = {
+    Phase.STANDBY: FlightState.STANDBY,
+    Phase.CRUISE: FlightState.CRUISING,
+    Phase.AVOID: FlightState.AVOIDING,
+    Phase.ARRIVED: FlightState.ARRIVED,
+    Phase.HOLD: FlightState.HOLDING,
+}
 
 
 class FakeNavigator:
@@ -57,10 +67,10 @@ class FakeNavigator:
         return self.refusals
 
     def take_control(self, pose: Pose, now_s: float) -> None:  # noqa: ARG002
-        self.phase = next_phase(self.phase, Trigger.CONTROL_GRANTED)
+        self.phase = next_state(STATE_OF[self.phase], Trigger.CONTROL_GRANTED).phase
 
     def release_control(self, now_s: float) -> None:  # noqa: ARG002
-        self.phase = next_phase(self.phase, Trigger.CONTROL_TAKEN)
+        self.phase = next_state(STATE_OF[self.phase], Trigger.CONTROL_TAKEN).phase
 
     def setpoint(self, now_s: float) -> Setpoint | None:  # noqa: ARG002
         return None if self.phase is Phase.STANDBY else self.planned
@@ -518,15 +528,15 @@ def test_dead_reckoning_is_good_for_a_stop_and_no_longer(
 
 @pytest.mark.parametrize(
     "pair",
-    [(phase, trigger) for phase in Phase for trigger in Trigger if "control" in trigger],
+    [(state, trigger) for state in FlightState for trigger in Trigger if "control" in trigger],
     ids=str,
 )
 def test_control_is_granted_in_standby_and_taken_elsewhere_only(
-    pair: tuple[Phase, Trigger],
+    pair: tuple[FlightState, Trigger],
 ) -> None:
     """What the sequences below rely on: the fake raises for any other pair."""
-    phase, trigger = pair
-    legal = (phase is Phase.STANDBY) is (trigger is Trigger.CONTROL_GRANTED)
+    state, trigger = pair
+    legal = (state is FlightState.STANDBY) is (trigger is Trigger.CONTROL_GRANTED)
     assert (pair in TRANSITIONS) is legal
 
 

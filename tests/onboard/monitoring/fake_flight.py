@@ -65,7 +65,7 @@ class FakeFlight:
         met = [self.obstacles.of_track(track_id) for track_id in self.to_meet]
         return [obstacle for obstacle in met if obstacle is not None]
 
-    def answer(
+    def respond_to(
         self,
         violation: Violation,
         now_s: float,  # noqa: ARG002

@@ -12,6 +12,7 @@ from onboard.autonomy import Autonomy
 from onboard.contract.assessment import TICK_S, assess_terms
 from onboard.files.models import Contract, Mission, load_contract
 from onboard.geometry.frames import heading_displacement_m
+from onboard.guidance.clear_check import ClearCheck
 from onboard.guidance.departure import REFUSAL_PERIOD_S, Refusal, RefusalKind, RefusalReport
 from onboard.guidance.phases import Phase
 from onboard.monitoring.assumptions import Assumption, Violation
@@ -112,7 +113,7 @@ def test_boxes_carry_what_a_wrong_heading_displaces(
     navigator = cruising.autonomy.navigator
     error_rad = math.radians(heading_error_deg)
     terms = replace(navigator.assessment.terms, heading_error_rad=error_rad)
-    navigator.assessment = assess_terms(navigator.assessment.contract, terms)
+    navigator.situation.assessment = assess_terms(navigator.assessment.contract, terms)
     here_m = cruising.position_ned_m[0]
     centre_m = (10.0, 2.0) if frame == "body_frd" else (here_m + 10.0, 2.0)
     seen = cruising.frame(frame=frame, obstacles=[box(centre_m)])
@@ -353,10 +354,11 @@ def test_where_nothing_certifies_what_keeps_farther_away_is_flown(
         assert state is not None
         planned = navigator.avoidance.plan.trajectory.from_time(rig.now_s)
         boxes = [obstacle.region.obstacle for obstacle in navigator.obstacles]
-        brake = brake_to_hover(state, rig.now_s, navigator._envelope)
+        brake = brake_to_hover(state, rig.now_s, navigator.situation.envelope)
         farther = least_room_m(planned, boxes) > least_room_m(brake, boxes)
-        monkeypatch.setattr(navigator, "_clear", lambda *_: False)
-        navigator.fail(Violation(Assumption.SELF_CHECK, 1.0, 0.0, "exceptions"), rig.now_s)
+        with monkeypatch.context() as patch:
+            patch.setattr(ClearCheck, "is_clear", lambda *_: False)
+            navigator.hold(Violation(Assumption.SELF_CHECK, 1.0, 0.0, "exceptions"), rig.now_s)
         text = navigator.events[-1].text
         assert "although no way to stop is certified" in text
         assert ("keeps farther away" in text) is farther

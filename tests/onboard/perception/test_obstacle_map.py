@@ -126,7 +126,7 @@ def test_search_agrees_with_looking_at_every_obstacle(
     found = {obstacle.id for obstacle in obstacle_map.between(x_m, x_m + length_m)}
     assert found == {obstacle.id for obstacle in obstacle_map if reaches(obstacle)}
     for y_m in (-3.0, 0.0, 0.4, 7.25):
-        met = [o for o in obstacle_map if reaches(o) and o.region.lies_ahead(x_m, y_m)]
+        met = [o for o in obstacle_map if reaches(o) and o.region.on_collision_course(x_m, y_m)]
         nearest = min(met, key=lambda o: o.region.keep_out.x_min_m, default=None)
         of_interest = obstacle_map.obstacle_of_interest(x_m, y_m, horizon_m=length_m)
         assert (of_interest is None) == (nearest is None)

@@ -91,7 +91,7 @@ def test_starts_near_rest_have_short_plans(
     """From the front of the region to the obstacle, anywhere in its way, on either side."""
     problem = draw(Random(seed), variety)
     region, cruise_mps = problem.region, problem.envelope.speed_max_mps
-    (left_m, right_m), front_m = region.way_m, region.extent.x_min_m
+    (left_m, right_m), front_m = region.conflict_band_y_m, region.extent.x_min_m
     entry_mps = slow * min(cruise_mps, 1.0)
     # As far as from where the vehicle could still stop, with the longest lag that is drawn.
     stop_m = 1e-4 + entry_mps**2 / problem.envelope.limits.brake_mps2 + 2.0 * 0.4 * abs(entry_mps)

@@ -304,7 +304,7 @@ def test_a_reset_of_the_estimate_does_not_fly_the_vehicle_aside(tmp_path: Path) 
     ("scenario_name", "event", "texts"),
     [
         ("disk_full", "log_ended", ["flying on without a log: [Errno 28] No space left on device"]),
-        ("mission_changed", "mission_changed", ["another mission is flown now"]),
+        ("mission_changed", "mission_changed", ["mission changed: flying the new mission now"]),
     ],
 )
 def test_what_breaks_no_assumption_is_said_once(
