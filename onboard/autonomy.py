@@ -35,7 +35,7 @@ from onboard.monitoring.estimator.position_quality import (
 from onboard.monitoring.estimator.resets import EstimatorReset, PoseMonitor, ResetLedger
 from onboard.monitoring.flight_authorization import ClearanceGate
 from onboard.monitoring.loop_overrun import LoopOverrunMonitor
-from onboard.monitoring.response.second_commander import PX4_GAIN_MAX_PER_S, SecondCommanderMonitor
+from onboard.monitoring.response.second_commander import SecondCommanderMonitor
 from onboard.monitoring.response.tilt import TiltResponseMonitor
 from onboard.monitoring.response.tracking import TrackingMonitor
 from onboard.monitoring.response.trim import TrimEstimator
@@ -443,11 +443,13 @@ class Autonomy:
 
     def _rival(self, pose: Pose, now_s: float) -> Violation | None:
         link = self.link
-        if now_s - link.rival_heard_s <= RIVAL_MEMORY_S:
-            return Violation(Assumption.SECOND_COMMANDER, 2.0, 1.0, "commanders", link.rival)
+        if now_s - link.second_commander_heard_s <= RIVAL_MEMORY_S:
+            return Violation(
+                Assumption.SECOND_COMMANDER, 2.0, 1.0, "commanders", link.second_commander
+            )
         newest_first = reversed(self._sent)
         ours = ((sent.position_ned_m, sent.velocity_ned_mps) for _, sent in newest_first)
-        gain_per_s = 0.0 if link.status.ardupilot else PX4_GAIN_MAX_PER_S
+        gain_per_s = link.profile.target_gain_max_per_s
         return self._second_commander_monitor.check(
             link.target_heard_s, link.target, ours, pose, gain_max_per_s=gain_per_s
         )

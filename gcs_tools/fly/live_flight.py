@@ -30,7 +30,9 @@ from gcs_tools.vehicle.operator import Vehicle, VehicleError
 from onboard.files.models import DaemonConfig, MavlinkLink, Mission
 from onboard.files.yaml_file import dump_document
 from onboard.files.zenoh_endpoints import ZenohEndpoints
+from onboard.mavlink.profiles.registry import profile_named
 from onboard.zenoh_session import open_session
+from sitl.config import SitlConfig
 from sitl.virtual.standstill import PATIENCE_S, Standstill
 
 VEHICLE_NAME = "vehicle"
@@ -41,11 +43,10 @@ DEPARTURE_TIMEOUT_S = 15.0
 # Turning and waiting; and slower than this on average is not flying the mission.
 MISSION_TIMEOUT_S = 60.0
 PROGRESS_MIN_MPS = 1.0
+# Telemetry older than this is ignored: a loaded computer delays its processes.
+TELEMETRY_TIMEOUT_S = 0.5
 
-# The parameter of each flavour that says that there is no radio.
-_WITHOUT_RADIO = {"px4": ("COM_RC_IN_MODE", 4.0), "ardupilot": ("FS_THR_ENABLE", 0.0)}
-
-# How often it is said where the vehicle is.
+# How often the position is reported.
 REPORT_PERIOD_S = 0.2
 
 
@@ -118,14 +119,33 @@ def write_configuration(
     Raises:
         CommandError: a file cannot be written.
     """
-    onboard = DaemonConfig(
+    models: dict[str, BaseModel] = {
+        "contract": scenario.contract,
+        "mission": scenario.mission,
+        "onboard": _onboard_configuration(scenario, endpoints, forced=forced),
+        "sitl": _sitl_configuration(scenario, endpoints, seed),
+    }
+    documents: dict[str, Any] = {name: _plain(model) for name, model in models.items()}
+    documents["field"] = [_plain(obstacle) for obstacle in obstacle_list(scenario.obstacles)]
+    try:
+        for name, document in documents.items():
+            text = dump_document(document)
+            (out / f"{name}.yaml").write_text(text, encoding="utf-8")
+    except OSError as error:
+        raise CommandError(f"{out}: cannot be written: {error.strerror or error}") from error
+
+
+def _onboard_configuration(
+    scenario: Scenario, endpoints: Endpoints, *, forced: bool
+) -> DaemonConfig:
+    return DaemonConfig(
         vehicle=VEHICLE_NAME,
         contract=Path("contract.yaml"),
         mission=Path("mission.yaml"),
         mavlink=MavlinkLink(
             url=f"udpin://127.0.0.1:{endpoints.daemon_mavlink_port}",
             system_id=scenario.plant.system_id,
-            stale_after_s=0.5,
+            stale_after_s=TELEMETRY_TIMEOUT_S,
         ),
         zenoh=ZenohEndpoints(connect=(endpoints.sitl_zenoh,), listen=(endpoints.daemon_zenoh,)),
         log_directory=Path(),
@@ -133,6 +153,9 @@ def write_configuration(
         fly_outside_contract=forced,
         require_preflight=not forced,
     )
+
+
+def _sitl_configuration(scenario: Scenario, endpoints: Endpoints, seed: int) -> SitlConfig:
     sitl = scenario.sitl_config(
         vehicle=VEHICLE_NAME,
         mavlink=(
@@ -144,26 +167,10 @@ def write_configuration(
         seed=seed,
         truth_log="truth.mcap",
     )
-    # This flight has no radio, so its loss triggers none.
-    sitl = sitl.model_copy(
-        update={"parameters": dict([_WITHOUT_RADIO[sitl.flavour]]) | sitl.parameters}
-    )
-    documents: dict[str, Any] = {
-        name: _plain(model)
-        for name, model in {
-            "contract": scenario.contract,
-            "mission": scenario.mission,
-            "onboard": onboard,
-            "sitl": sitl,
-        }.items()
-    }
-    documents["field"] = [_plain(obstacle) for obstacle in obstacle_list(scenario.obstacles)]
-    try:
-        for name, document in documents.items():
-            text = dump_document(document)
-            (out / f"{name}.yaml").write_text(text, encoding="utf-8")
-    except OSError as error:
-        raise CommandError(f"{out}: cannot be written: {error.strerror or error}") from error
+    parameters = profile_named(sitl.flavour).parameters
+    # This flight has no radio, so its loss triggers nothing.
+    no_radio = {} if parameters is None else dict([parameters.no_radio])
+    return sitl.model_copy(update={"parameters": no_radio | sitl.parameters})
 
 
 def _plain(model: BaseModel) -> Any:
@@ -294,7 +301,7 @@ class Operator:
         )
         await self._until(lambda: not self._flying, self._time_limit_s, "done with its mission")
         if not self._over:
-            raise VehicleError(f"the daemon lost control to mode {vehicle.state.mode.name}")
+            raise VehicleError(f"the daemon lost control to mode {vehicle.state.mode}")
 
     async def _come_down(self) -> None:
         """Land, but not while the vehicle still moves: it may be close to an obstacle."""

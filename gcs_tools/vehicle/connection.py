@@ -8,16 +8,17 @@ import logging
 import math
 from collections.abc import AsyncIterator, Callable
 from contextlib import aclosing, asynccontextmanager
-from types import MappingProxyType
 from typing import Any
 
 from mavsdk import LogLevel, log_subscribe, log_unsubscribe
-from mavsdk.asyncio import Autopilot, ComponentType, Configuration, Mavsdk, MavsdkError
+from mavsdk.asyncio import ComponentType, Configuration, Mavsdk, MavsdkError
 from mavsdk.asyncio.plugins.mavlink_direct import MavlinkDirectAsync
 
 from gcs_tools.console.errors import CommandError
 from gcs_tools.console.interruption import Interruption
 from gcs_tools.vehicle.operator import Vehicle, VehicleError
+from onboard.mavlink.profiles.profile import AutopilotProfile
+from onboard.mavlink.profiles.registry import OTHER, profile_of
 
 log = logging.getLogger("mavsdk")
 
@@ -28,9 +29,7 @@ IDENTIFY_TIMEOUT_S = 3.0
 
 _POLL_S = 0.05
 _AUTOPILOT_COMPONENT = 1
-# MAV_AUTOPILOT -> MAVSDK's own numbers.
-_AUTOPILOTS = MappingProxyType({12: Autopilot.PX4, 3: Autopilot.ARDUPILOT})
-# MAVSDK's own words are not for the operator, but its last complaint explains what went wrong.
+# MAVSDK's messages go to the log, not to the operator; its last error explains what went wrong.
 _LOG_LEVELS = (logging.DEBUG, logging.DEBUG, logging.INFO, logging.INFO)
 _URLS = "udpin://HOST:PORT, udpout://HOST:PORT, tcpout://HOST:PORT or serial://DEVICE:BAUD"
 
@@ -78,7 +77,7 @@ async def connected_vehicle(
             system, number = await chosen_system(mavsdk, url, system_id, timeout_s, waiting)
         except VehicleError as error:
             raise VehicleError("; ".join([str(error), *complaints[-1:]])) from error
-        vehicle = Vehicle(system, number, await _autopilot_of(system), interruption)
+        vehicle = Vehicle(system, number, await _profile_of(system), interruption)
         tasks = [asyncio.ensure_future(watcher) for watcher in vehicle.watchers()]
         try:
             await vehicle.request_rates()
@@ -149,8 +148,8 @@ def _not_heard(url: str, system_id: int | None, timeout_s: float, others: list[i
     return f"{url}: no {wanted} heard in {timeout_s:g} s{heard}"
 
 
-async def _autopilot_of(system: Any) -> Autopilot:
-    """Return which autopilot it is, by its own heartbeat.
+async def _profile_of(system: Any) -> AutopilotProfile:
+    """Return the profile of the autopilot, by its own heartbeat.
 
     MAVSDK goes by the first heartbeat of the system, which may be the daemon's.
     """
@@ -159,11 +158,10 @@ async def _autopilot_of(system: Any) -> Autopilot:
         async with aclosing(heartbeats), asyncio.timeout(IDENTIFY_TIMEOUT_S):
             async for message in heartbeats:
                 if message.component_id == _AUTOPILOT_COMPONENT:
-                    number = json.loads(message.fields_json).get("autopilot")
-                    return _AUTOPILOTS.get(number, Autopilot.GENERIC)
+                    return profile_of(json.loads(message.fields_json).get("autopilot"))
     except TimeoutError:
         log.debug("no heartbeat of an autopilot in %g s", IDENTIFY_TIMEOUT_S)
-    return Autopilot.UNKNOWN
+    return OTHER
 
 
 @asynccontextmanager

@@ -1,4 +1,4 @@
-"""What the autopilot has said about its position: decoded facts, no judgement."""
+"""What the autopilot has said about its position, decoded; `onboard.monitoring` evaluates it."""
 
 from __future__ import annotations
 
@@ -8,7 +8,8 @@ from typing import Final, Generic, NamedTuple, TypeVar
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from onboard.mavlink.autopilot_facts import OTHER, AutopilotFacts
+from onboard.mavlink.profiles.profile import EstimatorFacts
+from onboard.mavlink.profiles.registry import OTHER
 
 # A source is silent after this, or after some of its usual intervals, if those are longer: links
 # lose messages.  GPS silence is how ArduPilot shows a loss, and counts sooner.
@@ -103,16 +104,16 @@ class Source(Generic[Report]):
 
 @dataclass
 class PositionReports:
-    """What the autopilot has said about its position: decoded facts, no judgement.
+    """What the autopilot has said about its position, decoded.
 
     Attributes:
-        facts: how to read them.
+        facts: how its profile reads them.
         estimator, gps, health: the latest of each kind.
         fix_s: when the GPS last had a fix.
         texts: STATUSTEXT of severity WARNING and worse, with their times.
     """
 
-    facts: AutopilotFacts = OTHER
+    facts: EstimatorFacts = OTHER.estimator
     estimator: Source[EstimatorReport] = field(default_factory=Source)
     gps: Source[GpsReport] = field(
         default_factory=lambda: Source(

@@ -32,7 +32,7 @@ from onboard.files.models import Contract, Mission
 from onboard.geometry.frames import Vector
 from onboard.guidance.navigator import Navigator
 from onboard.guidance.phases import Phase
-from onboard.mavlink.endpoint import COMPONENT_ID
+from onboard.mavlink.transmitter import COMPONENT_ID
 from onboard.motion.trajectory import State
 from onboard.vehicle_state import Setpoint
 from tests.recordings.flights import ARDUPILOT, FLIGHTS, PX4, BoxNed, Flight, mission

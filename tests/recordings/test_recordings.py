@@ -14,7 +14,7 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from onboard.guidance.phases import Phase
-from onboard.mavlink.endpoint import COMPONENT_ID
+from onboard.mavlink.transmitter import COMPONENT_ID
 from tests.recordings.cut import SIZE_MAX_BYTES, excerpt
 from tests.recordings.flights import EXCERPTS, FLIGHTS
 from tests.recordings.replay import (
