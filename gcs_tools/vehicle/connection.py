@@ -1,4 +1,4 @@
-"""Connections to vehicles by MAVSDK: opened, and one autopilot found on them."""
+"""Opens MAVSDK connections, and finds the one autopilot on them."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from onboard.mavlink.profiles.registry import OTHER, profile_of
 log = logging.getLogger("mavsdk")
 
 CONNECT_TIMEOUT_S = 20.0
-# Heartbeats come every second: how long another autopilot may take to be heard too.
+# How long another autopilot may take to be heard too; heartbeats come every second.
 COMPANY_S = 1.5
 IDENTIFY_TIMEOUT_S = 3.0
 
@@ -35,11 +35,11 @@ _URLS = "udpin://HOST:PORT, udpout://HOST:PORT, tcpout://HOST:PORT or serial://D
 
 
 class UrlError(VehicleError):
-    """A connection URL that cannot be opened."""
+    """A connection URL cannot be opened."""
 
 
 class AmbiguousVehicleError(CommandError):
-    """Several vehicles on one connection, and none was chosen."""
+    """Several vehicles are on one connection, and none was chosen."""
 
 
 @asynccontextmanager
@@ -53,10 +53,10 @@ async def connected_vehicle(
     """Connect to the autopilot on a MAVSDK URL, and keep its state up to date.
 
     Args:
-        url: where it is.
+        url: of the connection.
         interruption: set by an operator who gives up.
         timeout_s: how long to wait for an autopilot.
-        while_waiting: called now and then until one is heard; may raise.
+        while_waiting: called repeatedly until one is heard; may raise.
         system_id: of the autopilot; None if there is only one.
 
     Raises:
@@ -93,9 +93,9 @@ async def open_connection(mavsdk: Mavsdk, url: str, complaints: list[str]) -> No
     """Open a connection.
 
     Args:
-        mavsdk: to be connected.
-        url: where.
-        complaints: of MAVSDK so far, from `quiet`.
+        mavsdk: to connect.
+        url: of the connection.
+        complaints: errors that MAVSDK has logged so far, from `quiet`.
 
     Raises:
         UrlError: it cannot be opened.
@@ -166,7 +166,7 @@ async def _profile_of(system: Any) -> AutopilotProfile:
 
 @asynccontextmanager
 async def quiet() -> AsyncIterator[list[str]]:
-    """Send MAVSDK's chatter to the ``mavsdk`` logger, not the terminal; collect its complaints."""
+    """Send MAVSDK's output to the ``mavsdk`` logger, not the terminal; collect its errors."""
     complaints: list[str] = []
 
     def receive(level: LogLevel, message: str, _file: str | None, _line: int) -> bool:

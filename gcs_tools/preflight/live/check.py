@@ -86,8 +86,8 @@ def check_live(
             report("detections and daemon")
             findings += bus.run(assessment)
         if bus is not None and request.vehicle_url is not None and mission is not None:
-            report("clearing the daemon")
-            findings.append(bus.clear(assessment.contract, findings, compliant=paper_compliant))
+            report("authorizing the daemon")
+            findings.append(bus.authorize(assessment.contract, findings, compliant=paper_compliant))
     return tuple(findings)
 
 

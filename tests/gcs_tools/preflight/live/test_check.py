@@ -423,7 +423,7 @@ def test_the_daemon_itself_needs_fresh_detections(ages_s: list[Any], verdict: Ve
 
 def test_a_daemon_that_sees_nothing_is_told() -> None:
     blind = detections_finding(statuses("detection_age_s", [None]), ASSESSMENT.terms)
-    assert blind.text == "the daemon says that it has no detections"
+    assert blind.text == "the daemon has no detections"
     old = detections_finding(statuses("detection_age_s", [31.0]), ASSESSMENT.terms)
     assert "31.000 s old, limit 0.3 s" in old.text
 
