@@ -190,15 +190,17 @@ def _start(facts: VehicleFacts, mission: Mission) -> Finding:
 def _fence_areas(facts: VehicleFacts, mission: Mission, corridor_m: float) -> Finding:
     """Check the corridor of the mission against all areas together.
 
-    PX4 is content if one inclusion contains the vehicle; ArduPilot by default is not.
+    Some autopilots are content if one inclusion contains the vehicle; all of them must do here.
     """
     name = "geofence areas"
     if facts.fence is None or facts.origin is None:
         missing = "the geofence on board" if facts.fence is None else "home"
         return _unknown(name, f"the vehicle did not report {missing}")
-    counted = facts.parameters.get("FENCE_TOTAL", 0.0)
+    known = facts.profile.parameters
+    counter = None if known is None else known.fence_count
+    counted = 0.0 if counter is None else facts.parameters.get(counter, 0.0)
     if counted > 0.0 and not facts.fence:
-        return _unknown(name, f"the vehicle counts {counted:g} points (FENCE_TOTAL), but sent none")
+        return _unknown(name, f"the vehicle counts {counted:g} points ({counter}), but sent none")
     path = LineString([mission.start_ned_m, *(leg.end_ned_m for leg in mission.legs)])
     try:
         areas = fence_areas(facts.fence, facts.origin)

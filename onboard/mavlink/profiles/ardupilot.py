@@ -199,5 +199,6 @@ ARDUPILOT: Final = AutopilotProfile(
         fence_prefixes=("FENCE_",),
         rules=_rules,
         fence_rules=_fence_rules,
+        fence_count="FENCE_TOTAL",
     ),
 )

@@ -228,6 +228,8 @@ class ParameterFacts:
         fence_prefixes: how the names of parameters of its geofence begin.
         rules: returns what a contract demands of the parameters.
         fence_rules: returns what a mission demands of them.
+        fence_count: name of the number of items of a geofence that is kept like a mission; None
+            if there is none.
     """
 
     setpoint_timeout: str
@@ -235,6 +237,7 @@ class ParameterFacts:
     fence_prefixes: tuple[str, ...]
     rules: Callable[[ContractDemands, ReportedParameters], list[ParameterRule]]
     fence_rules: Callable[[MissionDemands, ReportedParameters], list[ParameterRule]]
+    fence_count: str | None = None
 
 
 @dataclass(frozen=True, eq=False)

@@ -123,7 +123,12 @@ def test_a_vehicle_in_order() -> None:
         ({"radio_heard": None}, "take-over", UNKNOWN),
         ({"radio_heard": None, "parameters": {"COM_RC_IN_MODE": 4.0}}, "take-over", HOLDS),
         ({"radio_heard": False}, "take-over", HOLDS),
-        ({"parameters": {"FENCE_TOTAL": 5.0}}, "geofence areas", UNKNOWN),
+        (
+            {"profile": ARDUPILOT, "parameters": {"FENCE_TOTAL": 5.0}},
+            "geofence areas",
+            UNKNOWN,
+        ),
+        ({"parameters": {"FENCE_TOTAL": 5.0}}, "geofence areas", HOLDS),
         ({"home_ned_m": None}, "home", UNKNOWN),
         ({"home_ned_m": (0.0, 0.0, -3.0)}, "home", BROKEN),
         ({"position_ned_m": None}, "start", UNKNOWN),
