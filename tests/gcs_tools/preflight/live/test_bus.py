@@ -111,9 +111,9 @@ def test_a_daemon_by_whose_clock_all_is_well_is_cleared(ahead_s: float) -> None:
 @pytest.mark.parametrize(
     ("said", "name", "words"),
     [
-        ({"detection_age_s": None}, "daemon detections", "it has no detections"),
+        ({"detection_age_s": None}, "daemon detections", "the daemon has no detections"),
         ({"detection_age_s": 30.0}, "daemon detections", "30.000 s old"),
-        ({"telemetry_age_s": None}, "daemon telemetry", "it has heard no position"),
+        ({"telemetry_age_s": None}, "daemon telemetry", "the daemon has received no position"),
         ({"telemetry_age_s": 2.0}, "daemon telemetry", "2.000 s old"),
     ],
 )
