@@ -1,15 +1,16 @@
 """The known profiles, by MAV_AUTOPILOT.
 
-To fly another autopilot, describe it once and register it before the daemon's `Autonomy` or an
-operator's command is made::
+To fly another autopilot, describe it once, and register it before the first heartbeat is read::
 
+    from onboard.__main__ import main  # or gcs_tools.__main__, for the operator's commands
     from onboard.mavlink.profiles.registry import register
 
     register(AutopilotProfile(autopilot=mavlink.MAV_AUTOPILOT_SLUGS, key="slugs", ...))
+    main()
 
 Daemon, pre-flight check and operator then use it for every vehicle whose heartbeat states that
-value.  `dataclasses.replace` makes a profile from a known one, such as a PX4 with other modes;
-`register` takes it with ``replace_known=True``.
+value.  `dataclasses.replace` derives a profile from a known one, such as a PX4 with other modes;
+``register(profile, replace_known=True)`` uses it in place of that one.
 """
 
 from __future__ import annotations

@@ -31,7 +31,14 @@ from gcs_tools.vehicle.survey import EstimatorStatus, VehicleFacts, version_of
 from onboard.contract.assessment import assess
 from onboard.files.models import Mission, load_contract
 from onboard.mavlink.profiles.ardupilot import ARDUPILOT
-from onboard.mavlink.profiles.profile import AutopilotProfile
+from onboard.mavlink.profiles.parameter_rules import ParameterRule, at_least, at_most
+from onboard.mavlink.profiles.profile import (
+    AutopilotProfile,
+    Firmware,
+    Measured,
+    ParameterFacts,
+    TakeOver,
+)
 from onboard.mavlink.profiles.px4 import PX4
 from onboard.mavlink.profiles.registry import OTHER
 from tests.gcs_tools.running import CONFIG
@@ -284,6 +291,45 @@ def test_how_the_pilot_takes_over_is_said(
     )
     (text,) = (each.text for each in found if each.name == "take-over")
     assert words in text
+
+
+OWN = replace(
+    OTHER,
+    autopilot=13,
+    key="own",
+    name="Own",
+    firmware=Firmware(Measured((2, 3), ("",), "2.3 of May"), oldest=(2, 0), newest=(2, 4)),
+    parameters=ParameterFacts(
+        setpoint_timeout="TIMEOUT",
+        no_radio=("RADIO", 0.0),
+        fence_prefixes=("FENCE",),
+        rules=lambda demands, _: [
+            ParameterRule("late", (at_most("TIMEOUT", demands.setpoint_timeout_s, "s"),))
+        ],
+        fence_rules=lambda demands, _: [
+            ParameterRule("near", (at_least("FENCE_R", demands.radius_m, "m"),))
+        ],
+        fence_count="FENCE_N",
+    ),
+    take_over=TakeOver("the red button", "the blue button", sticks_ignored=("RADIO", 0.0)),
+)
+
+
+def test_an_own_profile_decides_on_firmware_parameters_fence_and_take_over() -> None:
+    """As another project's would: nothing of it is known elsewhere."""
+    right = {"TIMEOUT": 0.05, "FENCE_R": 100.0, "RADIO": 1.0}
+    own: dict[str, Any] = {"profile": OWN, "version": (2, 3, 1)}
+    found = judged(**own, parameters=right)
+    assert set(found.values()) == {HOLDS}
+    assert {"TIMEOUT", "FENCE_R"} <= found.keys()
+    assert judged(**own, parameters=right | {"TIMEOUT": 9.0})["TIMEOUT"] is BROKEN
+    assert judged(**own, parameters=right | {"FENCE_R": 9.0})["FENCE_R"] is BROKEN
+    assert judged(**own, parameters=right | {"FENCE_N": 4.0})["geofence areas"] is UNKNOWN
+    assert judged(**(own | {"version": (1, 9, 0)}), parameters=right)["firmware"] is BROKEN
+    for radio, words in ((1.0, "take over with the red button"), (0.0, "the blue button")):
+        facts = replace(FACTS, **own, parameters=right | {"RADIO": radio})
+        texts = {each.name: each.text for each in evaluate(facts, ASSESSMENT, MISSION, None)}
+        assert words in texts["take-over"]
 
 
 def test_the_flight_time_has_a_reserve() -> None:
