@@ -12,6 +12,7 @@ from pydantic import BaseModel, Discriminator, Field, Tag
 from onboard.files.models import Contract, FilePath, Mission
 from onboard.files.obstacle_field import Obstacle, ObstacleField, ObstacleList, load_field
 from onboard.files.yaml_file import FileError, FileModel, load_yaml
+from onboard.mavlink.profiles.registry import profile_named
 from sitl.config import SitlConfig, VehicleConfig
 from sitl.environment.sensor import SensorConfig
 from sitl.virtual.faults.schedule import Fault
@@ -105,11 +106,13 @@ class Scenario:
         where it is pinned, is the contract's.
         """
         plant = self.plant.model_dump()
-        timeout_s = self.contract.vehicle.setpoint_loss_timeout_s
-        parameters = {"GUID_TIMEOUT": timeout_s}
-        if self.plant.flavour == "px4":
-            altitude_m = self.mission.altitude_m
-            parameters = {"MIS_TAKEOFF_ALT": altitude_m, "COM_OF_LOSS_T": timeout_s}
+        profile = profile_named(self.plant.flavour)
+        parameters: dict[str, float] = {}
+        if (height_parameter := profile.take_off.height_parameter) is not None:
+            parameters[height_parameter] = self.mission.altitude_m
+        if profile.parameters is not None:
+            timeout_s = self.contract.vehicle.setpoint_loss_timeout_s
+            parameters[profile.parameters.setpoint_timeout] = timeout_s
         plant["parameters"] = parameters | self.plant.parameters
         if plant["tracking"]["error_m"] is None:
             plant["tracking"]["error_m"] = self.contract.vehicle.tracking_error_m

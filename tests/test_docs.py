@@ -16,11 +16,13 @@ import yaml
 import zenoh
 
 from gcs_tools.preflight.finding import Verdict
-from gcs_tools.preflight.live.parameters import ReportedParameters, check_parameters
+from gcs_tools.preflight.live.parameters import check_parameters
 from onboard.contract.assessment import assess
 from onboard.files.models import DaemonConfig, Mission, load_contract
 from onboard.files.yaml_file import load_yaml
 from onboard.files.zenoh_endpoints import ZenohEndpoints
+from onboard.mavlink.profiles.parameter_rules import ReportedParameters
+from onboard.mavlink.profiles.registry import profile_named
 from onboard.perception.sources.json_v1 import parse_frame
 from onboard.zenoh_session import open_session
 from sitl.config import load_sitl_config
@@ -96,12 +98,11 @@ def test_the_shipped_vehicles_are_set_up_for_the_contract_that_they_name(
     assert sensor.field_of_view_deg >= terms.sensor.field_of_view_deg
     assert sensor.uncertainty_m <= terms.sensor.position_error_m
     parameters = SimulatedVehicle(vehicle).autopilot.parameters
-    reported = ReportedParameters(
-        vehicle.flavour, {name: parameters[name] for name in parameters.names()}, None,
-        complete=True,
-    )  # fmt: skip
+    reported = ReportedParameters({name: parameters[name] for name in parameters.names()})
+    facts = profile_named(vehicle.flavour).parameters
+    assert facts is not None
     mission = load_yaml(ROOT / "config" / "default_mission.yaml", Mission)
-    findings = check_parameters(reported, assess(terms), mission)
+    findings = check_parameters(facts, reported, assess(terms), mission)
     broken = [each for each in findings if each.verdict is Verdict.BROKEN]
     assert not broken
 

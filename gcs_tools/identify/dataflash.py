@@ -14,9 +14,9 @@ from pymavlink import DFReader
 
 from gcs_tools.console.errors import CommandError
 from gcs_tools.identify.streams import Streams, Timeline, in_order, reference_in_order
+from onboard.mavlink.profiles.ardupilot import ARDUPILOT
 
 BINARY_MAGIC: Final = b"\xa3\x95\x80"
-_COPTER_MODE_GUIDED: Final = 4
 # The sub-mode of GUIDED that follows position, velocity and acceleration.
 _POS_VEL_ACCEL: Final = 3
 _UNKNOWN: Final = float("nan")
@@ -103,7 +103,7 @@ def _attitude_row(m: Any) -> tuple[float, ...] | None:
 
 
 def _mode_row(m: Any) -> tuple[float, ...] | None:
-    return (float(m.ModeNum == _COPTER_MODE_GUIDED),)
+    return (float(ARDUPILOT.modes.is_external_control(m.ModeNum)),)
 
 
 _AXIS: Final[dict[str, Callable[[Any], tuple[float, float]]]] = {

@@ -18,12 +18,9 @@ from gcs_tools.console.errors import CommandError
 from gcs_tools.identify.streams import POSES_MIN, Streams, Timeline, in_order, reference_in_order
 from onboard.files.mavlink_frames import frame_length
 from onboard.geometry.frames import FloatArray
+from onboard.mavlink.profiles.registry import OTHER, profile_of
 
 _STAMP: Final = struct.Struct(">Q")
-_OFFBOARD_MODES: Final = {
-    mavlink.MAV_AUTOPILOT_PX4: 6 << 16,
-    mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA: 4,
-}
 _MARKERS: Final = (mavlink.PROTOCOL_MARKER_V1, mavlink.PROTOCOL_MARKER_V2)
 # Of a set-point's mask, after nine bits for position, velocity and acceleration.
 _YAW_BIT: Final = 10
@@ -120,7 +117,7 @@ class _Vehicle:
                 self.attitudes.append((time_s, m.roll, m.pitch, m.yaw))
             case "POSITION_TARGET_LOCAL_NED":
                 self.echoes.append((time_s, *_reference_row(m)))
-            case "HEARTBEAT" if m.autopilot in _OFFBOARD_MODES:
+            case "HEARTBEAT" if profile_of(m.autopilot) is not OTHER:
                 self.beats.append((time_s, m.autopilot, m.custom_mode))
             case _:
                 pass
@@ -134,7 +131,7 @@ class _Vehicle:
     def streams(self, source: str) -> Streams:
         reference, name, notes = self._reference()
         followed: _Rows = [
-            (time_s, float(mode == _OFFBOARD_MODES[autopilot]))
+            (time_s, float(profile_of(autopilot).modes.is_external_control(mode)))
             for time_s, autopilot, mode in self.beats
         ]
         return Streams(
@@ -163,7 +160,7 @@ class _Vehicle:
             "POSITION_TARGET_LOCAL_NED with a position"
         )
         echoes = reference_in_order(self.echoes)
-        if all(autopilot == mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA for _, autopilot, _ in self.beats):
+        if all(profile_of(beat[1]).target_gain_max_per_s == 0.0 for beat in self.beats):
             return echoes, name, ()
         echoes[:, _CONTROLLERS] = _UNKNOWN
         return echoes, name, (_PX4_ECHO,)

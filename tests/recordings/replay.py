@@ -34,7 +34,7 @@ from onboard.guidance.navigator import Navigator
 from onboard.guidance.phases import Phase
 from onboard.guidance.reference import Reference
 from onboard.guidance.situation import Situation
-from onboard.mavlink.endpoint import COMPONENT_ID
+from onboard.mavlink.transmitter import COMPONENT_ID
 from onboard.motion.trajectory import State
 from onboard.vehicle_state import Setpoint
 from tests.recordings.flights import ARDUPILOT, FLIGHTS, PX4, BoxNed, Flight, mission

@@ -21,6 +21,7 @@ from typing import Final, NamedTuple
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from onboard.mavlink.position_reports import EstimatorReport, HealthReport, PositionReports, Source
+from onboard.mavlink.profiles.profile import NEEDED_ESTIMATOR_FLAGS
 from onboard.monitoring.assumptions import Assumption, Violation
 
 # Dead reckoning is good for about this long: long enough to stop, before drift counts.
@@ -36,16 +37,6 @@ HEALTH_CONFIRMED_S: Final = 0.6
 # PX4's nominal horizontal accuracy is 0.3 m; 2 m and thrice what it was when it departed is lost.
 ACCURACY_MAX_M: Final = 2.0
 ACCURACY_FACTOR_MAX: Final = 3.0
-_HORIZONTAL: Final = mavlink.ESTIMATOR_POS_HORIZ_ABS | mavlink.ESTIMATOR_POS_HORIZ_REL
-_VERTICAL: Final = mavlink.ESTIMATOR_POS_VERT_ABS | mavlink.ESTIMATOR_POS_VERT_AGL
-# One flag of each has to be set.
-_NEEDED_FLAGS: Final = (
-    (mavlink.ESTIMATOR_ATTITUDE, "attitude"),
-    (mavlink.ESTIMATOR_VELOCITY_HORIZ, "horizontal velocity"),
-    (mavlink.ESTIMATOR_VELOCITY_VERT, "vertical velocity"),
-    (_HORIZONTAL, "horizontal position"),
-    (_VERTICAL, "vertical position"),
-)
 
 
 class Worth(Enum):
@@ -229,7 +220,7 @@ class PositionQualityMonitor:
         if report is None:
             return
         where = f"{report.name}, flags {report.flags:#x}"
-        for flags, what in _NEEDED_FLAGS:
+        for flags, what in NEEDED_ESTIMATOR_FLAGS:
             if not report.flags & flags:
                 sentence = f"{what} lost ({where}): position is made up"
                 yield Sign("estimator_flags", sentence, Worth.MADE_UP, 0.0, 1.0, "flags")

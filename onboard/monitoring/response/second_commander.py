@@ -19,8 +19,6 @@ from onboard.vehicle_state import Pose, Target
 # The target may differ this much from ours, m and m/s: ArduPilot's is up to 0.06 m late in the
 # recorded flights, and PX4's velocity leaves 0.02 m/s that the position error does not explain.
 TARGET_TOLERANCE: Final = 0.15
-# Greatest gain from position error to velocity that PX4 accepts: MPC_XY_P (default 0.95), MPC_Z_P.
-PX4_GAIN_MAX_PER_S: Final = 2.0
 # A target that lacks position or velocity, which we always ask for, differs by at least this.
 LACKING: Final = 1.0
 # Foreign targets before they count, how long they must span (a pilot's mode change looks the same

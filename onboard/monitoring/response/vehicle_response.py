@@ -7,7 +7,7 @@ from typing import Final
 from onboard.contract.assessment import Terms
 from onboard.mavlink.endpoint import MavlinkEndpoint
 from onboard.monitoring.assumptions import Assumption, Violation
-from onboard.monitoring.response.second_commander import PX4_GAIN_MAX_PER_S, SecondCommanderMonitor
+from onboard.monitoring.response.second_commander import SecondCommanderMonitor
 from onboard.monitoring.response.sent_setpoints import SentSetpoints
 from onboard.monitoring.response.tilt import TiltResponseMonitor
 from onboard.monitoring.response.tracking import TrackingMonitor
@@ -80,14 +80,16 @@ class VehicleResponse:
     def check_commander(self, pose: Pose, now_s: float) -> Violation | None:
         """Look for another node's setpoints: heard on the link, or in the autopilot's echo."""
         link = self._link
-        if now_s - link.rival_heard_s <= SECOND_COMMANDER_MEMORY_S:
-            return Violation(Assumption.SECOND_COMMANDER, 2.0, 1.0, "commanders", link.rival)
+        if now_s - link.second_commander_heard_s <= SECOND_COMMANDER_MEMORY_S:
+            return Violation(
+                Assumption.SECOND_COMMANDER, 2.0, 1.0, "commanders", link.second_commander
+            )
         return self._second_commander_monitor.check(
             link.target_heard_s,
             link.target,
             self.sent.newest_first(),
             pose,
-            gain_max_per_s=0.0 if link.status.ardupilot else PX4_GAIN_MAX_PER_S,
+            gain_max_per_s=link.profile.target_gain_max_per_s,
         )
 
     def follows_another(self, now_s: float) -> bool:

@@ -12,7 +12,7 @@ from onboard.contract.agility import GRAVITY_MPS2
 from onboard.files.models import Contract, Mission, load_contract
 from onboard.geometry.frames import Vector
 from onboard.guidance.phases import Phase
-from onboard.mavlink.autopilot_facts import TARGET_RATE_HZ
+from onboard.mavlink.profiles.profile import TARGET_RATE_HZ
 from onboard.monitoring.response.trim import LEARNING_TIME_S
 from onboard.monitoring.response.wind import CONFIRMATION_S
 from tests.onboard.conftest import CONFIG

@@ -85,7 +85,7 @@ class Onboard:
 
 
 def checked(ahead_s: float = 0.0, sensor_ahead_s: float = -0.01, **said: Any) -> dict[str, Finding]:
-    """Return the findings by subject and name, the clearance among them."""
+    """Return the findings by subject and name, the flight authorization among them."""
     port = free_ports(1)[0]
     listen = ZenohEndpoints(listen=(f"tcp/127.0.0.1:{port}",))
     connect = ZenohEndpoints(connect=(f"tcp/127.0.0.1:{port}",))
@@ -96,7 +96,7 @@ def checked(ahead_s: float = 0.0, sensor_ahead_s: float = -0.01, **said: Any) ->
     ):
         bus = BusCheck(ours, "vehicle")
         found = bus.run(assess(CONTRACT))
-        found.append(bus.clear(CONTRACT, found, compliant=True))
+        found.append(bus.authorize(CONTRACT, found, compliant=True))
     return {f"{each.subject} {each.name}": each for each in found}
 
 
@@ -105,15 +105,15 @@ def test_a_daemon_by_whose_clock_all_is_well_is_cleared(ahead_s: float) -> None:
     """Also one whose clock this computer does not share."""
     found = checked(ahead_s)
     assert {each.verdict for each in found.values()} == {Verdict.HOLDS}, found
-    assert found["daemon clearance"].text == "given, and heard by the daemon"
+    assert found["daemon flight authorization"].text == "given, and confirmed by the daemon"
 
 
 @pytest.mark.parametrize(
     ("said", "name", "words"),
     [
-        ({"detection_age_s": None}, "daemon detections", "it has no detections"),
+        ({"detection_age_s": None}, "daemon detections", "the daemon has no detections"),
         ({"detection_age_s": 30.0}, "daemon detections", "30.000 s old"),
-        ({"telemetry_age_s": None}, "daemon telemetry", "it has heard no position"),
+        ({"telemetry_age_s": None}, "daemon telemetry", "the daemon has received no position"),
         ({"telemetry_age_s": 2.0}, "daemon telemetry", "2.000 s old"),
     ],
 )
@@ -121,7 +121,7 @@ def test_what_the_daemon_lacks_is_a_refusal(said: dict[str, Any], name: str, wor
     """As when a sensor has renamed its source: its frames are fine, and the daemon blind."""
     found = checked(**said)
     refused = {key for key, each in found.items() if each.verdict is not Verdict.HOLDS}
-    assert refused == {name, "daemon clearance"}
+    assert refused == {name, "daemon flight authorization"}
     assert found[name].verdict is Verdict.BROKEN
     assert words in found[name].text
 
