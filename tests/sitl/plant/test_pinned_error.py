@@ -15,7 +15,7 @@ from sitl.autopilot.modes import Mode
 from sitl.config import SitlConfig, TrackingConfig
 from sitl.environment.world import World
 from sitl.plant.pinned_error import PinnedError
-from sitl.virtual.faults.schedule import Fault
+from sitl.virtual.faults.schema import Fault
 from sitl.virtual.simulation import SimulatedFlight, Simulation
 
 CONFIG = Path(__file__).parents[3] / "config"
