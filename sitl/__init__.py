@@ -8,7 +8,7 @@ Read it from the inside out:
    come from;
    ``commander``, ``failsafe``, ``failures``: modes, arming, and what goes wrong;
    ``flavour``, ``px4``, ``ardupilot``: whose names, numbers and habits;
-4. ``parameters``, ``commands``, ``mission_transfer``, ``fence``, ``arm_authorisation``,
+4. ``parameters``, ``commands``, ``mission_transfer``, ``fence``, ``arm_authorization``,
    ``telemetry``, ``signing``, ``mavlink_link``, ``autopilot``: MAVLink bytes;
 5. ``vehicle``: all of that as one object in virtual time;
 6. ``field``, ``world``, ``sensor``, ``scanner``: obstacles, the truth about them, and what is seen

@@ -9,7 +9,7 @@ from sitl.autopilot.mission import MissionItem, MissionStore, target_ned_m
 from sitl.autopilot.modes import Mode
 from sitl.autopilot.motion_reference import MotionLimits, MotionReference
 from sitl.autopilot.settings import FlightSettings
-from sitl.plant.controller import Setpoint
+from sitl.plant.setpoint import Setpoint
 from sitl.plant.truth import Vector, VehicleTruth
 
 _LANDING_NEAR_GROUND_M = 5.0

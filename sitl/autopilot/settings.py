@@ -45,8 +45,8 @@ class FlightSettings:
         disarm_landed_s, disarm_grounded_s: delay after landing, or without take-off; negative:
             never.
         failure_injection: whether MAV_CMD_INJECT_FAILURE is obeyed.
-        arm_authoriser: system id of whoever has to be asked before arming; None: nobody.
-        arm_authorisation_timeout_s: how long their answer may take.
+        arm_authorizer: system id of whoever has to be asked before arming; None: nobody.
+        arm_authorization_timeout_s: how long their answer may take.
     """
 
     tilt_max_rad: float
@@ -86,5 +86,5 @@ class FlightSettings:
     disarm_landed_s: float
     disarm_grounded_s: float
     failure_injection: bool
-    arm_authoriser: int | None = None
-    arm_authorisation_timeout_s: float = 0.0
+    arm_authorizer: int | None = None
+    arm_authorization_timeout_s: float = 0.0

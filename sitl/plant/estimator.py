@@ -156,6 +156,11 @@ class Estimator:
         self._jumped_ned_m = (0.0, 0.0, 0.0)
         self._gps_wrong_m = 0.0
 
+    @property
+    def position_valid(self) -> bool:
+        """Whether the estimate of the position is still valid: not for long without GPS."""
+        return self.lost_for_s < self.profile.dead_reckoning_s
+
     def jump(self, north_m: float, east_m: float, down_m: float) -> None:
         """Move the estimate at once, for good."""
         north, east, down = self._jumped_ned_m

@@ -10,14 +10,7 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from sitl.plant.controller import (
-    ControllerGains,
-    ControllerMemory,
-    Setpoint,
-    ahead,
-    control,
-    trimmed,
-)
+from sitl.plant.controller import ControllerGains, ControllerMemory, control, trimmed
 from sitl.plant.estimator import EstimateError
 from sitl.plant.jit import compiled
 from sitl.plant.multirotor import (
@@ -28,6 +21,7 @@ from sitl.plant.multirotor import (
     derivative,
     step,
 )
+from sitl.plant.setpoint import Setpoint, ahead
 
 Plain = tuple[float, ...]
 

@@ -247,23 +247,33 @@ def _ground_reaction(
 
 
 @compiled
+def _rotor_thrust_and_torque(
+    state: MultirotorState, parameters: MultirotorParameters
+) -> tuple[float, float, float, float]:
+    """Return the total thrust [N] and the torque (FRD) [N m] of the four rotors on the body."""
+    n1, n2, n3, n4 = state.rotor1_rpm, state.rotor2_rpm, state.rotor3_rpm, state.rotor4_rpm
+    k_t = parameters.thrust_coefficient_n_per_rpm2
+    t1, t2, t3, t4 = k_t * n1 * n1, k_t * n2 * n2, k_t * n3 * n3, k_t * n4 * n4
+    return (
+        t1 + t2 + t3 + t4,
+        parameters.arm_y_m * (t2 + t3 - t1 - t4),
+        parameters.arm_x_m * (t1 + t3 - t2 - t4),
+        parameters.torque_coefficient_nm_per_rpm2 * (n1 * n1 + n2 * n2 - n3 * n3 - n4 * n4),
+    )
+
+
+@compiled
 def derivative(
     state: MultirotorState, command: RotorSpeeds, wind: Wind, parameters: MultirotorParameters
 ) -> MultirotorState:
     """Time derivative of ``state`` under commanded rotor speeds [rpm] and wind (Newton-Euler)."""
-    n1, n2, n3, n4 = state.rotor1_rpm, state.rotor2_rpm, state.rotor3_rpm, state.rotor4_rpm
     p, q, r = state.roll_rate_radps, state.pitch_rate_radps, state.yaw_rate_radps
     qw, qx, qy, qz = state.qw, state.qx, state.qy, state.qz
-    k_t = parameters.thrust_coefficient_n_per_rpm2
-    t1, t2, t3, t4 = k_t * n1 * n1, k_t * n2 * n2, k_t * n3 * n3, k_t * n4 * n4
-
+    thrust, torque_x, torque_y, torque_z = _rotor_thrust_and_torque(state, parameters)
     drag_x, drag_y, drag_z = _aerodynamic_force_frd(state, wind, parameters)
     force_north, force_east, force_down = rotate_ned_from_frd(
-        qw, qx, qy, qz, drag_x, drag_y, drag_z - (t1 + t2 + t3 + t4)
+        qw, qx, qy, qz, drag_x, drag_y, drag_z - thrust
     )
-    torque_x = parameters.arm_y_m * (t2 + t3 - t1 - t4)
-    torque_y = parameters.arm_x_m * (t1 + t3 - t2 - t4)
-    torque_z = parameters.torque_coefficient_nm_per_rpm2 * (n1 * n1 + n2 * n2 - n3 * n3 - n4 * n4)
 
     # Far above the reach of a leg at any attitude there is nothing to compute.
     if state.down_m > -(parameters.arm_x_m + parameters.arm_y_m + parameters.leg_height_m):
@@ -293,10 +303,10 @@ def derivative(
         (torque_x + (j_y - j_z) * q * r) / j_x,
         (torque_y + (j_z - j_x) * r * p) / j_y,
         (torque_z + (j_x - j_y) * p * q) / j_z,
-        lag * (command.rotor1_rpm - n1),
-        lag * (command.rotor2_rpm - n2),
-        lag * (command.rotor3_rpm - n3),
-        lag * (command.rotor4_rpm - n4),
+        lag * (command.rotor1_rpm - state.rotor1_rpm),
+        lag * (command.rotor2_rpm - state.rotor2_rpm),
+        lag * (command.rotor3_rpm - state.rotor3_rpm),
+        lag * (command.rotor4_rpm - state.rotor4_rpm),
     )
 
 

@@ -13,24 +13,21 @@ from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from sitl.autopilot.commander import Actuation, Verdict
+from sitl.autopilot.decisions import Actuation, Verdict
 from sitl.autopilot.fence import FenceStore
 from sitl.autopilot.flavours.ardupilot import Copter
 from sitl.autopilot.flavours.flavour import Flavour
 from sitl.autopilot.flavours.parameters import ParameterStore
 from sitl.autopilot.flavours.px4 import Px4
-from sitl.autopilot.protocol.arm_authorization import ArmAuthorisation
+from sitl.autopilot.protocol.arm_authorization import ArmAuthorization
 from sitl.autopilot.protocol.commands import Command, CommandContext, execute
 from sitl.autopilot.protocol.link import MavlinkLink
 from sitl.autopilot.protocol.mission_transfer import MissionTransfer
 from sitl.autopilot.protocol.parameter_protocol import ParameterProtocol
 from sitl.autopilot.protocol.signing import TIMESTAMP_MAX, Signing, key_of_passphrase
-from sitl.autopilot.protocol.telemetry import (
-    BUILDERS,
-    Snapshot,
-    StreamSchedule,
-    messages_of_data_stream,
-)
+from sitl.autopilot.protocol.snapshot import Snapshot
+from sitl.autopilot.protocol.streams import StreamSchedule, messages_of_data_stream
+from sitl.autopilot.protocol.telemetry import BUILDERS
 from sitl.autopilot.protocol.timesync import MisaddressedTimesync
 from sitl.config import VehicleConfig
 from sitl.plant.battery import BatteryReading
@@ -93,7 +90,7 @@ class Autopilot:
             self.flavour.settings(self.parameters), truth, config.home, self.estimator
         )
         self._missions = MissionTransfer(self.commander.mission, FenceStore())
-        self._arm_authorisation = ArmAuthorisation()
+        self._arm_authorization = ArmAuthorization()
         self._parameter_protocol = ParameterProtocol(
             self.parameters, bytewise=self.flavour.integers_bytewise
         )
@@ -107,7 +104,15 @@ class Autopilot:
         self._start_unix_s = start_unix_s
         self._peers: dict[int, _Peer] = {}
         self._estimate, self._battery = truth, battery
-        self._handlers: dict[str, Callable[[Any, _Peer, float], None]] = {
+        self._handlers = self._handlers_by_message()
+
+    @property
+    def handled(self) -> tuple[str, ...]:
+        """Names of the messages that the autopilot does something with."""
+        return tuple(self._handlers)
+
+    def _handlers_by_message(self) -> dict[str, Callable[[Any, _Peer, float], None]]:
+        return {
             "SET_POSITION_TARGET_LOCAL_NED": self._on_setpoint,
             "SET_POSITION_TARGET_GLOBAL_INT": self._on_setpoint,
             "MANUAL_CONTROL": self._on_manual_control,
@@ -124,11 +129,6 @@ class Autopilot:
             **dict.fromkeys(self._parameter_protocol.messages, self._on_parameter),
             **dict.fromkeys(self._missions.messages, self._on_mission),
         }
-
-    @property
-    def handled(self) -> tuple[str, ...]:
-        """Names of the messages that the autopilot does something with."""
-        return tuple(self._handlers)
 
     # --- bytes ----------------------------------------------------------------------------
 
@@ -189,7 +189,7 @@ class Autopilot:
             battery = replace(battery, remaining=0.0)
         actuation = self.commander.update(estimate, battery, thrust_share, period_s)
         self._missions.step(truth.time_s)
-        self._arm_authorisation.step(truth.time_s)
+        self._arm_authorization.step(truth.time_s)
         self._estimate, self._battery = estimate, battery
         self._announce()
         for peer in self._peers.values():
@@ -274,8 +274,8 @@ class Autopilot:
                 mavlink.MAVLink_command_ack_message(command.number, result, 0, 0, *sender)
             )
 
-        authoriser = self.commander.settings.arm_authoriser
-        if authoriser is None or not self._needs_authorisation(command, now_s):
+        authorizer = self.commander.settings.arm_authorizer
+        if authorizer is None or not self._needs_authorization(command, now_s):
             acknowledge(execute(command, self._context(peer)))
             return
 
@@ -286,18 +286,18 @@ class Autopilot:
             self.commander.say(mavlink.MAV_SEVERITY_CRITICAL, "Arming denied: not authorized")
             acknowledge(Verdict.TEMPORARILY_REJECTED)
 
-        timeout_s = self.commander.settings.arm_authorisation_timeout_s
-        self._broadcast(self._arm_authorisation.ask(authoriser, timeout_s, answer, now_s))
+        timeout_s = self.commander.settings.arm_authorization_timeout_s
+        self._broadcast(self._arm_authorization.ask(authorizer, timeout_s, answer, now_s))
 
-    def _needs_authorisation(self, command: Command, now_s: float) -> bool:
+    def _needs_authorization(self, command: Command, now_s: float) -> bool:
         """Tell whether somebody has to agree: to arming that nothing else speaks against."""
         may_be_asked = not self.commander.armed and not self.commander.prearm_failures()
-        return command.arms and may_be_asked and not self._arm_authorisation.permits(now_s)
+        return command.arms and may_be_asked and not self._arm_authorization.permits(now_s)
 
     def _on_command_ack(self, message: Any, _: _Peer, now_s: float) -> None:
-        authoriser = self.commander.settings.arm_authoriser
-        if authoriser is not None:
-            self._arm_authorisation.receive(message, authoriser, now_s)
+        authorizer = self.commander.settings.arm_authorizer
+        if authorizer is not None:
+            self._arm_authorization.receive(message, authorizer, now_s)
 
     def _on_set_mode(self, message: Any, _: _Peer, __: float) -> None:
         """SET_MODE, the old message: as MAV_CMD_DO_SET_MODE, but nobody is told the result."""

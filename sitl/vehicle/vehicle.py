@@ -6,12 +6,12 @@ import functools
 import math
 import random
 
-from sitl.autopilot.commander import Actuation, Drive
+from sitl.autopilot.decisions import Actuation, Drive
 from sitl.autopilot.modes import Mode
 from sitl.autopilot.settings import FlightSettings
 from sitl.config import StartConfig, VehicleConfig
 from sitl.plant.battery import Battery
-from sitl.plant.controller import ControllerGains, Setpoint, ahead
+from sitl.plant.controller import ControllerGains
 from sitl.plant.inner_loop import ACCELERATION, MEMORY, STATE, UNTRIMMED, Flight, fly, spin
 from sitl.plant.multirotor import (
     GRAVITY_MPS2,
@@ -21,6 +21,7 @@ from sitl.plant.multirotor import (
     rotate_frd_from_ned,
     standing_state,
 )
+from sitl.plant.setpoint import Setpoint, ahead
 from sitl.plant.truth import VehicleTruth
 from sitl.plant.wind import Gust, WindModel
 from sitl.vehicle.autopilot import Autopilot
@@ -52,7 +53,7 @@ class SimulatedVehicle:
             seed: of everything random about the vehicle.
             start_unix_s: time of day at simulation time zero.
             ticks_per_decision: the autopilot decides, and sends telemetry, every so many ticks of
-                10 ms; in between the controller follows the set-point's own motion.
+                10 ms; in between the controller follows the setpoint's own motion.
 
         Raises:
             ParameterError: a configured autopilot parameter does not exist or is out of range.
@@ -116,7 +117,7 @@ class SimulatedVehicle:
         return ticks > 0
 
     def pin_tracking_error(self, north_m: float, east_m: float) -> None:
-        """Put the vehicle this far from where a set-point wants it at this instant.
+        """Put the vehicle this far from where a setpoint wants it at this instant.
 
         The controller does not see the error, and so does not work against it.
         """

@@ -13,7 +13,7 @@ import cmath
 import math
 from dataclasses import dataclass
 
-from sitl.plant.controller import Setpoint
+from sitl.plant.setpoint import Setpoint
 from sitl.plant.truth import VehicleTruth
 
 _POSITION_SHARE = 0.25  # of the velocity's gain

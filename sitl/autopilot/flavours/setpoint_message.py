@@ -10,7 +10,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from sitl.autopilot.geodesy import GeographicPosition, ned_from_geographic
 from sitl.autopilot.mission import ABSOLUTE_FRAMES, RELATIVE_FRAMES
 from sitl.config import HomeConfig
-from sitl.plant.controller import Setpoint
+from sitl.plant.setpoint import Setpoint
 from sitl.plant.truth import Vector
 
 NOTHING: Vector = (math.nan, math.nan, math.nan)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from sitl.plant.controller import Setpoint, ahead
+from sitl.plant.setpoint import Setpoint, ahead
 
 _JERK_MAX_MPS3 = 30.0
 _JERK_PERIOD_MAX_S = 0.25  # successive setpoints farther apart say nothing about jerk

@@ -1,4 +1,4 @@
-"""Arm authorisation: PX4 asks somebody else before it arms, and arms only if they agree in time.
+"""Arm authorization: PX4 asks somebody else before it arms, and arms only if they agree in time.
 
 PX4 with COM_ARM_AUTH_REQ sends MAV_CMD_ARM_AUTHORIZATION_REQUEST to system COM_ARM_AUTH_ID as it is
 told to arm (COM_ARM_AUTH_MET 0), and waits COM_ARM_AUTH_TO for the COMMAND_ACK: accepted, with the
@@ -26,7 +26,7 @@ class _Question:
     until_s: float
 
 
-class ArmAuthorisation:
+class ArmAuthorization:
     """The question that is open, and the permission that holds."""
 
     def __init__(self) -> None:
@@ -38,23 +38,23 @@ class ArmAuthorisation:
         return now_s <= self._permitted_until_s
 
     def ask(
-        self, authoriser: int, timeout_s: float, answer: Callable[[bool], None], now_s: float
+        self, authorizer: int, timeout_s: float, answer: Callable[[bool], None], now_s: float
     ) -> Any:
         """Ask, and return the message that does.
 
         Args:
-            authoriser: system id of whoever decides.
+            authorizer: system id of whoever decides.
             timeout_s: no answer by then is a refusal.
             answer: called once, with whether arming is permitted.
             now_s: time.
         """
         self._close(permitted=False)
         self._question = _Question(answer, now_s + timeout_s)
-        return mavlink.MAVLink_command_long_message(authoriser, 0, REQUEST, 0, *(0.0,) * 7)
+        return mavlink.MAVLink_command_long_message(authorizer, 0, REQUEST, 0, *(0.0,) * 7)
 
-    def receive(self, message: Any, authoriser: int, now_s: float) -> None:
-        """Take a COMMAND_ACK; others than the authoriser's answers to the question are ignored."""
-        answers = message.command == REQUEST and message.get_srcSystem() == authoriser
+    def receive(self, message: Any, authorizer: int, now_s: float) -> None:
+        """Take a COMMAND_ACK; others than the authorizer's answers to the question are ignored."""
+        answers = message.command == REQUEST and message.get_srcSystem() == authorizer
         if not answers or self._question is None:
             return
         if message.result == mavlink.MAV_RESULT_IN_PROGRESS:

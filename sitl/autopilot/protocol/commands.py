@@ -9,7 +9,8 @@ from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from sitl.autopilot.commander import Commander, Verdict
+from sitl.autopilot.commander import Commander
+from sitl.autopilot.decisions import Verdict
 from sitl.autopilot.flavours.flavour import Flavour
 from sitl.autopilot.flavours.standard_modes import (
     AVAILABLE_MODES_ID,
@@ -20,7 +21,9 @@ from sitl.autopilot.geodesy import GeographicPosition, ned_from_geographic
 from sitl.autopilot.mission import ABSOLUTE_FRAMES, RELATIVE_FRAMES
 from sitl.autopilot.modes import Mode
 from sitl.autopilot.protocol.link import MavlinkLink
-from sitl.autopilot.protocol.telemetry import BUILDERS, Snapshot, StreamSchedule
+from sitl.autopilot.protocol.snapshot import Snapshot
+from sitl.autopilot.protocol.streams import StreamSchedule
+from sitl.autopilot.protocol.telemetry import BUILDERS
 from sitl.config import HomeConfig
 
 _ARM_FORCE = 21196.0  # the magic number of MAV_CMD_COMPONENT_ARM_DISARM

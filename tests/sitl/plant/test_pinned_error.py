@@ -59,7 +59,7 @@ def flown(
             wanted = simulation.scene.vehicle.autopilot.commander.setpoint
             at_m = simulation.scene.vehicle.truth.position_ned_m
             if wanted is not None:
-                # The set-point is that of the decision, 20 ms before.
+                # The setpoint is that of the decision, 20 ms before.
                 ahead_m = (
                     wanted.north_m + 0.02 * wanted.velocity_north_mps,
                     wanted.east_m + 0.02 * wanted.velocity_east_mps,
