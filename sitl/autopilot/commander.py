@@ -251,8 +251,8 @@ class Commander(ABC):
         """Decide for the next period; called at the autopilot's own rate.
 
         Args:
-            truth: what the estimator believes.
-            battery: what the pack shows.
+            truth: the estimated state.
+            battery: reading of the pack.
             thrust_share: rotor thrust over weight.
             period_s: time until the next call.
         """

@@ -14,7 +14,7 @@ _THRUST_SHARE = 0.7  # of the weight: the ground carries the rest
 
 
 class LandDetector:
-    """Whether the vehicle stands or flies; the commander tells taking off and landing apart.
+    """Decide whether the vehicle stands or flies; the commander distinguishes the phases between.
 
     Attributes:
         on_ground: whether the vehicle stands.

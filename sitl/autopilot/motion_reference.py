@@ -27,7 +27,7 @@ class MotionLimits:
 
 
 class MotionReference:
-    """A point that moves like a vehicle could, NED; it starts as the vehicle moves.
+    """A point with limited acceleration and jerk, NED; it starts with the vehicle's motion.
 
     Attributes:
         position_ned_m: where the reference is.
@@ -43,7 +43,7 @@ class MotionReference:
 
     @property
     def speed_mps(self) -> float:
-        """How fast the reference moves."""
+        """Speed of the reference."""
         return math.hypot(*self._velocity_mps)
 
     def setpoint(self) -> Setpoint:

@@ -33,7 +33,7 @@ _EXACT = tuple(EstimateError())
 
 
 class Flight(NamedTuple):
-    """Plant and controller at one instant, unnamed: most of it is only handed on.
+    """Plant and controller at one instant, as plain floats.
 
     Attributes:
         values: the state (17), the controller's memory (3), and the acceleration, NED (3).
@@ -73,9 +73,9 @@ def fly(
     """Advance plant and controller by ``steps`` steps of ``step_s`` under one moving setpoint.
 
     ``age_s`` is how long the setpoint has been moving when the first step begins.
-    ``rotor_shares`` is what each rotor makes of its command: 1, or 0 when it has failed, of which
-    the controller knows nothing.  ``error`` is that of the estimate that the controller is given
-    instead of the state: an `EstimateError`.
+    ``rotor_shares`` is the share of its command that each rotor reaches: 1, or 0 when it has
+    failed; the controller does not take it into account.  ``error`` is the `EstimateError` that
+    separates the controller's input from the state.
     """
     return Flight(
         _fly(
@@ -115,9 +115,9 @@ _ahead = compiled(ahead)
 def _sensed(
     state: MultirotorState, error: EstimateError, cosine: float, sine: float
 ) -> MultirotorState:
-    """Return the state as the estimator has it; cosine and sine of half its error of the heading.
+    """Return the estimated state; ``cosine`` and ``sine`` are those of half the heading error.
 
-    The body's axes, rates and rotors are as they are: only where they are thought to point changes.
+    Body rates and rotor speeds are exact; the heading error turns the attitude about the vertical.
     """
     w, x, y, z = state.qw, state.qx, state.qy, state.qz
     return MultirotorState(

@@ -88,7 +88,7 @@ class RotorSpeeds(NamedTuple):
     rotor4_rpm: float
 
 
-# What `RotorSpeeds` is as the shares of commanded speed that sound rotors obey.
+# `RotorSpeeds` as shares of the commanded speed, of rotors without a failure.
 INTACT = RotorSpeeds(1.0, 1.0, 1.0, 1.0)
 
 
@@ -335,7 +335,7 @@ def _moved(state: MultirotorState, rate: MultirotorState, time_s: float) -> Mult
 
 
 @compiled
-def _normalised(state: MultirotorState) -> MultirotorState:
+def _normalized(state: MultirotorState) -> MultirotorState:
     """Return ``state`` with its quaternion scaled back to unit length."""
     qw, qx, qy, qz = state.qw, state.qx, state.qy, state.qz
     scale = 1.0 / math.sqrt(qw * qw + qx * qx + qy * qy + qz * qz)
@@ -370,7 +370,7 @@ def step(
 ) -> MultirotorState:
     """Advance by ``step_s`` with the classical fourth-order Runge-Kutta rule.
 
-    Commands outside the rotors' speed range are the caller's fault; the controller saturates them.
+    Commands must be within the rotors' speed range; the controller saturates them.
     """
     k1 = derivative(state, command, wind, parameters)
     k2 = derivative(_moved(state, k1, 0.5 * step_s), command, wind, parameters)
@@ -379,4 +379,4 @@ def step(
     end = _moved(state, k1, step_s / 6.0)
     end = _moved(end, k2, step_s / 3.0)
     end = _moved(end, k3, step_s / 3.0)
-    return _normalised(_moved(end, k4, step_s / 6.0))
+    return _normalized(_moved(end, k4, step_s / 6.0))

@@ -1,4 +1,4 @@
-"""What the controller is told to fly: wanted motion at one instant.
+"""What the controller flies: wanted motion at one instant.
 
 A ``nan`` means "not controlled" (PX4's convention): without position the velocity is flown, without
 velocity the acceleration.  Between updates a setpoint moves along its own derivatives.

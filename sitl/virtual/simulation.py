@@ -53,17 +53,17 @@ PATIENCE_S: Final = 8.0
 
 @dataclass(frozen=True)
 class SimulatedFlight:
-    """What is to be flown.
+    """One flight to simulate.
 
     Attributes:
         contract, mission: for the onboard service.
         sitl: vehicle, autopilot, sensors, wind.
         obstacles: the field.
         seed: of everything random.
-        faults: what goes wrong.
+        faults: see `sitl.virtual.faults.schema`.
         input_set: which accelerations plans may use.
-        fly_outside_contract: fly although the contract does not comply.
-        time_limit_s: the flight is given up after this.
+        fly_outside_contract: fly although the contract's clauses are not met.
+        time_limit_s: the simulation ends after this, landed or not.
     """
 
     contract: Contract
@@ -79,12 +79,12 @@ class SimulatedFlight:
 
 @dataclass(frozen=True)
 class SimulationReport:
-    """What the logs do not say, since it differs from run to run.
+    """What the logs leave out because it differs from run to run.
 
     Attributes:
         virtual_s, wall_s: simulated time and the time it took.
         plan_times_s: wall time of each plan.
-        aborted: why the operator did not fly the vehicle and bring it down again; None if so.
+        aborted: why the operator did not complete the flight; None if it landed.
     """
 
     virtual_s: float
@@ -97,11 +97,11 @@ class Simulation:
     """One flight, advanced step by step.
 
     Args:
-        flight: what is to be flown.
+        flight: to simulate.
 
     Attributes:
         now_s: virtual time.
-        flight: what is being flown.
+        flight: as given.
         scene, autonomy, operator: vehicle and world; the service; who arms and lands.
     """
 
@@ -131,13 +131,13 @@ class Simulation:
 
     @property
     def aborted(self) -> str | None:
-        """Why the operator did not fly the vehicle and bring it down again; None if so."""
+        """Why the operator did not complete the flight; None if it landed."""
         if self.over:
             return self.operator.gave_up
         return "the vehicle did not land within the time limit"
 
     def advance(self) -> None:
-        """Let 20 ms pass: a tick of the service."""
+        """Advance by one tick of the service, 20 ms."""
         self._steps += 1
         self.now_s = self._steps * TICK_S
         self._schedule.advance(self.now_s, self.autonomy.navigator.phase)
@@ -193,7 +193,7 @@ class Simulation:
 
 
 def _since(began_s: float, now_s: float, *, present: bool) -> float:
-    """Return since when something lasts; infinite while it does not."""
+    """Return when a condition began; infinite while it is absent."""
     return min(began_s, now_s) if present else math.inf
 
 
@@ -223,18 +223,18 @@ def without_cycle_collection() -> Iterator[None]:
 
 
 def ticks(simulation: Simulation, *, shown: bool = True) -> Iterator[list[Record]]:
-    """Advance a flight to its end, or its time limit; yield what each tick leaves behind.
+    """Advance a flight to its end, or its time limit; yield the records of each tick.
 
     Args:
         simulation: the flight.
-        shown: whether people look at it; see `Journal`.
+        shown: whether a display shows the flight; see `Journal`.
     """
     service = simulation.autonomy
     journal = Journal(service, timed=False, shown=shown)
     with without_cycle_collection():
         while not simulation.over and simulation.now_s < simulation.flight.time_limit_s:
             simulation.advance()
-            if service is not simulation.autonomy:  # it died, and was started again
+            if service is not simulation.autonomy:  # it was restarted
                 service = simulation.autonomy
                 journal = Journal(service, timed=False, shown=shown)
             yield journal.collect(simulation.now_s)
@@ -246,14 +246,14 @@ def fly(
     """Fly in virtual time; write ``flight.mcap`` and ``truth.mcap``, the same for the same seed.
 
     Args:
-        flight: what is to be flown.
+        flight: to simulate.
         directory: for the logs.
-        watch: called after every tick, to show how far the flight is.
+        watch: called after every tick, to show progress.
 
     Raises:
         OSError: a log cannot be written.
     """
-    warm_up()  # once per process: loading compiled code is no part of the flight
+    warm_up()  # once per process, so that the flight does not include loading compiled code
     began_s = time.perf_counter()
     simulation = Simulation(flight)
     metadata = {

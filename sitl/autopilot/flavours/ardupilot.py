@@ -67,7 +67,7 @@ class Copter(Flavour):
         jerk_share=0.3,  # the rest is shaped away by ATC_INPUT_TC
         drag_share=0.0,
         trim_time_s=2.0,  # PSC_VELXY_P / PSC_VELXY_I
-        tells_lost_position_s=15.0,
+        reports_lost_position_s=15.0,
         levels_when_lost=True,
     )
     ideal = Realism(parameters=ideal_gains(GAINS))
@@ -96,7 +96,7 @@ class Copter(Flavour):
         return _MODES[Mode.OFFBOARD if mode is Mode.TAKEOFF else mode]
 
     def mode_of_command(self, main: int, _: int) -> Mode | None:
-        """Return the mode of MAV_CMD_DO_SET_MODE's second parameter; there are no sub modes."""
+        """Return the mode of MAV_CMD_DO_SET_MODE's second parameter; sub modes do not exist."""
         return _MODE_OF_NUMBER.get(main)
 
     def mode_of_custom(self, custom_mode: int) -> Mode | None:

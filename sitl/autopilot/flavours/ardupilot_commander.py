@@ -1,7 +1,7 @@
 """ArduPilot Copter's decisions: modes, take-off, and how GUIDED behaves.
 
 Copter accepts modes before it could fly them, takes off only by command, and in GUIDED flies to a
-position for ever but forgets a velocity after GUID_TIMEOUT.
+position without a time limit, but drops a velocity after GUID_TIMEOUT.
 """
 
 from __future__ import annotations
@@ -85,7 +85,7 @@ class CopterCommander(Commander):
         if self.mode not in {Mode.OFFBOARD, Mode.TAKEOFF}:
             return
         target = _ned_target(read_target(message, self._origin, self.home_ned_m), self._truth)
-        if target is not None and not _says_anything(target):
+        if target is not None and not _has_vector(target):
             return
         if self.mode is Mode.TAKEOFF:
             self._enter(Mode.OFFBOARD, failsafe=False)
@@ -168,7 +168,7 @@ def _reference_limits(settings: FlightSettings) -> ReferenceLimits:
 
 
 def _ned_target(target: MotionTarget, truth: VehicleTruth) -> MotionTarget | None:
-    """Return the target in local NED; None in a frame that ArduPilot does not know."""
+    """Return the target in local NED; None in a frame that ArduPilot does not support."""
     if target.frame == mavlink.MAV_FRAME_LOCAL_NED:
         return target
     if target.frame == mavlink.MAV_FRAME_LOCAL_OFFSET_NED:
@@ -188,8 +188,8 @@ def _moved(origin: Vector, offset: Vector) -> Vector:
     return origin[0] + offset[0], origin[1] + offset[1], origin[2] + offset[2]
 
 
-def _says_anything(target: MotionTarget) -> bool:
-    """Whether anything but yaw is meant."""
+def _has_vector(target: MotionTarget) -> bool:
+    """Whether anything but yaw is given."""
     return any(map(is_given, (target.position_m, target.velocity_mps, target.acceleration_mps2)))
 
 

@@ -42,7 +42,9 @@ PARAMETERS = (
     ParameterSpec("PSC_JERK_XY", 5.0, 1.0, 20.0, "horizontal jerk limit [m/s^3]"),
     ParameterSpec("RTL_ALT", 1500, 30, 300_000, "least altitude of the return [cm]"),
     ParameterSpec("SCR_USER1", 0.0, -1e9, 1e9, "for scripts"),
-    ParameterSpec("SIM_FAILURE_EN", 0, 0, 1, "obey MAV_CMD_INJECT_FAILURE; this simulator's own"),
+    ParameterSpec(
+        "SIM_FAILURE_EN", 0, 0, 1, "accept MAV_CMD_INJECT_FAILURE; only in this simulator"
+    ),
     ParameterSpec(
         "WPNAV_ACCEL", 250.0, 50.0, 1000.0, "autonomous horizontal acceleration [cm/s^2]"
     ),

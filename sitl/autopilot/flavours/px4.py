@@ -99,7 +99,7 @@ class Px4(Flavour):
         rest_is_constant_position=True,
         timesync_misaddressed=True,
         legacy_requests=False,
-        tells_lost_position_s=math.inf,
+        reports_lost_position_s=math.inf,
         levels_when_lost=True,
         fix_when_lost=mavlink.GPS_FIX_TYPE_NO_GPS,
         drops_gps_after_s=7.3,

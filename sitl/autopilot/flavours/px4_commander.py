@@ -147,7 +147,7 @@ class Px4Commander(Commander):
 
 
 def _setpoint(target: MotionTarget, yaw_rad: float) -> Setpoint | None:
-    """Judge a setpoint as PX4 does; None if it is none, and so no sign of life either."""
+    """Return a target as PX4 flies it; None if PX4 ignores it, so that it keeps no stream alive."""
     if target.frame == mavlink.MAV_FRAME_BODY_NED:
         target = target._replace(
             position_m=NOTHING,  # no positions relative to the body

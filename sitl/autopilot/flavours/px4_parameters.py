@@ -12,14 +12,14 @@ PARAMETERS = (
     ParameterSpec("BAT_CRIT_THR", 0.07, 0.05, 0.5, "remaining charge: critical"),
     ParameterSpec("BAT_EMERGEN_THR", 0.05, 0.03, 0.5, "remaining charge: emergency"),
     ParameterSpec("BAT_LOW_THR", 0.15, 0.0, 0.5, "remaining charge: low"),
-    ParameterSpec("COM_ARM_AUTH_ID", 10, 0, 255, "system that authorises arming"),
-    ParameterSpec("COM_ARM_AUTH_REQ", 0, 0, 1, "arming needs authorisation"),
-    ParameterSpec("COM_ARM_AUTH_TO", 0.4, 0.1, 5.0, "authorisation unanswered to denied [s]"),
+    ParameterSpec("COM_ARM_AUTH_ID", 10, 0, 255, "system that authorizes arming"),
+    ParameterSpec("COM_ARM_AUTH_REQ", 0, 0, 1, "arming needs authorization"),
+    ParameterSpec("COM_ARM_AUTH_TO", 0.4, 0.1, 5.0, "authorization unanswered to denied [s]"),
     ParameterSpec("COM_DISARM_LAND", 2.0, -1.0, 20.0, "landed to disarmed [s]; negative: never"),
     ParameterSpec("COM_DISARM_PRFLT", 10.0, -1.0, 120.0, "armed without take-off to disarmed [s]"),
     ParameterSpec("COM_DL_LOSS_T", 10, 5, 300, "ground station silent to lost [s]"),
     ParameterSpec("COM_LOW_BAT_ACT", 0, 0, 3, "low battery: 0 warn, 2 land, 3 return, then land"),
-    # PX4's own default, 0, descends where there is no remote control; 5 holds.
+    # PX4's own default, 0, descends without remote control; 5 holds.
     ParameterSpec("COM_OBL_RC_ACT", 5, 0, 7, "after loss of offboard: 3 return, 4 land, 5 hold"),
     ParameterSpec("COM_OF_LOSS_T", 1.0, 0.0, 60.0, "offboard setpoints missing to failsafe [s]"),
     ParameterSpec("COM_DLL_EXCEPT", 0, 0, 15, "bits: modes without ground station; not simulated"),
@@ -58,7 +58,7 @@ PARAMETERS = (
     ),
     ParameterSpec("NAV_RCL_ACT", 2, 1, 6, "manual control lost: 1 hold, 2 return, 3 land"),
     ParameterSpec("RTL_RETURN_ALT", 60.0, 0.0, 150.0, "least altitude of the return [m]"),
-    ParameterSpec("SYS_FAILURE_EN", 0, 0, 1, "obey MAV_CMD_INJECT_FAILURE"),
+    ParameterSpec("SYS_FAILURE_EN", 0, 0, 1, "accept MAV_CMD_INJECT_FAILURE"),
 )
 
 
@@ -129,8 +129,8 @@ def flight_settings(p: ParameterStore) -> FlightSettings:
         disarm_landed_s=p["COM_DISARM_LAND"],
         disarm_grounded_s=p["COM_DISARM_PRFLT"],
         failure_injection=bool(p["SYS_FAILURE_EN"]),
-        arm_authoriser=int(p["COM_ARM_AUTH_ID"]) if p["COM_ARM_AUTH_REQ"] else None,
-        arm_authorisation_timeout_s=p["COM_ARM_AUTH_TO"],
+        arm_authorizer=int(p["COM_ARM_AUTH_ID"]) if p["COM_ARM_AUTH_REQ"] else None,
+        arm_authorization_timeout_s=p["COM_ARM_AUTH_TO"],
     )
 
 

@@ -29,7 +29,7 @@ _EKF_PREDICTED = mavlink.EKF_PRED_POS_HORIZ_REL | mavlink.EKF_PRED_POS_HORIZ_ABS
 
 
 def ekf_status_report(s: Snapshot) -> Any:
-    """EKF_STATUS_REPORT: ArduPilot's way to say how good the estimate is.
+    """EKF_STATUS_REPORT: how ArduPilot reports the quality of the estimate.
 
     Its variances rise at the failover; they are not measured, but the failsafe needs 0.8.
     """
@@ -42,10 +42,10 @@ def ekf_status_report(s: Snapshot) -> Any:
 
 
 def estimator_status(s: Snapshot) -> Any:
-    """ESTIMATOR_STATUS: PX4's way to say the same.
+    """ESTIMATOR_STATUS: how PX4 reports the quality of the estimate.
 
-    Without GPS the ratios of innovations say nothing: only the accuracies grow, until the
-    horizontal flags go, and ratios with them.
+    Without GPS the ratios of innovations carry no information: only the accuracies grow, until
+    the horizontal flags are cleared and the ratios become NaN.
     """
     estimator = s.estimator
     lost_for_s, error = estimator.lost_for_s, estimator.error
@@ -75,15 +75,15 @@ def estimator_status(s: Snapshot) -> Any:
 
 
 def _estimator_flags(s: Snapshot) -> int:
-    """What the filter vouches for; the flags mean the same in both messages.  0: nothing yet."""
+    """Return which estimates are valid; both messages share the flags.  0: none yet."""
     profile, lost_for_s = s.estimator.profile, s.estimator.lost_for_s
-    if not s.tells_position and lost_for_s <= 0.0:
+    if not s.reports_position and lost_for_s <= 0.0:
         return 0
     flags: int = _EKF_GOOD
     if s.realism.rest_is_constant_position and s.commander.on_ground and not s.commander.armed:
         flags |= mavlink.ESTIMATOR_CONST_POS_MODE
     if not s.estimator.position_valid:
-        if not s.realism.tells_lost_position_s:
+        if not s.realism.reports_lost_position_s:
             return 0
         flags &= ~_EKF_HORIZONTAL
     if lost_for_s >= profile.aiding_stops_s:

@@ -37,8 +37,8 @@ def attitude_quaternion(s: Snapshot) -> Any:
 
 
 def local_position_ned(s: Snapshot) -> Any:
-    """LOCAL_POSITION_NED; None while the autopilot does not tell the position."""
-    if not s.tells_position:
+    """LOCAL_POSITION_NED; None while the autopilot does not report the position."""
+    if not s.reports_position:
         return None
     return mavlink.MAVLink_local_position_ned_message(
         s.boot_ms, *s.truth.position_ned_m, *s.truth.velocity_ned_mps
@@ -63,7 +63,7 @@ def position_target_local_ned(s: Snapshot) -> Any:
 
 
 def controlled(setpoint: Setpoint, estimate: VehicleTruth, settings: FlightSettings) -> Setpoint:
-    """Return what a position controller hands on of a setpoint, which is what PX4 reports.
+    """Return a setpoint as the position controller passes it on, which is what PX4 reports.
 
     The velocity is the wanted one plus gain times error of the position, the acceleration the
     wanted one plus gain times error of that velocity.  Axes without a position or velocity stay so.
@@ -110,7 +110,7 @@ def global_position_int(s: Snapshot) -> Any:
 
 
 def gps_raw_int(s: Snapshot) -> Any:
-    """GPS_RAW_INT: a good three-dimensional fix, or none and accuracies of 100 m, as PX4 says."""
+    """GPS_RAW_INT: a good 3D fix, or none and accuracies of 100 m, as PX4 reports."""
     fix = s.commander.failures.gps_has_fix
     dilution, accuracy_mm, accuracy_mmps = (80, 900, 400) if fix else (10_000, 100_000, 100_000)
     place = geographic_from_ned(s.home, s.truth.position_ned_m)

@@ -26,11 +26,11 @@ class Snapshot(NamedTuple):
     estimator: Estimator
 
     @property
-    def tells_position(self) -> bool:
+    def reports_position(self) -> bool:
         """Whether LOCAL_POSITION_NED is sent; real autopilots send it for some time without GPS."""
         if self.commander.estimator_ready:
             return True
-        return 0.0 < self.estimator.lost_for_s < self.realism.tells_lost_position_s
+        return 0.0 < self.estimator.lost_for_s < self.realism.reports_lost_position_s
 
     @property
     def boot_ms(self) -> int:

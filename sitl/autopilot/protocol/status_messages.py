@@ -49,14 +49,14 @@ def sys_status(s: Snapshot) -> Any:
     """SYS_STATUS: health, battery, and in the pre-arm bit whether arming would succeed."""
     present = _ESTIMATOR_SENSORS | _OTHER_SENSORS | _POSITION_CONTROL
     present |= mavlink.MAV_SYS_STATUS_PREARM_CHECK
-    # Nothing breaches a geofence that is not enforced; MAVProxy announces a breach without this.
+    # The fence is not enforced, hence healthy; MAVProxy announces a breach without this bit.
     health = _OTHER_SENSORS | mavlink.MAV_SYS_STATUS_GEOFENCE
     failed = s.commander.failures.failed_sensors
     if s.estimator.lost_for_s < s.realism.drops_gps_after_s:
         failed &= ~mavlink.MAV_SYS_STATUS_SENSOR_GPS
     elif s.realism.drops_gps_after_s > 0.0:
         present &= ~(failed & mavlink.MAV_SYS_STATUS_SENSOR_GPS)
-    if s.tells_position:
+    if s.reports_position:
         health |= _ESTIMATOR_SENSORS & ~failed
     if s.commander.estimator_ready:
         health |= _POSITION_CONTROL

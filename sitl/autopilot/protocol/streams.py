@@ -12,7 +12,7 @@ class StreamSchedule:
     """When each message is due on one link.
 
     Args:
-        default_rates_hz: what the link gets unasked.
+        default_rates_hz: what the link gets without a request.
     """
 
     def __init__(self, default_rates_hz: Mapping[int, float]) -> None:

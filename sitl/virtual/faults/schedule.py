@@ -13,7 +13,7 @@ from sitl.virtual.faults.schema import Fault, FaultKind
 
 
 class FaultSchedule:
-    """Tells which faults of a flight are present now.
+    """State which faults of a flight are present now.
 
     Args:
         faults: as the scenario states them; of two faults of one kind only the later one in the
@@ -47,7 +47,7 @@ class FaultSchedule:
         return {kind: fault.value for kind, fault in self._present.items()}
 
     def present(self, kind: FaultKind) -> bool:
-        """Tell whether a fault of this kind is present."""
+        """Return whether a fault of this kind is present."""
         return kind in self._present
 
     def amount(self, kind: FaultKind) -> float | None:
