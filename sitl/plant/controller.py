@@ -241,52 +241,16 @@ def _led(
 
 
 @compiled
-def _wanted_force(
+def _turned_onto(
     state: MultirotorState,
-    memory: ControllerMemory,
-    setpoint: Setpoint,
-    gains: ControllerGains,
-    parameters: MultirotorParameters,
-) -> tuple[float, float, float]:
-    """Specific force [m/s^2], NED, that closes the errors of position and velocity."""
-    drag_north, drag_east, drag_down = _drag_inverse(state, parameters, gains.drag_share)
-    velocity_north, velocity_east, velocity_down = _wanted_velocity(setpoint, state, gains)
-    north = setpoint.acceleration_north_mps2 + _feedback(
-        velocity_north,
-        state.velocity_north_mps,
-        memory.trim_north_mps2,
-        gains.velocity_per_s,
-        gains,
-    )
-    east = setpoint.acceleration_east_mps2 + _feedback(
-        velocity_east,
-        state.velocity_east_mps,
-        memory.trim_east_mps2,
-        gains.velocity_per_s,
-        gains,
-    )
-    down = setpoint.acceleration_down_mps2 + _feedback(
-        velocity_down,
-        state.velocity_down_mps,
-        memory.trim_down_mps2,
-        gains.climb_per_s,
-        gains,
-    )
-    return _tilt_limited(
-        north + drag_north, east + drag_east, down + drag_down - GRAVITY_MPS2, gains.tilt_max_rad
-    )
-
-
-@compiled
-def control(
-    state: MultirotorState,
-    memory: ControllerMemory,
+    force_north: float,
+    force_east: float,
+    force_down: float,
     setpoint: Setpoint,
     gains: ControllerGains,
     parameters: MultirotorParameters,
 ) -> RotorSpeeds:
-    """Return the rotor speeds [rpm] that fly ``setpoint`` from ``state``."""
-    force_north, force_east, force_down = _wanted_force(state, memory, setpoint, gains, parameters)
+    """Rotor speeds [rpm], before the lead, that turn the thrust onto a specific force [m/s^2]."""
     p, q, r = state.roll_rate_radps, state.pitch_rate_radps, state.yaw_rate_radps
     wanted_p, wanted_q, wanted_r = _body_rates(
         state, force_north, force_east, force_down, setpoint, gains
@@ -300,13 +264,40 @@ def control(
     _, _, along = rotate_frd_from_ned(
         state.qw, state.qx, state.qy, state.qz, force_north, force_east, force_down
     )
-    command = _rotor_speeds(
+    return _rotor_speeds(
         parameters.mass_kg * max(-along, _THRUST_MIN_MPS2),
         j_x * gains.rate_per_s * (wanted_p - p) + (j_z - j_y) * q * r,
         j_y * gains.rate_per_s * (wanted_q - q) + (j_x - j_z) * r * p,
         j_z * gains.yaw_rate_per_s * (wanted_r - r) + (j_y - j_x) * p * q,
         parameters,
     )
+
+
+@compiled
+def control(
+    state: MultirotorState,
+    memory: ControllerMemory,
+    setpoint: Setpoint,
+    gains: ControllerGains,
+    parameters: MultirotorParameters,
+) -> RotorSpeeds:
+    """Return the rotor speeds [rpm] that fly ``setpoint`` from ``state``."""
+    drag_north, drag_east, drag_down = _drag_inverse(state, parameters, gains.drag_share)
+    velocity_north, velocity_east, velocity_down = _wanted_velocity(setpoint, state, gains)
+    gain_per_s = gains.velocity_per_s
+    north = setpoint.acceleration_north_mps2 + _feedback(
+        velocity_north, state.velocity_north_mps, memory.trim_north_mps2, gain_per_s, gains
+    )
+    east = setpoint.acceleration_east_mps2 + _feedback(
+        velocity_east, state.velocity_east_mps, memory.trim_east_mps2, gain_per_s, gains
+    )
+    down = setpoint.acceleration_down_mps2 + _feedback(
+        velocity_down, state.velocity_down_mps, memory.trim_down_mps2, gains.climb_per_s, gains
+    )
+    force_north, force_east, force_down = _tilt_limited(
+        north + drag_north, east + drag_east, down + drag_down - GRAVITY_MPS2, gains.tilt_max_rad
+    )
+    command = _turned_onto(state, force_north, force_east, force_down, setpoint, gains, parameters)
     return RotorSpeeds(
         _led(command.rotor1_rpm, state.rotor1_rpm, gains.rotor_lead, parameters),
         _led(command.rotor2_rpm, state.rotor2_rpm, gains.rotor_lead, parameters),
