@@ -11,8 +11,11 @@ from types import MappingProxyType
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
+from sitl.plant.controller import ControllerGains
 from sitl.plant.estimator import IDEAL as EXACT
 from sitl.plant.estimator import EstimatorProfile
+
+_IDEAL_GAINS = ControllerGains()
 
 
 @dataclass(frozen=True)
@@ -40,10 +43,10 @@ class Realism:
     """
 
     estimator: EstimatorProfile = EXACT
-    jerk_share: float = 1.0
-    drag_share: float = 1.0
-    trim_time_s: float = 0.3
-    rate_per_s: float = 25.0
+    jerk_share: float = _IDEAL_GAINS.jerk_share
+    drag_share: float = _IDEAL_GAINS.drag_share
+    trim_time_s: float = _IDEAL_GAINS.trim_time_s
+    rate_per_s: float = _IDEAL_GAINS.rate_per_s
     parameters: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}))
     rates_hz: Mapping[int, float] = field(default_factory=lambda: MappingProxyType({}))
     echoes_controller: bool = False
