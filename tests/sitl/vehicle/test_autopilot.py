@@ -69,7 +69,7 @@ def authorizing(client: Client, result: int, *, valid_s: int = 0, system: int = 
     """Tell the vehicle that may it arm, or not; return whether it was asked."""
     other = Client(client.vehicle, link=7, system=system)
     client.send(mavlink.MAVLink_command_long_message(1, 1, 400, 0, 1.0, *(0.0,) * 6))
-    assert client.of("COMMAND_ACK") == []  # whoever wants to arm waits
+    assert client.of("COMMAND_ACK") == []  # the arm command waits
     client.wait(0.1)
     other.collect()
     asked = [m for m in other.of("COMMAND_LONG") if m.command == 3001]
@@ -106,7 +106,7 @@ def test_silence_and_strangers_authorize_nothing() -> None:
     client.wait(0.5)
     assert client.acknowledged(400) == mavlink.MAV_RESULT_TEMPORARILY_REJECTED
     assert not client.vehicle.autopilot.commander.armed
-    # An answer that comes too late, or that nobody asked for.
+    # An answer that comes too late, or without a request.
     late = Client(client.vehicle, link=8, system=AUTHORIZER)
     late.send(mavlink.MAVLink_command_ack_message(3001, 0, 0, 60, 1, 1))
     client.received.clear()
