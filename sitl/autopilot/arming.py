@@ -1,4 +1,4 @@
-"""Whether the rotors may turn: what speaks against arming, and when a standing vehicle disarms."""
+"""Whether the rotors may turn: the checks before arming, and when a standing vehicle disarms."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ _TILT_MAX_RAD: Final = math.radians(30.0)
 
 @dataclass(frozen=True)
 class PrearmInputs:
-    """What the checks before arming look at.
+    """Inputs of the checks before arming.
 
     Attributes:
         estimator_ready: whether position and attitude are known.
@@ -41,7 +41,7 @@ def prearm_failures(inputs: PrearmInputs) -> list[str]:
 
 
 class Arming:
-    """Keeps whether the vehicle is armed, and whether it has flown since.
+    """Keep whether the vehicle is armed, and whether it has flown since.
 
     Args:
         on_ground: whether the vehicle starts standing, disarmed; else armed, in flight.

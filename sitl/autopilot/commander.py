@@ -38,7 +38,7 @@ class Commander(ABC):
     Attributes:
         refusal: result of a request that cannot be met now.
         position_lost_texts: (MAV_SEVERITY, text), gravest last, when the position is lost.
-        settings: what the parameters ask for; replaced when one of them changes.
+        settings: meaning of the parameters; replaced when one of them changes.
         mode: the mode flown, as HEARTBEAT shows it.
         failsafe: whether a failsafe chose the mode.
         mission: the items on board.
@@ -312,7 +312,7 @@ class Commander(ABC):
     @property
     @abstractmethod
     def _go_to_mode(self) -> Mode:
-        """Mode in which a commanded position is flown to."""
+        """Mode that flies to a commanded position."""
 
     @abstractmethod
     def _mode_refusal(self, mode: Mode) -> str | None:
@@ -348,7 +348,7 @@ class Commander(ABC):
             self.react(trigger.reaction)
 
     def react(self, reaction: Reaction) -> None:
-        """Do what a failsafe asks for; never replace a landing by a milder reaction."""
+        """Carry out the reaction of a failsafe; never replace a landing by a milder reaction."""
         if reaction is Reaction.DISARM:
             self._disarm("failsafe")
         elif reaction is not Reaction.NONE and self.mode is not Mode.LAND:

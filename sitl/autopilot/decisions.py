@@ -19,14 +19,14 @@ class Drive(enum.Enum):
 
 
 class Actuation(NamedTuple):
-    """What the controller is to do until the next decision; ``setpoint`` is there to FLY."""
+    """What the controller does until the next decision; only FLY has a setpoint."""
 
     drive: Drive
     setpoint: Setpoint | None = None
 
 
 class Verdict(enum.IntEnum):
-    """Answer to a request, as MAV_RESULT."""
+    """Result of a request, as MAV_RESULT."""
 
     ACCEPTED = mavlink.MAV_RESULT_ACCEPTED
     TEMPORARILY_REJECTED = mavlink.MAV_RESULT_TEMPORARILY_REJECTED

@@ -20,11 +20,11 @@ MODE_OF_REACTION = {
 
 @dataclass(frozen=True)
 class FailsafeInputs:
-    """What the failsafes watch.
+    """Inputs of the failsafes.
 
     Attributes:
         battery_remaining: share of the charge.
-        ground_silence_s: since the ground station's last heartbeat; ``inf`` if none ever came.
+        ground_silence_s: since the ground station's last heartbeat; ``inf`` before the first.
         sticks_silence_s: since the last manual control.
         sticks_needed: whether the mode is flown by stick.
         position_valid: whether the estimate of the position is valid.

@@ -1,4 +1,4 @@
-"""Decides from motion and thrust, as a flight controller does, whether the vehicle stands."""
+"""Decide from motion and thrust, as a flight controller does, whether the vehicle stands."""
 
 from __future__ import annotations
 

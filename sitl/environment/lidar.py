@@ -36,7 +36,7 @@ class ScannerConfig(FileModel):
         resolution_deg: angle between rays.
         range_noise_m: standard deviation of a measured range.
         dropout: share of rays that return nothing.
-        blind_sectors_deg: (from, to) about the sensor's axis, clockwise, where nothing is seen.
+        blind_sectors_deg: (from, to) about the sensor's axis, clockwise, without rays.
         cluster_gap_m: hits farther apart belong to different objects.
         points_min: clusters of fewer hits count as noise.
     """

@@ -45,7 +45,7 @@ class ControllerGains(NamedTuple):
     The defaults are those of an ideal controller.  A real one has lower gains (``position_per_s``
     and ``velocity_per_s`` horizontally, ``height_per_s`` and ``climb_per_s`` vertically), trims out
     disturbances more slowly, turns only a share of the wanted jerk into body rates, so that the
-    attitude lags (``jerk_share``), and does not know the drag (``drag_share``).
+    attitude lags (``jerk_share``), and compensates only a share of the drag (``drag_share``).
     """
 
     position_per_s: float = 1.3

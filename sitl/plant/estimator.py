@@ -105,7 +105,7 @@ class _Wander:
         return first + a2 * math.sin(w2 * time_s + p2) + a3 * math.sin(w3 * time_s + p3)
 
 
-# The wander's shortest and longest periods [s]: PX4's errors forget themselves within 3 to 8 s.
+# The wander's shortest and longest periods [s]; PX4's errors decorrelate within 3 to 8 s.
 _POSITION_PERIODS_S: Final = (10.0, 30.0)
 _VELOCITY_PERIODS_S: Final = (8.0, 25.0)
 _HEIGHT_PERIODS_S: Final = (20.0, 60.0)
@@ -123,7 +123,7 @@ class Estimator:
         profile: as given.
         error: estimate less truth, since the last update.
         resets: how often the estimate has jumped.
-        lost_for_s: for how long GPS has been missing; 0 while it is there.
+        lost_for_s: for how long GPS has been missing; 0 while it is present.
     """
 
     def __init__(self, profile: EstimatorProfile, seed: int = 0) -> None:
@@ -162,7 +162,7 @@ class Estimator:
         return self.lost_for_s < self.profile.dead_reckoning_s
 
     def jump(self, north_m: float, east_m: float, down_m: float) -> None:
-        """Move the estimate at once, for good."""
+        """Shift the estimate at once and permanently."""
         north, east, down = self._jumped_ned_m
         self._jumped_ned_m = (north + north_m, east + east_m, down + down_m)
         self.resets += 1
@@ -174,7 +174,7 @@ class Estimator:
 
         Args:
             truth: state now.
-            gps_lost_for_s: for how long GPS has been missing; 0 while it is there.
+            gps_lost_for_s: for how long GPS has been missing; 0 while it is present.
             gps_wrong_m: by how much GPS places the vehicle too far north.
         """
         if self.lost_for_s > 0.0 >= gps_lost_for_s and self._drift(self.lost_for_s)[1] > 0.0:

@@ -1,8 +1,7 @@
 """Plant and controller together: what happens between two decisions of the autopilot.
 
-The loop is compiled where Numba is installed.  Named tuples take ten times as long as plain ones on
-their way into compiled code and out of it, longer than what happens there: so they are unnamed at
-the border.
+The loop is compiled where Numba is installed.  Named tuples take ten times as long as plain ones to
+enter and leave compiled code, longer than the physics itself: so only plain ones cross the border.
 """
 
 from __future__ import annotations
@@ -53,7 +52,7 @@ class Flight(NamedTuple):
 
     @property
     def memory(self) -> ControllerMemory:
-        """What the controller carries on."""
+        """Memory of the controller."""
         return ControllerMemory._make(self.values[MEMORY])
 
 

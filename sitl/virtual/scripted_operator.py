@@ -57,7 +57,7 @@ class Step(Enum):
 
 
 class Operator:
-    """Flies one mission from the ground and back to it.
+    """Fly one mission from the ground and back to it.
 
     Args:
         system_id: MAVLink id of the vehicle.

@@ -1,4 +1,4 @@
-"""Imports inside the simulator point inward, and only `virtual` imports the daemon's flight code."""
+"""Imports in the simulator point inward; only `virtual` imports the daemon's flight code."""
 
 import ast
 from collections.abc import Iterator

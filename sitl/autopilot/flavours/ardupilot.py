@@ -64,7 +64,7 @@ class Copter(Flavour):
             dead_reckoning_s=7.9,
             aiding_stops_s=15.0,
         ),
-        jerk_share=0.3,  # the rest is shaped away by ATC_INPUT_TC
+        jerk_share=0.3,  # ATC_INPUT_TC smooths the rest away
         drag_share=0.0,
         trim_time_s=2.0,  # PSC_VELXY_P / PSC_VELXY_I
         reports_lost_position_s=15.0,

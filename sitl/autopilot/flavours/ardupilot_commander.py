@@ -32,7 +32,7 @@ from sitl.plant.truth import Vector, VehicleTruth
 
 MISSION_FIRST_ITEM = 1  # item 0 is home
 _ARM_MODES = {Mode.OFFBOARD, Mode.MISSION, Mode.STABILIZED, Mode.ALTCTL, Mode.POSCTL, Mode.ACRO}
-# GUIDED steers towards where its target will be by then: so the measured swerves come out right.
+# GUIDED steers towards the target this far ahead, which reproduces the measured swerves.
 _TARGET_LEAD_S = 0.02
 
 
@@ -75,7 +75,7 @@ class CopterCommander(Commander):
         return super().take_off(height_m)
 
     def start_mission(self, first_item: int) -> Verdict:
-        """Leave the ground in AUTO, or go on from an item."""
+        """Leave the ground in AUTO, or continue from an item."""
         verdict = super().start_mission(max(first_item, self.mission.first))
         self._mission_started = verdict is Verdict.ACCEPTED
         return verdict

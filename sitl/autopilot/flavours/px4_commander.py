@@ -67,7 +67,7 @@ class Px4Commander(Commander):
         return failures
 
     def receive_setpoint(self, message: Any, now_s: float) -> None:
-        """Take a setpoint, in whatever mode."""
+        """Take a setpoint, in any mode."""
         target = read_target(message, self._origin, self.home_ned_m)
         setpoint = _setpoint(target, self._truth.yaw_rad)
         if setpoint is not None:
@@ -79,7 +79,7 @@ class Px4Commander(Commander):
             )
 
     def react(self, reaction: Reaction) -> None:
-        """Do what a failsafe asks for; offboard does not resume after it."""
+        """Carry out the reaction of a failsafe; offboard does not resume after it."""
         if reaction is not Reaction.NONE:
             self._resumes_offboard = False
         super().react(reaction)
@@ -103,7 +103,7 @@ class Px4Commander(Commander):
 
     @property
     def intention(self) -> Mode:
-        """The mode that the user wants, whatever a failsafe flies."""
+        """The mode that the user asked for, even while a failsafe flies another."""
         return self._intention
 
     def set_mode(self, mode: Mode) -> Verdict:
@@ -165,7 +165,7 @@ def _setpoint(target: MotionTarget, yaw_rad: float) -> Setpoint | None:
 
 
 def _controls_every_axis(vectors: tuple[Vector, Vector, Vector]) -> bool:
-    """PX4's position controller wants something on each axis, and north and east alike."""
+    """Whether each axis is controlled, and north like east, as PX4's controller requires."""
     if all(map(is_whole, vectors)):
         return True
     paired = all(math.isnan(north) == math.isnan(east) for north, east, _ in vectors)

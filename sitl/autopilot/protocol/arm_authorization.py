@@ -21,7 +21,7 @@ _PERMITTED = mavlink.MAV_RESULT_ACCEPTED
 
 @dataclass(frozen=True)
 class _Question:
-    """An arm command that waits: what answers it, and until when."""
+    """An arm command that waits for an answer, and its deadline."""
 
     answer: Callable[[bool], None]
     until_s: float

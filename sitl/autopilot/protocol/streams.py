@@ -1,4 +1,4 @@
-"""When each message is due on a link, and which messages the old data streams stand for."""
+"""When each message is due on a link, and which messages each of the old data streams contains."""
 
 from __future__ import annotations
 

@@ -31,7 +31,7 @@ class Viewpoint(NamedTuple):
 
 
 class DetectionFaults:
-    """Applies the faults of detections.
+    """Apply the faults of detections.
 
     Args:
         schedule: what is present.

@@ -45,7 +45,7 @@ KINDS: Final[frozenset[FaultKind]] = frozenset(
 
 
 class MavlinkFaults:
-    """Applies the faults of MAVLink.
+    """Apply the faults of MAVLink.
 
     Args:
         schedule: what is present.
@@ -131,7 +131,7 @@ def _imperfect_links(schedule: FaultSchedule, way: Way) -> dict[FaultKind, Imper
 
 
 class _Codec:
-    """Reads and rewrites MAVLink between two peers."""
+    """Read and rewrite MAVLink between two peers."""
 
     def __init__(self) -> None:
         self._vehicle = mavlink.MAVLink(None, 1, mavlink.MAV_COMP_ID_AUTOPILOT1)

@@ -31,7 +31,7 @@ KINDS: Final[frozenset[FaultKind]] = frozenset(
 
 
 class LimitedQp(QpPlanner):
-    """Finds no optimum within its iterations while it is limited."""
+    """Find no optimum within its iterations while it is limited."""
 
     limited = False
 
@@ -50,7 +50,7 @@ class LimitedQp(QpPlanner):
 
 
 class ServiceFaults:
-    """Applies the faults of the service's process and of the operator.
+    """Apply the faults of the service's process and of the operator.
 
     Args:
         schedule: what is present.

@@ -33,7 +33,7 @@ _FAILED_MOTOR: Final = 1.0
 
 
 class VehicleFaults:
-    """Applies the faults of one vehicle.
+    """Apply the faults of one vehicle.
 
     Args:
         schedule: what is present.
