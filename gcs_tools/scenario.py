@@ -15,7 +15,7 @@ from onboard.files.yaml_file import FileError, FileModel, load_yaml
 from onboard.mavlink.profiles.registry import profile_named
 from sitl.config import SitlConfig, VehicleConfig
 from sitl.environment.sensor import SensorConfig
-from sitl.virtual.faults.schedule import Fault
+from sitl.virtual.faults.schema import Fault
 
 Outcome = Literal["arrived", "held", "collided", "aborted"]
 

@@ -14,7 +14,7 @@ from onboard.contract.assessment import TICK_S
 from onboard.files.models import Contract
 from onboard.guidance.authority import AUTOPILOT_SILENCE_S
 from onboard.monitoring.loop_overrun import TICK_OVERRUN_S
-from sitl.virtual.faults.schedule import Fault
+from sitl.virtual.faults.schema import Fault
 
 # Between two frames of any sensor in a campaign, latency included; and two ticks to act on it.
 _FRAME_S: Final = 0.1

@@ -24,7 +24,7 @@ from onboard.contract.agility import GRAVITY_MPS2
 from onboard.contract.assessment import TICK_S
 from onboard.files.models import Contract
 from onboard.geometry.frames import FloatArray
-from sitl.virtual.faults.schedule import Fault
+from sitl.virtual.faults.schema import Fault
 
 _FLYING: Final = frozenset({"cruise", "avoid"})
 _ROUND_OFF: Final = 1e-6

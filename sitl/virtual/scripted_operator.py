@@ -33,7 +33,7 @@ STREAMS: Final = {
     mavlink.MAVLINK_MSG_ID_GPS_RAW_INT: -1,
 }
 _HEARD: Final = (mavlink.MAVLINK_MSG_ID_HEARTBEAT, *TAKE_OFF_STREAMS)
-# A vehicle that may not be armed for so long will not be; nor does one climb that is this slow.
+# The operator gives up on a vehicle that cannot be armed for this long, or climbs more slowly.
 PATIENCE_S: Final = 30.0
 CLIMB_MIN_MPS: Final = 0.2
 OFF_THE_GROUND_M: Final = 0.15
@@ -42,7 +42,7 @@ HEIGHT_TOLERANCE_M: Final = 0.5
 
 
 class Step(Enum):
-    """What the operator is about."""
+    """What the operator is doing."""
 
     ARM = auto()
     TAKE_OFF = auto()
@@ -55,15 +55,15 @@ class Step(Enum):
 
 
 class Operator:
-    """Flies one mission from the ground and back to it.
+    """Fly one mission from the ground and back to it.
 
     Args:
         system_id: MAVLink id of the vehicle.
         altitude_m: height above the local origin to take off to.
 
     Attributes:
-        step: what it is about.
-        gave_up: why it never handed the vehicle over; None unless so.
+        step: what it is doing.
+        gave_up: why it never handed the vehicle over; None otherwise.
     """
 
     def __init__(self, system_id: int, altitude_m: float) -> None:
@@ -86,12 +86,12 @@ class Operator:
     def receive(self, data: bytes) -> None:
         """Take bytes from the vehicle."""
         for message in self._reader.read(data):
-            # The autopilot forwards what other components say, heartbeats included.
+            # The autopilot forwards messages of other components, heartbeats included.
             if message.get_srcComponent() == mavlink.MAV_COMP_ID_AUTOPILOT1:
                 self._handle(message)
 
     def bytes_to_send(self) -> bytes:
-        """Return and forget the bytes for the vehicle."""
+        """Return and clear the bytes for the vehicle."""
         return self._outgoing.take()
 
     def land(self) -> None:
@@ -110,7 +110,7 @@ class Operator:
             self.step, self._repeat_s = Step.HAND_OVER, 0.0
 
     def advance(self, now_s: float) -> None:
-        """Go on with the script."""
+        """Continue the script."""
         self._change_step(now_s)
         if now_s < self._repeat_s:
             return
@@ -204,7 +204,7 @@ class Operator:
 
 
 class _Outgoing:
-    """The write-only file that pymavlink wants."""
+    """The write-only file that pymavlink needs."""
 
     def __init__(self) -> None:
         self._data = bytearray()

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from gcs_tools.scenario import load_scenario
-from sitl.plant.controller import ControllerGains, ControllerMemory, Setpoint
+from sitl.plant.controller import ControllerGains, ControllerMemory
 from sitl.plant.inner_loop import fly
 from sitl.plant.multirotor import (
     INTACT,
@@ -15,6 +15,7 @@ from sitl.plant.multirotor import (
     quadrotor,
     standing_state,
 )
+from sitl.plant.setpoint import Setpoint
 from sitl.virtual.simulation import SimulatedFlight, Simulation, without_cycle_collection
 from tests.benchmarks.measurement import Measurement, seconds_of
 from tests.benchmarks.rotorpy_peer import command, rotorpy_state, rotorpy_vehicle

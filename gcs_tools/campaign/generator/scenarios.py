@@ -22,7 +22,7 @@ from onboard.files.models import Contract, Mission, SensorTerms, VehicleTerms
 from onboard.files.obstacle_field import Obstacle, ObstacleField
 from onboard.geometry.frames import LegFrame
 from onboard.perception.placement import POSE_TIMING_S
-from sitl.virtual.faults.schedule import Fault, FaultKind
+from sitl.virtual.faults.schema import Fault, FaultKind
 
 Breach = Literal["larger", "closer", "range", "speed"]
 
@@ -623,7 +623,7 @@ def _with_breaching_field(draw: random.Random, scenario: Scenario, breach: Breac
 
 # ------------------------------------------------------------------ faults
 
-# Amounts that are drawn, in the units of `sitl.virtual.faults.schedule.AMOUNTS`; other kinds have
+# Amounts that are drawn, in the units of `sitl.virtual.faults.schema.FAULTS`; other kinds have
 # none, or one that depends on the contract.
 _AMOUNT_RANGES: Final[dict[str, tuple[float, float]]] = {
     "detections_late": (0.05, 0.5),

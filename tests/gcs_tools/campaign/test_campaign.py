@@ -35,7 +35,7 @@ from onboard.contract import region
 from onboard.contract.assessment import assess
 from onboard.contract.region import Arithmetic, Encounter
 from onboard.geometry.frames import wrap_angle
-from sitl.virtual.faults.schedule import Fault
+from sitl.virtual.faults.schema import Fault
 from tests.gcs_tools.running import Clearway, is_alive, until
 
 NOMINAL = GeneratedSource("nominal")

@@ -1,3 +1,5 @@
+"""Wind: mean, gusts and turbulence."""
+
 from __future__ import annotations
 
 import math
@@ -6,9 +8,6 @@ import statistics
 
 import pytest
 
-from sitl.config import MultirotorConfig
-from sitl.plant.battery import Battery, BatteryConfig
-from sitl.plant.multirotor import hover_speed_rpm, standing_state
 from sitl.plant.wind import Gust, WindConfig, WindModel
 
 PERIOD_S = 0.01
@@ -55,35 +54,3 @@ def test_turbulence_is_repeatable_by_seed() -> None:
         [wind.sample(0.0, PERIOD_S, 5.0, STILL) for _ in range(5)] for wind in (first, again, other)
     ]
     assert samples[0] == samples[1] != samples[2]
-
-
-def test_battery_drains_by_the_charge_drawn() -> None:
-    battery = Battery(BatteryConfig(capacity_ah=2.0, avionics_w=0.0, resistance_ohm=0.0))
-    drawn_ah = 0.0
-    for _ in range(600):
-        battery.drain(150.0, 1.0)
-        drawn_ah += battery.reading.current_a / 3600.0
-    assert battery.reading.consumed_ah == pytest.approx(
-        drawn_ah - battery.reading.current_a / 3600.0
-    )
-    assert battery.reading.remaining == pytest.approx(1.0 - battery.reading.consumed_ah / 2.0)
-    assert battery.reading.voltage_v * battery.reading.current_a == pytest.approx(150.0)
-
-
-def test_battery_sags_under_load_and_never_goes_below_empty() -> None:
-    battery = Battery(BatteryConfig(initial_charge=0.02))
-    battery.drain(0.0, 0.0)
-    idle_v = battery.reading.voltage_v
-    battery.drain(400.0, 0.0)
-    assert battery.reading.voltage_v < idle_v - 0.3
-    battery.drain(400.0, 3600.0)
-    battery.drain(400.0, 1.0)
-    assert battery.reading.remaining == 0.0
-    assert battery.reading.voltage_v > 0.0
-
-
-def test_hovering_costs_a_plausible_power() -> None:
-    body = MultirotorConfig().parameters()
-    state = standing_state(0.0, 0.0, -1.0, 0.0, hover_speed_rpm(body))
-    power_w = Battery(BatteryConfig()).drive_power_w(state, body)
-    assert 100.0 < power_w < 300.0  # some 8 to 15 W per newton of weight in this class
