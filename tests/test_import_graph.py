@@ -126,7 +126,7 @@ def test_every_package_is_read() -> None:
     [
         ("onboard.planning.planner", "from sitl.environment.world import World"),
         ("onboard.planning.planner", "def f():\n    import gcs_tools.logs.result"),
-        ("sitl.plant.controller", "from onboard.contract.agility import Agility"),
+        ("sitl.plant.controller", "from onboard.contract.agility import GRAVITY_MPS2"),
         ("sitl.plant.controller", "from onboard import agility"),
         ("sitl.environment.world", "import gcs_tools"),
         ("onboard.geometry.frames", "from onboard.contract.region import Box"),

@@ -6,9 +6,10 @@ import math
 from dataclasses import dataclass
 from typing import Any, Generic
 
-from onboard.contract.derivation import Derived, tilt_limits
+from onboard.contract.agility import thrust_to_weight_at_corner, tilt_limits
+from onboard.contract.arithmetic import Arithmetic
+from onboard.contract.derivation import Derived
 from onboard.contract.recentring import Drift, drift_of, required_view
-from onboard.contract.region import Arithmetic
 from onboard.contract.terms import Terms
 from onboard.geometry.frames import Q
 
@@ -59,12 +60,10 @@ def clauses(terms: Terms[Q], derived: Derived[Q], ops: Arithmetic[Q]) -> tuple[C
 
 
 def _agility_clauses(terms: Terms[Q], ops: Arithmetic[Q]) -> tuple[Clause[Q], ...]:
-    tan_roll, tan_pitch = ops.tan(terms.roll_max_rad), ops.tan(terms.pitch_max_rad)
-    corner = ops.sqrt((1.0 + tan_roll * tan_roll) * (1.0 + tan_pitch * tan_pitch))
     return (
         Clause(
             "thrust",
-            corner,
+            thrust_to_weight_at_corner(terms, ops),
             terms.thrust_to_weight,
             "T/W",
             "height must be held at the roll and pitch limits together",

@@ -19,7 +19,8 @@ import math
 from dataclasses import dataclass
 from typing import Final, Generic
 
-from onboard.contract.region import Arithmetic, Encounter
+from onboard.contract.arithmetic import Arithmetic
+from onboard.contract.region import Encounter
 from onboard.geometry.box import Box
 from onboard.geometry.frames import Q
 

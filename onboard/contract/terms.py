@@ -92,6 +92,11 @@ class Terms(Generic[Q]):
         )
 
     @property
+    def body_m(self) -> Q:
+        """R + E: how far a part of the vehicle may be from the reference (theory B)."""
+        return self.radius_m + self.tracking_error_m
+
+    @property
     def trim_mps2(self) -> Q:
         """Acceleration that holds a place in the strongest wind declared (theory J); 0 without."""
         if self.wind_max_mps is None:

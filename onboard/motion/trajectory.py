@@ -263,10 +263,6 @@ class Trajectory:
         joined = (np.concatenate(pair) for pair in zip(self._arrays, other._arrays, strict=True))
         return Trajectory(self.start_s, *joined)
 
-    def starting_at(self, start_s: float) -> Trajectory:
-        """Return the same motion at another time."""
-        return Trajectory(start_s, *self._arrays)
-
     def shifted_by(self, shift_leg_m: Vector) -> Trajectory:
         """Return the same motion elsewhere: every position moved by one vector, leg frame."""
         durations_s, position_leg_m, *rest = self._arrays

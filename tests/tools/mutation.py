@@ -41,6 +41,7 @@ _BY_HAND = (
 # Which tests have to notice a change to which file, the quickest first.
 TESTS = {
     "onboard/contract/agility.py": (_AGILITY, _CONTRACT),
+    "onboard/contract/arithmetic.py": (_AGILITY, _CONTRACT, _RECENTRING),
     "onboard/contract/clauses.py": (_CONTRACT, _RECENTRING),
     "onboard/contract/assessment.py": (_CONTRACT, _RECENTRING),
     "onboard/contract/derivation.py": (_CONTRACT, _RECENTRING),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -88,7 +89,7 @@ def test_the_rest_is_the_same_motion(trajectory: Trajectory, cut: float, later: 
 def test_joined_and_moved_in_time(first: Trajectory, second: Trajectory) -> None:
     joined = first.followed_by(second)
     assert joined.end_s == pytest.approx(first.end_s + second.end_s - second.start_s)
-    moved = second.starting_at(first.end_s)
+    moved = replace(second, start_s=first.end_s)
     time_s = moved.start_s + 0.37 * (moved.end_s - moved.start_s)
     np.testing.assert_allclose(
         joined.sample(time_s).position_leg_m, moved.sample(time_s).position_leg_m, atol=1e-6

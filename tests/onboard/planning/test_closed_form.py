@@ -11,12 +11,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from onboard.contract.agility import AccelerationLimits
-from onboard.contract.region import Encounter, RegionOfInfluence
+from onboard.contract.region import RegionOfInfluence
 from onboard.geometry.box import Box
 from onboard.motion.trajectory import State, X
 from onboard.planning.certifier import certify_avoidance, certify_clear
 from onboard.planning.closed_form import brake_to_hover, cruise, stop_at, vertex_manoeuvre
 from onboard.planning.problem import AvoidanceProblem, Envelope
+from tests.onboard.contract.ideal_encounter import ideal_encounter
 from tests.onboard.planning.avoidance_cases import Variety, draw
 
 VARIETIES = [
@@ -75,7 +76,7 @@ def test_never_reverses_from_any_speed() -> None:
 
 def test_without_jerk_limit_and_slack_it_is_the_vertex_of_theorem_1() -> None:
     limits = AccelerationLimits(2.0, 2.0, 1.0, 1.0)
-    encounter = Encounter.ideal(limits, 4.0, (1.0, 2.0))
+    encounter = ideal_encounter(limits, 4.0, (1.0, 2.0))
     region = RegionOfInfluence.around(Box(0.0, 1.0, -1.0, 1.0), encounter)
     start = State((region.extent.x_min_m, 0.0, 0.0), (4.0, 0.0, 0.0))
     envelope = Envelope(limits, 20.0, (math.inf,) * 3, 4.0)

@@ -13,7 +13,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from onboard.contract.region import Encounter, RegionOfInfluence
+from onboard.contract.region import RegionOfInfluence
 from onboard.geometry.box import Box
 from onboard.geometry.frames import FloatArray
 from onboard.motion.trajectory import State, Trajectory
@@ -26,6 +26,7 @@ from onboard.planning.qp.axis_program import TaskBatch, across_task, along_task,
 from onboard.planning.qp.crossing_times import CostEstimates, crossing_times
 from onboard.planning.qp.solver import QpSolver
 from tests.benchmarks.bench_planner import compare
+from tests.onboard.contract.ideal_encounter import ideal_encounter
 from tests.onboard.planning.avoidance_cases import Variety, draw
 
 VARIETIES = [
@@ -479,7 +480,7 @@ def test_the_ideal_encounter_of_the_paper_is_planned(planner: Planner) -> None:
         left_mps2=across_mps2,
         right_mps2=across_mps2,
     )
-    encounter = dataclasses.replace(Encounter.ideal(limits, 2.8, (1.0, 1.5)), attitude_lag_s=0.1)
+    encounter = dataclasses.replace(ideal_encounter(limits, 2.8, (1.0, 1.5)), attitude_lag_s=0.1)
     region = RegionOfInfluence.around(Box(0.0, 1.0, -0.75, 0.75), encounter)
     jerk = (across_mps2 / 0.1,) * 3
     envelope = dataclasses.replace(
