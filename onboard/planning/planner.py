@@ -20,6 +20,7 @@ from onboard.planning.qp.search import QpPlanner
 if TYPE_CHECKING:
     from onboard.motion.trajectory import Trajectory
     from onboard.planning.problem import AvoidanceProblem
+    from onboard.planning.qp.solver import QpBackend
 
 __all__ = ["NoPlan", "Plan", "Planner"]
 
@@ -29,14 +30,15 @@ DELAY_MAX_S: Final = 60.0
 
 
 class Planner:
-    """Plans avoidances.  Holds nothing from plan to plan but what is the same for all of them.
+    """Plans avoidances; keeps no state from plan to plan but what is the same for all of them.
 
     Args:
-        by_qp: what finds plans by QPs.
+        by_qp: what finds plans by QPs; by default a `QpPlanner` with the backend.
+        qp_backend: name of the QP solver.
     """
 
-    def __init__(self, by_qp: QpPlanner | None = None) -> None:
-        self._by_qp = by_qp or QpPlanner()
+    def __init__(self, by_qp: QpPlanner | None = None, *, qp_backend: QpBackend = "osqp") -> None:
+        self._by_qp = by_qp or QpPlanner(qp_backend)
 
     def plan(self, problem: AvoidanceProblem, current: Plan | None = None) -> Plan | NoPlan:
         """Return the first certified plan: the cheapest QP, the closed form, or braking.
@@ -67,9 +69,11 @@ def _plan_to_continue(
     trajectory = current.trajectory.from_time(problem.start_s)
     certificate = certify_avoidance(trajectory, problem)
     if certificate.valid:
-        price = cost(trajectory, problem)
         return dataclasses.replace(
-            current, trajectory=trajectory, cost=price, certificate=certificate
+            current,
+            trajectory=trajectory,
+            cost=cost(trajectory, problem),
+            certificate=certificate,
         )
     reasons.append(reason("the current plan", certificate))
     return None

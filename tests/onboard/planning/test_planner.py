@@ -24,7 +24,7 @@ from onboard.planning.problem import AvoidanceProblem, cost, exit_speeds_mps
 from onboard.planning.qp import bspline
 from onboard.planning.qp.axis_program import TaskBatch, across_task, along_task, build
 from onboard.planning.qp.crossing_times import CostEstimates, crossing_times
-from onboard.planning.qp.solver import QpSolver
+from onboard.planning.qp.osqp_solver import Solver
 from tests.benchmarks.bench_planner import compare
 from tests.onboard.contract.ideal_encounter import ideal_encounter
 from tests.onboard.planning.avoidance_cases import Variety, draw
@@ -401,7 +401,7 @@ def test_a_batch_of_tasks_states_what_each_task_states() -> None:
 
 def test_the_first_guess_is_the_optimum_where_one_row_binds() -> None:
     matrices = bspline.TwoPhaseSpline.with_ratio(1.0)
-    solver = QpSolver(matrices.hessian, matrices.rows)
+    solver = Solver(matrices.hessian, matrices.rows)
     gradient = matrices.gradient_from_parameters @ np.array([0.4, 0.0, 0.9])
     lower, upper = np.full(bspline.ROWS, -np.inf), np.full(bspline.ROWS, np.inf)
     free = -np.linalg.solve(matrices.hessian, gradient)
@@ -449,7 +449,7 @@ def test_estimates_come_near_what_the_qp_costs() -> None:
     ratios = (0.8, 1.6, 3.2)
     splines = [bspline.TwoPhaseSpline.with_ratio(ratio) for ratio in ratios]
     estimates = CostEstimates(splines)
-    solvers = [QpSolver(matrices.hessian, matrices.rows) for matrices in splines]
+    solvers = [Solver(matrices.hessian, matrices.rows) for matrices in splines]
     rng = Random(61)
     errors: list[float] = []
     for _ in range(40):
@@ -462,8 +462,8 @@ def test_estimates_come_near_what_the_qp_costs() -> None:
                 program = build(splines[i], task, np.array(crossings_s[k] / bspline.PIECES))
                 optimum = solvers[i].solve(program.gradient, program.lower, program.upper)
                 if optimum is not None:
-                    price = program.cost(optimum.objective)
-                    errors.append(float((estimate - price) / (1.0 + abs(price))))
+                    axis_cost = program.cost(optimum.objective)
+                    errors.append(float((estimate - axis_cost) / (1.0 + abs(axis_cost))))
     assert len(errors) > 200
     assert abs(np.median(errors)) < 0.02
     assert np.mean(np.abs(errors) < 0.15) > 0.75
