@@ -125,7 +125,7 @@ def write_configuration(
         mavlink=MavlinkLink(
             url=f"udpin://127.0.0.1:{endpoints.daemon_mavlink_port}",
             system_id=scenario.plant.system_id,
-            stale_after_s=0.5,
+            telemetry_timeout_s=0.5,
         ),
         zenoh=ZenohEndpoints(connect=(endpoints.sitl_zenoh,), listen=(endpoints.daemon_zenoh,)),
         log_directory=Path(),

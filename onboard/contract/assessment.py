@@ -23,7 +23,7 @@ from onboard.contract.derivation import (
 from onboard.contract.recentring import Corridor
 from onboard.contract.region import RegionOfInfluence
 from onboard.contract.terms import Terms
-from onboard.files.models import Contract, InputSet
+from onboard.files.contract_file import Contract, InputSet
 from onboard.geometry.box import Box
 
 __all__ = [

@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass, replace
 from typing import Generic
 
-from onboard.files.models import Contract, InputSet
+from onboard.files.contract_file import Contract, InputSet
 from onboard.geometry.frames import Q
 
 

@@ -21,7 +21,7 @@ from onboard.contract.agility import (
 )
 from onboard.contract.arithmetic import ARRAY, SCALAR
 from onboard.contract.terms import Terms
-from onboard.files.models import InputSet
+from onboard.files.contract_file import InputSet
 from onboard.geometry.frames import FloatArray
 from tests.onboard.contract.example_terms import TERMS
 

@@ -21,7 +21,7 @@ from onboard.contract.arithmetic import ARRAY, SCALAR
 from onboard.contract.assessment import Assessment, Terms, assess, assess_terms, clauses, derive
 from onboard.contract.derivation import _edge_offset
 from onboard.contract.region import dimensions
-from onboard.files.models import Contract, InputSet
+from onboard.files.contract_file import Contract, InputSet
 from onboard.geometry.box import Box
 from onboard.geometry.frames import FloatArray
 from tests.onboard.contract.ideal_encounter import ideal_encounter

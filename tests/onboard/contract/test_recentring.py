@@ -14,7 +14,7 @@ from onboard.contract.arithmetic import ARRAY, SCALAR
 from onboard.contract.assessment import TICK_S, Clause, Terms, assess, clauses, derive
 from onboard.contract.clauses import recentring_drift
 from onboard.contract.recentring import DEAD_BAND_M, Corridor, Drift, drift_of, required_view
-from onboard.files.models import Contract
+from onboard.files.contract_file import Contract
 from onboard.geometry.box import Box
 from onboard.geometry.frames import FloatArray
 from onboard.motion.trajectory import State, Y
