@@ -112,8 +112,9 @@ def _takes_too_long(
 def _plan_to_brake(problem: AvoidanceProblem, reasons: list[str]) -> Plan | None:
     """Brake to a hover short of the obstacle."""
     trajectory = brake_to_hover(problem.start, problem.start_s, problem.envelope)
+    keep_outs = (problem.region.keep_out, *problem.further_keep_outs)
     certificate = certify_clear(
-        trajectory, problem.start, problem.start_s, problem.envelope, [problem.region.keep_out]
+        trajectory, problem.start, problem.start_s, problem.envelope, keep_outs
     )
     if certificate.valid:
         return Plan("brake", trajectory, None, math.inf, certificate)

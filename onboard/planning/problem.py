@@ -15,6 +15,7 @@ from onboard.motion.trajectory import X, Y, Z
 
 if TYPE_CHECKING:
     from onboard.contract.region import RegionOfInfluence
+    from onboard.geometry.keep_out import KeepOut
     from onboard.motion.trajectory import State, Trajectory, Vector
 
 Side = Literal["left", "right"]
@@ -107,6 +108,8 @@ class AvoidanceProblem:
         climb_preferred: rise whenever that certifies, not only when it is cheaper.
         coast_time_s: time for which the autopilot keeps its velocity when the setpoint stream
             stops (passive safety); 0 without that clause.
+        further_keep_outs: what to stay out of besides, and may move; a plan is certified against
+            it, but not optimised for it.
     """
 
     start: State
@@ -118,6 +121,7 @@ class AvoidanceProblem:
     climb_m: float = 0.0
     climb_preferred: bool = False
     coast_time_s: float = 0.0
+    further_keep_outs: tuple[KeepOut, ...] = ()
 
     def __post_init__(self) -> None:
         if not 0.0 < self.exit_speed_mps <= self.envelope.speed_max_mps:
