@@ -80,7 +80,7 @@ def _wind_clauses(terms: Terms[Q], ops: Arithmetic[Q]) -> tuple[Clause[Q], ...]:
             terms.trim_mps2,
             ops.minimum(*tilt_limits(terms, ops)),
             "m/s²",
-            "the tilt against the strongest steady wind must leave some of it to avoid with",
+            "tilting against the strongest declared wind must leave tilt to avoid with",
         ),
     )
 
@@ -145,7 +145,7 @@ def _stopping_clauses(terms: Terms[Q], derived: Derived[Q]) -> tuple[Clause[Q], 
             fixed_m + stop_m + e.speed_mps * e.reaction_time_s,
             terms.detection_range_m,
             "m",
-            "braking to hover before an obstacle must be possible once it is seen",
+            "braking to hover in front of an obstacle must be possible once it is seen",
         ),
         Clause(
             "sensor_silence",
@@ -168,7 +168,7 @@ def _passive_safety_clauses(
             _slant(derived.required_detection_range_m, derived.edge_offset_m, ops),
             terms.detection_range_m,
             "m",
-            "an obstacle must be seen early enough that even a dead daemon does no harm",
+            "an obstacle must be seen early enough to avoid a collision even if the daemon dies",
         ),
     )
 

@@ -34,7 +34,7 @@ from onboard.geometry.frames import Q
 
 @dataclass(frozen=True)
 class Encounter(Generic[Q]):
-    """One obstacle and the way the vehicle meets it; all the formulas need, and nothing else.
+    """One obstacle and how the vehicle meets it: all inputs of the formulas.
 
     Attributes:
         brake_mps2, forward_mps2, left_mps2, right_mps2: acceleration limits, magnitudes.
@@ -246,7 +246,7 @@ class RegionOfInfluence:
         )
 
     def shifted_by(self, x_m: float, y_m: float) -> RegionOfInfluence:
-        """Return the same region elsewhere."""
+        """Return the region moved by (x_m, y_m)."""
         return replace(
             self,
             obstacle=self.obstacle.shifted_by(x_m, y_m),

@@ -15,7 +15,7 @@ class Terms(Generic[Q]):
     """Every number of a contract in SI units, as floats or as arrays of one shape.
 
     `mission_altitude_m`, the lowest height of the mission above the local origin, is not a key of a
-    contract: where it is None there is no clause about it.
+    contract; where it is None, the clause about it is left out.
     """
 
     roll_max_rad: Q

@@ -101,7 +101,7 @@ class VehicleTerms(FileModel):
 
 
 class Requirements(FileModel):
-    """Clauses that may be switched off, knowingly."""
+    """Clauses that may be switched off."""
 
     stop: bool = Field(True, description="braking to hover is always available")
     passive_safety: bool = Field(True, description="no collision even if the daemon dies")

@@ -1,7 +1,7 @@
 """Plans the avoidance of one obstacle: Eq. 17 as QPs, else the closed form, else braking.
 
-Whatever comes out has passed the certifier.  Deterministic: the same problem gives the same plan,
-bit for bit, whatever was planned before.
+Every plan that it returns has passed the certifier.  Deterministic: the same problem gives the same
+plan, bit for bit, whatever was planned before.
 """
 
 from __future__ import annotations
@@ -86,7 +86,7 @@ def _plan_by_formula(problem: AvoidanceProblem, reasons: list[str]) -> Plan | No
     for side in SIDES if nearer_is_left else SIDES[::-1]:
         trajectory = vertex_manoeuvre(problem, side)
         if trajectory is None:
-            reasons.append(f"vertex, {side}: no member of the family fits")
+            reasons.append(f"vertex, {side}: no manoeuvre fits lane, front face and exit speed")
             continue
         if _takes_too_long(f"vertex, {side}", trajectory, problem, reasons):
             continue
@@ -105,7 +105,7 @@ def _takes_too_long(
     late_s = trajectory.end_s - trajectory.start_s - cruising_s
     if late_s <= DELAY_MAX_S:
         return False
-    reasons.append(f"{what}: {late_s:.3g} s of delay, at most {DELAY_MAX_S:g} s are flown")
+    reasons.append(f"{what}: arrives {late_s:.3g} s late (limit {DELAY_MAX_S:g} s)")
     return True
 
 

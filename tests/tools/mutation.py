@@ -34,7 +34,7 @@ _BY_HAND = (
     "test_boundary_of_the_worked_example",
     "test_border_with_drift_by_hand",
     "test_the_region_lies_around_its_obstacle",
-    "test_lane_holds_who_enters_beside_the_face_and_drifts_on",
+    "test_the_lane_covers_an_entry_beside_the_face_that_drifts_on",
     "test_slow_drift_costs_no_time_and_fast_drift_must_be_outrun",
 )
 

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from onboard.motion.axis_profile import AxisLimits, AxisState
     from onboard.planning.problem import AvoidanceProblem, Side
 
-# Kept from every face and border, and left of every limit: more than the solver's tolerance eats.
+# Kept from every face and border, and left of every limit: more than the solver's tolerance.
 MARGIN_M = 2e-3
 MARGIN_MPS = 5e-3
 USED_SHARE = 0.995
@@ -42,7 +42,7 @@ _ANYWHERE = (-math.inf, math.inf)
 
 
 def _powers(piece_s: FloatArray) -> FloatArray:
-    """Powers -2 to 1 of the piece lengths, (..., 4); filled in, which is ten times a stack."""
+    """Powers -2 to 1 of the piece lengths, (..., 4); filled in place, faster than np.stack."""
     powers = np.empty((*piece_s.shape, 4))
     inverse = powers[..., 1] = 1.0 / piece_s
     powers[..., 0] = inverse * inverse
@@ -53,7 +53,7 @@ def _powers(piece_s: FloatArray) -> FloatArray:
 
 @dataclass(frozen=True)
 class AxisTask:
-    """Everything that distinguishes one axis of one problem, in SI units.
+    """All inputs of one axis of one problem, in SI units.
 
     Attributes:
         start: state at the start; its position is only an origin.
@@ -88,7 +88,7 @@ class AxisTask:
 
     @cached_property
     def braking(self) -> Profile:
-        """Come to a halt likewise."""
+        """The profile that comes to a halt as quickly as the limits allow, from position 0."""
         return self.profile_to(0.0)
 
     def parameters(self, piece_s: FloatArray) -> FloatArray:
@@ -240,7 +240,7 @@ def along_task(problem: AvoidanceProblem, *, clear: bool) -> AxisTask:
         end_max_m=region.x_pob_m - start.position_m,
         speed_before_mps=forward,
         speed_after_mps=forward,
-        # What lies beyond the end is flown at exit speed.
+        # The way beyond the end is flown at exit speed.
         progress_gain_mps3=DELAY_COST_M2PS4 / problem.exit_speed_mps,
         unit_mps2=problem.envelope.along.largest_mps2,
     )

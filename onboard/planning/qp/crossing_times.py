@@ -1,4 +1,4 @@
-"""Which crossing time and which ratio of the two phases: ranked before any QP is solved.
+"""Ranks crossing times and ratios of the two phases before any QP is solved.
 
 For every candidate the QP without its inequalities has a closed form.  So has the QP with the
 crossing and any one other row as equalities, and the costliest of those costs nearly as much as the
@@ -23,13 +23,13 @@ if TYPE_CHECKING:
     from onboard.geometry.frames import FloatArray
     from onboard.planning.qp.axis_program import AxisTask
 
-# Below this a phase is only noise to a vehicle that turns in tenths of a second.
+# A vehicle that turns in tenths of a second cannot make use of a shorter phase.
 _CROSSING_MIN_S = 0.25
 
 # Longest crossing time, in the larger of the times to sidestep and to approach at speed.
 _PATIENCE = 2.5
 
-# Where nothing is in the way any more: long enough for whatever is left to be done gently.
+# The latest crossing where the obstacle is cleared already: long enough for gentle accelerations.
 _UNHURRIED_S = 2.0
 
 # A start slower than this share of the exit speed counts as this fast.

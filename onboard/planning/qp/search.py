@@ -51,7 +51,7 @@ _LIFT = 1.2
 # Horizons for which the coupled QP is solved at most.
 _CLIMBS_MAX = 3
 
-# Vertical speed and acceleration that are round-off, not motion.
+# Vertical speeds and accelerations up to this are round-off.
 _LEVEL = 1e-9
 
 # A candidate is tried if it may save more than this share of the cost.
@@ -244,7 +244,7 @@ class _Search:
                 self._ranked.append(_Ranked.of(library, side, crossings_s[side], *axes))
 
     def promising(self) -> Iterable[_Candidate]:
-        """Return the best candidate, or where there is none those that seem cheapest."""
+        """Return the best candidate; without one, all in the order of their estimates."""
         return self._cheapest_first() if self._best_candidate is None else [self._best_candidate]
 
     def climb(
@@ -320,8 +320,8 @@ class _Search:
     def _narrow(self, candidate: _Candidate, axis: int) -> None:
         """Rule out what is harder than a candidate that failed: sooner sideways, later along.
 
-        Where the front face is out of reach it is not in the way: there was too little time to get
-        back below the greatest speed by as much as the solver is off.
+        A front face out of reach was not what failed: there was too little time to get back below
+        the greatest speed by as much as the solver is off.
         """
         soonest_s, latest_s = self._window_s[candidate.side]
         along, _ = self._tasks[candidate.side]

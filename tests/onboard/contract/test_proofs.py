@@ -108,7 +108,7 @@ t_u, t_d = z3.Reals("t_u t_d")
 FACE = [y_r > 0, y_l > 0, t_u > 0, t_d > 0, u * t_u * t_u == 2 * y_r, d * t_d * t_d == 2 * y_l]
 
 
-def test_eq_8_inside_the_boundary_nobody_escapes() -> None:
+def test_eq_8_inside_the_boundary_no_input_escapes() -> None:
     """Whatever the input, the face is reached before either corner can have been passed.
 
     x_1, y_1 stand for any position that admissible inputs lead to at time t.

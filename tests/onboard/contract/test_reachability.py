@@ -259,7 +259,9 @@ def faces(draw: st.DrawFn) -> tuple[AccelerationLimits, float, Box]:
 
 @SIMULATED
 @given(faces(), st.integers(0, 2**32))
-def test_from_inside_nobody_escapes(face: tuple[AccelerationLimits, float, Box], seed: int) -> None:
+def test_from_inside_no_input_escapes(
+    face: tuple[AccelerationLimits, float, Box], seed: int
+) -> None:
     """One per cent inside the boundary, dense at its branches: every input collides."""
     limits, speed_mps, box = face
     random, count = np.random.default_rng(seed), 200

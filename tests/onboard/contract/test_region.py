@@ -269,7 +269,7 @@ def test_slow_drift_costs_no_time_and_fast_drift_must_be_outrun() -> None:
 # --- lane
 
 
-def test_lane_holds_who_enters_beside_the_face_and_drifts_on() -> None:
+def test_the_lane_covers_an_entry_beside_the_face_that_drifts_on() -> None:
     """Next to no obstacle: 0.5 m/s are stopped within 1/16 m by 2 m/s² and 1/32 m by 4 m/s²."""
     for left_mps2, right_mps2 in ((4.0, 2.0), (2.0, 4.0)):
         limits = AccelerationLimits(2.0, 2.0, left_mps2, right_mps2)
