@@ -95,14 +95,18 @@ def clear(trajectory: Trajectory, *keep_outs: KeepOut) -> Certificate:
 
 def deepest_m(trajectory: Trajectory, keep_out: KeepOut, samples: int = 1200) -> float:
     """The slow oracle: depth inside at many instants, negative outside."""
-    depths_m = []
-    for time_s in np.linspace(trajectory.start_s, trajectory.end_s, samples).tolist():
-        x_m, y_m, _ = trajectory.sample(time_s).position_leg_m
-        box = keep_out.box_at(time_s)
-        depths_m.append(
-            min(x_m - box.x_min_m, box.x_max_m - x_m, y_m - box.y_min_m, box.y_max_m - y_m)
-        )
-    return max(depths_m)
+    times_s = np.linspace(trajectory.start_s, trajectory.end_s, samples)
+    knots_s = np.array(trajectory.knots_s)
+    piece = np.searchsorted(knots_s[1:-1], times_s, side="right")
+    t = (times_s - knots_s[piece])[:, None]
+    p, v, a, j = (array[piece, :2] for array in trajectory.motion)
+    x_m, y_m = (p + t * (v + t * (a / 2.0 + t * j / 6.0))).T
+    faces_m = np.array(
+        [tuple(vars(keep_out.box_at(time_s)).values()) for time_s in times_s.tolist()]
+    )
+    x_min_m, x_max_m, y_min_m, y_max_m = faces_m.T
+    depths_m = np.minimum.reduce((x_m - x_min_m, x_max_m - x_m, y_m - y_min_m, y_max_m - y_m))
+    return float(depths_m.max())
 
 
 def agrees(trajectory: Trajectory, keep_out: KeepOut) -> None:

@@ -164,7 +164,7 @@ def test_brakes_where_no_avoidance_is_left_and_says_why_where_that_fails_too(
     assert any("inside the keep-out box" in reason for reason in doomed.reasons)
 
 
-def test_plans_are_hardly_dearer_than_the_best_that_ipopt_finds() -> None:
+def test_plans_are_hardly_more_expensive_than_the_best_that_ipopt_finds() -> None:
     """Among them starts beside the obstacle, at the greatest speed, with next to nothing to do."""
     found = compare(count=20, direct_count=0)
     assert found.unsolved <= 2
