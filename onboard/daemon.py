@@ -66,7 +66,7 @@ async def run(config: DaemonConfig, contract: Contract, mission: Mission, log_pa
         mission,
         epoch_unix_s=clock.epoch_unix_s,
         system_id=config.mavlink.system_id,
-        telemetry_timeout_s=config.mavlink.stale_after_s,
+        telemetry_timeout_s=config.mavlink.telemetry_timeout_s,
         input_set=config.input_set,
         fly_outside_contract=config.fly_outside_contract,
         preflight_age_max_s=config.preflight_age_max_s if config.require_preflight else None,
@@ -87,7 +87,7 @@ async def run(config: DaemonConfig, contract: Contract, mission: Mission, log_pa
         # Last: a daemon that cannot start leaves no log behind.
         logs = stack.enter_context(Logs(log_path, _metadata(contract, mission)))
         bus = Bus(session, config.vehicle, contract)
-        bus.subscribe(autonomy, clock, mission_changes=config.mission_changes)
+        bus.subscribe(autonomy, clock, mission_changes=config.accept_mission_updates)
         stop = _stop_on_signals()
         spare_the_collector()
         log.info(

@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 from gcs_tools.console.errors import CommandError
 from gcs_tools.console.progress import tracked
 from gcs_tools.contract.keys import ContractKey, contract_key
+from onboard.contract.arithmetic import ARRAY
 from onboard.contract.assessment import Clause, Derived, Terms, clauses, derive
-from onboard.contract.region import ARRAY
 from onboard.files.models import Contract, InputSet
 from onboard.geometry.frames import FloatArray
 

@@ -149,7 +149,7 @@ def _onboard_configuration(
         mavlink=MavlinkLink(
             url=f"udpin://127.0.0.1:{endpoints.daemon_mavlink_port}",
             system_id=scenario.plant.system_id,
-            stale_after_s=TELEMETRY_TIMEOUT_S,
+            telemetry_timeout_s=TELEMETRY_TIMEOUT_S,
         ),
         zenoh=ZenohEndpoints(connect=(endpoints.sitl_zenoh,), listen=(endpoints.daemon_zenoh,)),
         log_directory=Path(),

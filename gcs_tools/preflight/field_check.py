@@ -18,8 +18,9 @@ import numpy as np
 from scipy.spatial import KDTree
 
 from gcs_tools.preflight.field_merging import PAIRS_MAX, intersecting_pairs, merge
+from onboard.contract.arithmetic import ARRAY
 from onboard.contract.assessment import Assessment, Terms, worst_encounter
-from onboard.contract.region import ARRAY, dimensions
+from onboard.contract.region import dimensions
 from onboard.files.models import Mission
 from onboard.files.obstacle_field import ObstacleField
 from onboard.geometry.box import Box
@@ -224,7 +225,7 @@ def region_extents(assessment: Assessment, boxes_m: FloatArray) -> FloatArray:
     As `Assessment.region_around` does for one box.
     """
     terms = assessment.terms
-    margin_m = terms.radius_m + terms.tracking_error_m + assessment.face_error_m
+    margin_m = assessment.inflation_m()
     x_min_m, x_max_m, y_min_m, y_max_m = (boxes_m + margin_m * np.array([-1.0, 1.0, -1.0, 1.0])).T
     numbers: dict[str, Any] = {
         each.name: np.full(len(boxes_m), value)

@@ -13,8 +13,8 @@ import math
 from dataclasses import dataclass
 from enum import StrEnum, unique
 
+from onboard.contract.arithmetic import SCALAR
 from onboard.contract.derivation import face_error_m
-from onboard.contract.region import SCALAR
 from onboard.contract.terms import Terms
 from onboard.events import Event, Severity
 from onboard.perception.detection import DetectionFrame

@@ -88,8 +88,8 @@ class Comparison:
     """Planner and IPOPT on the same problems.
 
     Attributes:
-        gaps: how much dearer the planner's plans are than the best that IPOPT finds, as a share of
-            effort and time flown, which differ from the cost of Eq. 17 by a constant.
+        gaps: how much more expensive the planner's plans are than the best that IPOPT finds, as a
+            share of effort and time flown, which differ from the cost of Eq. 17 by a constant.
         gaps_of_cost: the same as a share of the cost, where that is worth a ratio.
         ours_ms, two_phase_ms: median times.
         direct_ms: median times by number of pieces.

@@ -283,7 +283,7 @@ def test_a_disk_that_is_full_only_at_the_end_is_said(
 def test_another_mission_is_taken_only_where_that_is_meant(
     tmp_path: Path, settings: dict[str, Any], *, allowed: bool
 ) -> None:
-    settings["mission_changes"] = allowed
+    settings["accept_mission_updates"] = allowed
     with running(tmp_path, settings), neighbour(settings) as session:
         statuses = session.declare_subscriber("clearway/v1/status")
         counted = []

@@ -32,8 +32,9 @@ from gcs_tools.campaign.workers import Order, fly_on_cluster
 from gcs_tools.preflight.command import check
 from gcs_tools.scenario import load_scenario
 from onboard.contract import region
+from onboard.contract.arithmetic import Arithmetic
 from onboard.contract.assessment import assess
-from onboard.contract.region import Arithmetic, Encounter
+from onboard.contract.region import Encounter
 from onboard.geometry.frames import wrap_angle
 from sitl.virtual.faults.schema import Fault
 from tests.gcs_tools.running import Clearway, is_alive, until

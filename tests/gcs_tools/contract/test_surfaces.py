@@ -17,8 +17,8 @@ from gcs_tools.contract.keys import contract_key
 from gcs_tools.contract.solve import solve
 from gcs_tools.contract.surface import FIGURES, FigureNumber, SurfaceRequest, request_surface
 from gcs_tools.contract.surface_grid import Axis, Surface, evaluate
+from onboard.contract.arithmetic import SCALAR
 from onboard.contract.assessment import assess, clauses, derive
-from onboard.contract.region import SCALAR
 from onboard.files.models import InputSet, load_contract
 from tests.gcs_tools.running import CONTRACTS, Clearway
 

@@ -5,8 +5,8 @@ from itertools import product
 
 import pytest
 
-from onboard.contract.agility import Agility
-from onboard.contract.region import Encounter, RegionOfInfluence
+from onboard.contract.agility import AccelerationLimits
+from onboard.contract.region import RegionOfInfluence
 from onboard.geometry.box import Box
 from onboard.guidance.phases import (
     STATES,
@@ -21,6 +21,7 @@ from onboard.guidance.phases import (
     pre_condition,
 )
 from onboard.motion.trajectory import State
+from tests.onboard.contract.ideal_encounter import ideal_encounter
 
 SPEED_MPS = 2.8
 FLYING = [state for state in FlightState if state.flying]
@@ -29,9 +30,9 @@ GROUNDED = [state for state in FlightState if not state.flying]
 
 @pytest.fixture
 def region() -> RegionOfInfluence:
-    limits = Agility(0.26, 0.26, 2.0).acceleration_limits()
+    limits = AccelerationLimits(*[2.6] * 4)
     obstacle = Box(10.0, 12.0, -1.0, 1.0)
-    return RegionOfInfluence.around(obstacle, Encounter.ideal(limits, SPEED_MPS, obstacle.size_m))
+    return RegionOfInfluence.around(obstacle, ideal_encounter(limits, SPEED_MPS, obstacle.size_m))
 
 
 def at(x_m: float, y_m: float, vx_mps: float = SPEED_MPS, vy_mps: float = 0.0) -> State:

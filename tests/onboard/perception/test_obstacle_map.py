@@ -7,22 +7,23 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from onboard.contract.agility import Agility
-from onboard.contract.region import Encounter, RegionOfInfluence
+from onboard.contract.agility import GRAVITY_MPS2, AccelerationLimits
+from onboard.contract.region import RegionOfInfluence
 from onboard.geometry.box import Box
 from onboard.geometry.frames import LegFrame
 from onboard.perception import obstacle_map as obstacle_map_module
 from onboard.perception.detection import DownRange
 from onboard.perception.obstacle_map import Obstacle, ObstacleMap
+from tests.onboard.contract.ideal_encounter import ideal_encounter
 from tests.onboard.perception.messages import square
 
 NORTH_LEG = LegFrame((0.0, 0.0, -4.0), 0.0)
-LIMITS = Agility(math.radians(15.0), math.radians(15.0), 2.0).acceleration_limits()
+LIMITS = AccelerationLimits(*[GRAVITY_MPS2 * math.tan(math.radians(15.0))] * 4)
 
 
 def region_around(box: Box, position_error_m: float) -> RegionOfInfluence:
     inflated = box.inflated(position_error_m)
-    return RegionOfInfluence.around(inflated, Encounter.ideal(LIMITS, 2.8, inflated.size_m))
+    return RegionOfInfluence.around(inflated, ideal_encounter(LIMITS, 2.8, inflated.size_m))
 
 
 @pytest.fixture

@@ -1,4 +1,4 @@
-"""Files are read strictly, and what is wrong with one is said in one line."""
+"""Contracts are read strictly, hashed by their terms, and changed by overrides alone."""
 
 from __future__ import annotations
 
@@ -10,11 +10,9 @@ import yaml
 from hypothesis import given
 from hypothesis import strategies as st
 
-from onboard.files.models import (
+from onboard.files.contract_file import (
     Contract,
-    DaemonConfig,
     EnvironmentTerms,
-    Mission,
     Requirements,
     SensorTerms,
     VehicleTerms,
@@ -22,10 +20,6 @@ from onboard.files.models import (
 )
 from onboard.files.yaml_file import (
     FileError,
-    dump_document,
-    load_yaml,
-    parse_document,
-    read_mapping,
     unit_of,
     validate,
 )
@@ -328,41 +322,6 @@ def test_bad_overrides_are_named(contract_path: Path, override: str, problem: st
     assert override in str(caught.value)
 
 
-@given(st.floats(allow_nan=False, allow_infinity=False, width=32) | st.booleans())
-def test_scalars_are_read_as_yaml_reads_them(value: float) -> None:
-    assert parse_document(dump_document(value), source="here") == value
-
-
-# --- files
-
-
-@pytest.mark.parametrize(
-    ("text", "problem"),
-    [
-        ("vehicle: {roll_max_deg: 1, roll_max_deg: 2}", "key 'roll_max_deg' is given twice"),
-        ("vehicle: [", "is not valid YAML"),
-        ("- 1\n- 2\n", "expected keys and values, found [1, 2]"),
-        ("", "expected keys and values, found nothing"),
-        ("a: !!python/object/apply:os.system ['true']", "os.system is not used in these files"),
-        (b"\xff\xfe\x00", "is not UTF-8 text (byte 0)"),
-    ],
-)
-def test_files_that_cannot_be_read(tmp_path: Path, text: str | bytes, problem: str) -> None:
-    path = tmp_path / "broken.yaml"
-    path.write_bytes(text if isinstance(text, bytes) else text.encode())
-    with pytest.raises(FileError) as caught:
-        read_mapping(path)
-    message = str(caught.value)
-    assert message.startswith(str(path))
-    assert problem in message
-    assert "\n" not in message
-
-
-def test_a_missing_file_is_named(tmp_path: Path) -> None:
-    with pytest.raises(FileError, match=r"none\.yaml: cannot be read: No such file"):
-        load_contract(tmp_path / "none.yaml")
-
-
 @given(
     st.recursive(
         st.none() | st.booleans() | st.floats() | st.text(max_size=5),
@@ -379,23 +338,6 @@ def test_nothing_but_a_file_error_comes_out(document: Any) -> None:
     assert refusal(document)
 
 
-@pytest.mark.parametrize(
-    ("key", "unit"),
-    [
-        ("cruise_speed_mps", "m/s"),
-        ("jerk_mps3", "m/s³"),
-        ("limit_mps2", "m/s²"),
-        ("roll_max_deg", "°"),
-        ("end_ned_m", "m"),
-        ("reaction_time_s", "s"),
-        ("thrust_to_weight", "times the weight"),
-        ("stop", ""),
-    ],
-)
-def test_the_suffix_is_the_unit(key: str, unit: str) -> None:
-    assert unit_of(key) == unit
-
-
 @pytest.mark.parametrize("model", [VehicleTerms, SensorTerms, EnvironmentTerms, Requirements])
 def test_every_key_is_described(model: type[VehicleTerms]) -> None:
     undescribed = {
@@ -404,58 +346,3 @@ def test_every_key_is_described(model: type[VehicleTerms]) -> None:
         if not key.description and name != "field_of_view_deg"  # says it all itself
     }
     assert not undescribed
-
-
-# --- mission and daemon
-
-
-def test_a_mission(tmp_path: Path) -> None:
-    path = tmp_path / "mission.yaml"
-    path.write_text("altitude_m: 4.0\nlegs:\n  - end_ned_m: [46, 0.3]\n", encoding="utf-8")
-    mission = load_yaml(path, Mission)
-    assert mission.start_ned_m == (0.0, 0.0)
-    assert mission.legs[0].end_ned_m == (46.0, 0.3)
-    assert mission.legs[0].target_half_width_m > 0.0
-    assert mission.climb_max_m == 0.0
-
-
-@pytest.mark.parametrize(
-    "text",
-    [
-        "altitude_m: 4.0\nlegs: []\n",
-        "altitude_m: -4.0\nlegs: [{end_ned_m: [1, 2]}]\n",
-        "altitude_m: 4.0\nlegs: [{end_ned_m: [1, 2, 3]}]\n",
-        "legs: [{end_ned_m: [1, 2]}]\n",
-        "altitude_m: 4.0\nlegs: [{end_ned_m: [1, north]}]\n",
-    ],
-)
-def test_missions_that_cannot_be_flown(tmp_path: Path, text: str) -> None:
-    path = tmp_path / "mission.yaml"
-    path.write_text(text, encoding="utf-8")
-    with pytest.raises(FileError, match=r"mission\.yaml: "):
-        load_yaml(path, Mission)
-
-
-def test_a_daemon_flies_only_inside_its_contract_unless_told() -> None:
-    config = validate({"contract": "c.yaml", "mission": "m.yaml"}, DaemonConfig, source="d.yaml")
-    assert not config.fly_outside_contract
-    assert config.input_set == "inner"
-    assert config.contract == Path("c.yaml")
-
-
-@pytest.mark.parametrize(
-    ("key", "value"),
-    [
-        ("input_set", "outer"),
-        ("vehicle", "a/b"),
-        ("vehicle", ""),
-        ("mavlink", {"system_id": 0}),
-        ("mavlink", {"system_id": 256}),
-        ("mavlink", {"port": 14540}),
-        ("log_level", "verbose"),
-    ],
-)
-def test_daemon_settings_are_checked(key: str, value: Any) -> None:
-    document = {"contract": "c.yaml", "mission": "m.yaml", key: value}
-    with pytest.raises(FileError, match=key):
-        validate(document, DaemonConfig, source="d.yaml")
