@@ -225,7 +225,7 @@ def scenario_document(scenario: Scenario) -> dict[str, Any]:
         "sitl": scenario.plant.model_dump(mode="json", exclude_defaults=True),
         "faults": [fault.model_dump(mode="json", exclude_none=True) for fault in scenario.faults],
         "field_known": scenario.field_known,
-        "force": scenario.force,
+        "fly_outside_contract": scenario.fly_outside_contract,
         "expect": scenario.expect.model_dump(mode="json", exclude_none=True),
     }
 

@@ -145,7 +145,7 @@ def fly_numbered(source: Source, campaign_seed: int, number: int) -> FlightRow:
     case = source.case(campaign_seed, number)
     checked = _checked(case.scenario)
     which = {"source": source.name, "campaign_seed": campaign_seed, "number": number}
-    if not (checked.compliant or case.scenario.force):
+    if not (checked.compliant or case.scenario.fly_outside_contract):
         return _row(which, case, checked.assessment, _refused(case, checked), time_s=(0.0, 0.0))
     try:
         evidence = fly_case(case)
@@ -177,7 +177,7 @@ def fly_case(case: Case) -> Evidence:
             obstacles=scenario.obstacles,
             seed=case.seed,
             faults=scenario.faults,
-            fly_outside_contract=scenario.force,
+            fly_outside_contract=scenario.fly_outside_contract,
             time_limit_s=_time_limit_s(scenario),
         )
     )

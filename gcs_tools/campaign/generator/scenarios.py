@@ -468,7 +468,7 @@ def _flight(
         plant=_plant(draw, contract, -mission.altitude_m if extent.airborne else 0.0),
         faults=(),
         field_known=True,
-        force=False,
+        fly_outside_contract=False,
         expect=Expectation.model_validate({}),
     )
 

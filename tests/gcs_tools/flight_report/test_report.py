@@ -31,7 +31,7 @@ def flown(tmp_path_factory: pytest.TempPathFactory) -> Path:
     from gcs_tools.fly.command import fly  # noqa: PLC0415  only this fixture needs the simulation
 
     out = tmp_path_factory.mktemp("flights") / "paper-1"
-    assert fly(CONFIG / "paper.yaml", virtual=True, seed=1, out=out, force=False)
+    assert fly(CONFIG / "paper.yaml", virtual=True, seed=1, out=out, fly_outside_contract=False)
     return out
 
 
