@@ -54,7 +54,7 @@ def _run(options: argparse.Namespace) -> int:
         flights=options.flights,
         seed=options.seed,
         only=options.only,
-        jobs=options.jobs,
+        processes=options.jobs,
         dask=options.dask,
         out=options.out,
         shrink=options.shrink,

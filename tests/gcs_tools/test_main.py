@@ -171,11 +171,11 @@ def test_campaign_passes_its_arguments_on(monkeypatch: pytest.MonkeyPatch) -> No
     target = "gcs_tools.campaign.command.run_campaign"
     code, (request,), _ = called(monkeypatch, target, "campaign", "quick", returns=True)
     assert (code, request.scenarios, request.flights, request.seed) == (0, ("quick",), 100, 1)
-    assert (request.only, request.jobs, request.dask, request.out) == (None, None, None, None)
+    assert (request.only, request.processes, request.dask, request.out) == (None, None, None, None)
     line = ("campaign", "quick", "x.yaml", "--flights", "5", "--jobs", "2", "--shrink", "0")
     code, (request,), _ = called(monkeypatch, target, *line, returns=False)
     assert (code, request.scenarios, request.flights) == (1, ("quick", "x.yaml"), 5)
-    assert (request.jobs, request.shrink) == (2, 0)
+    assert (request.processes, request.shrink) == (2, 0)
 
 
 def test_schema_passes_its_directory_on(monkeypatch: pytest.MonkeyPatch) -> None:
