@@ -14,7 +14,8 @@ from rich.table import Table
 from gcs_tools.console.errors import CommandError
 from gcs_tools.console.progress import FlightProgress, Report, progress_bar
 from gcs_tools.flight_report.command import write_report
-from gcs_tools.flight_report.document import Flight, document_of
+from gcs_tools.flight_report.document import document_of
+from gcs_tools.flight_report.flight import Flight
 from gcs_tools.logs.flight_log import Log, read_log
 from gcs_tools.logs.result import Result, result_of
 from gcs_tools.preflight import command as preflight
