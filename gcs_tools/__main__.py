@@ -38,7 +38,9 @@ COMMANDS: Final = (
     schema_arguments,
 )
 # Import names of what the extra ``ground`` installs.
-_GROUND: Final = frozenset({"rich", "matplotlib", "pyulog", "pyarrow", "distributed", "shapely"})
+_GROUND: Final = frozenset(
+    {"rich", "jinja2", "markupsafe", "matplotlib", "pyulog", "pyarrow", "distributed", "shapely"}
+)
 
 
 class _Parser(argparse.ArgumentParser):
