@@ -39,7 +39,17 @@ COMMANDS: Final = (
 )
 # Import names of what the extra ``ground`` installs.
 _GROUND: Final = frozenset(
-    {"rich", "jinja2", "markupsafe", "matplotlib", "pyulog", "pyarrow", "distributed", "shapely"}
+    {
+        "distributed",
+        "jinja2",
+        "markupsafe",
+        "matplotlib",
+        "mavsdk",
+        "pyarrow",
+        "pyulog",
+        "rich",
+        "shapely",
+    }
 )
 
 

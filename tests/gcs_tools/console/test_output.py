@@ -81,11 +81,15 @@ def test_half_a_character_is_replaced(tmp_path: Path) -> None:
     assert (tmp_path / "out").read_text(encoding="utf-8") == "a?b"
 
 
-scalars = st.none() | st.booleans() | st.integers() | st.floats(allow_nan=False) | st.text()
-documents = st.dictionaries(
-    st.text("abc", min_size=1),
-    st.recursive(scalars, lambda inner: st.lists(inner) | st.dictionaries(st.text("de"), inner)),
+scalars = (
+    st.none() | st.booleans() | st.integers() | st.floats(allow_nan=False) | st.text(max_size=5)
 )
+values = st.recursive(
+    scalars,
+    lambda inner: st.lists(inner, max_size=3) | st.dictionaries(st.sampled_from("de"), inner),
+    max_leaves=8,
+)
+documents = st.dictionaries(st.sampled_from("abc"), values)
 
 
 @given(documents)
