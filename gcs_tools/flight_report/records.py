@@ -118,7 +118,7 @@ _SHAPES: Final[dict[str, type[_Record]]] = {
 }
 
 
-def understood(log: Log) -> Log:
+def drop_malformed(log: Log) -> Log:
     """Return a log without the records that are not what they should be; it says how many."""
     messages, problems = dict(log.messages), list(log.problems)
     for topic, shape in _SHAPES.items():
