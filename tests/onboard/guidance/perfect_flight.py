@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import Final
 
 from onboard.contract.assessment import TICK_S, assess
@@ -128,6 +128,17 @@ class PerfectFlight:
         """
         self.run(seconds, until=lambda: self.state in states)
         assert self.state in states, self.states
+
+    def states_to_arrival(self) -> Iterator[State]:
+        """Fly on, and yield the reference of each tick until the mission is flown.
+
+        Raises:
+            AssertionError: it is not within two minutes.
+        """
+        while self.state is not FlightState.ARRIVED:
+            assert self.now_s < 120.0, self.states
+            self.tick()
+            yield self.reference
 
     def cruise_at_full_speed(self) -> None:
         self.depart()

@@ -62,11 +62,9 @@ def test_the_plan_starts_at_the_front_of_the_region(flight: PerfectFlight) -> No
 def test_the_reference_is_continuous_over_the_whole_step(flight: PerfectFlight) -> None:
     flight.see(25.0, 0.2)
     flight.cruise_at_full_speed()
-    positions_m, speeds_mps = [], []
-    while flight.state is not FlightState.ARRIVED:
-        flight.tick()
-        positions_m.append(flight.reference.position_leg_m)
-        speeds_mps.append(flight.reference.velocity_leg_mps)
+    flown = list(flight.states_to_arrival())
+    positions_m = [state.position_leg_m for state in flown]
+    speeds_mps = [state.velocity_leg_mps for state in flown]
     assert FlightState.AVOIDING in flight.states
     steps_m = [
         abs(after - before - TICK_S * (v + w) / 2.0)
