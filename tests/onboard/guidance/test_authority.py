@@ -230,6 +230,16 @@ def test_an_autopilot_that_was_never_heard_grants_nothing(bench: Bench) -> None:
     assert bench.phase is Phase.STANDBY
 
 
+@pytest.mark.parametrize(("silence_s", "granted"), [(3.0, True), (3.02, False)])
+def test_an_autopilot_that_is_silent_for_longer_than_3_s_grants_nothing(
+    bench: Bench, silence_s: float, *, granted: bool
+) -> None:
+    bench.says(heard_s=0.0, external_control=True)
+    bench.silent = True
+    bench.tick(silence_s)
+    assert (bench.phase is not Phase.STANDBY) is granted
+
+
 def test_the_pilot_takes_over_and_hands_back(bench: Bench) -> None:
     bench.in_phase(Phase.AVOID)
     bench.grant(granted=False)
