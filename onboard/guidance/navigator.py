@@ -152,11 +152,6 @@ class Navigator:
         return self.cruising_freely or self.phase is Phase.AVOID
 
     @property
-    def in_control(self) -> bool:
-        """Whether the service commands the vehicle: in every phase but STANDBY."""
-        return self.phase is not Phase.STANDBY
-
-    @property
     def flying(self) -> bool:
         """Whether the guarantee is at stake: the vehicle is on its way."""
         return self.phase in (Phase.CRUISE, Phase.AVOID)
