@@ -94,11 +94,6 @@ class Navigator:
         return self.situation.avoidance
 
     @property
-    def in_control(self) -> bool:
-        """Whether the service commands the vehicle: in every phase but STANDBY."""
-        return self.phase is not Phase.STANDBY
-
-    @property
     def flying(self) -> bool:
         """Whether the vehicle flies its mission, so that the guarantee applies."""
         return self.state.flying

@@ -14,7 +14,7 @@ from onboard.monitoring.detection_consistency import (
 )
 from onboard.monitoring.detections import CLOCK_TOLERANCE_S, DetectionMonitor
 from onboard.monitoring.estimator.heading import HeadingMonitor
-from onboard.monitoring.supervised_flight import SupervisedFlight
+from onboard.monitoring.supervised_flight import SupervisedFlight, in_control
 from onboard.perception.bearings import TRACKS_PER_FRAME, BearingMemory
 from onboard.perception.detection import Detection, DetectionFrame, corners_ned
 from onboard.perception.intake import DetectionCounters
@@ -136,7 +136,7 @@ class DetectionEvaluator:
             seen.corners_ned_m,
             # What a sensor states less than the contract, the contract covers already.
             error_m + displacement_m if displacement_m > 0.0 else seen.uncertainty_m,
-            apart_from=self._apart_from(placement, seen),
+            apart_from=self._apart_from(placement, seen, now_s),
             error_max_m=flight.assessment.face_error_m,
             in_full=seen.in_full and seen.blur_m == 0.0,
             down_m=seen.down_m,
@@ -147,12 +147,12 @@ class DetectionEvaluator:
         if obstacle is not None:
             flight.recheck_plan(obstacle, now_s)
 
-    def _apart_from(self, placement: Placement, seen: PlacedBox) -> str | None:
+    def _apart_from(self, placement: Placement, seen: PlacedBox, now_s: float) -> str | None:
         """Return the track that a box contradicts.
 
         In STANDBY nothing is flown by the map: what encloses all places is one obstacle.
         """
-        return seen.track_id if placement.apart and self._flight.in_control else None
+        return seen.track_id if placement.apart and in_control(self._flight, now_s) else None
 
     def _blurs_m(self, frame: DetectionFrame, stamp_s: float) -> dict[str, float]:
         """Return how far off a turning body sees what is to be taken from a frame, by track.

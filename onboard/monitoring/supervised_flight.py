@@ -31,11 +31,6 @@ class SupervisedFlight(Protocol):
         ...
 
     @property
-    def in_control(self) -> bool:
-        """Whether the service commands the vehicle: in every phase but STANDBY."""
-        ...
-
-    @property
     def flying(self) -> bool:
         """Whether the guarantee is at stake: the vehicle is on its way."""
         ...
@@ -83,3 +78,8 @@ class SupervisedFlight(Protocol):
     def hover_at(self, pose: Pose, now_s: float) -> None:
         """Hover at a pose, if the vehicle hovers, rather than fly back in one step."""
         ...
+
+
+def in_control(flight: SupervisedFlight, now_s: float) -> bool:
+    """Tell whether the service commands the vehicle: without a reference it is in STANDBY."""
+    return flight.reference(now_s) is not None

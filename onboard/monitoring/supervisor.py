@@ -17,7 +17,7 @@ from onboard.monitoring.estimator.position_quality import PositionQualityMonitor
 from onboard.monitoring.estimator.resets import EstimatorReset, PoseMonitor, ResetLedger
 from onboard.monitoring.loop_overrun import LoopOverrunMonitor
 from onboard.monitoring.response.vehicle_response import VehicleResponse
-from onboard.monitoring.supervised_flight import SupervisedFlight
+from onboard.monitoring.supervised_flight import SupervisedFlight, in_control
 from onboard.monitoring.violation_log import ViolationLog
 from onboard.perception.detection import DetectionFrame
 from onboard.perception.intake import DetectionCounters
@@ -146,7 +146,7 @@ class MonitorSupervisor:
         if not flight.flying:
             if not reset.measured:
                 flight.hover_at(pose, now_s)
-            if flight.in_control:
+            if in_control(flight, now_s):
                 self._log.report(reset.violation(), now_s)
             return
         ended = self._resets.count(reset, flight.assessment.terms.estimator_reset_max_m)
@@ -174,7 +174,7 @@ class MonitorSupervisor:
         self.wind_violation = self.response.check_wind(now_s, terms)
         if self._flight.flying:
             self._check_flight(pose, tilt, now_s, moved=moved)
-        elif self._flight.in_control:
+        elif in_control(self._flight, now_s):
             if self.position_sign is not None:
                 self._log.report(self.position_sign.violation(), now_s)
             if moved:

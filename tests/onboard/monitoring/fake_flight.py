@@ -28,7 +28,6 @@ class FakeFlight:
     assessment: Assessment
     obstacles: ObstacleMap
     leg: LegFrame = NORTH_LEG
-    in_control: bool = True
     flying: bool = True
     moving: bool = True
     cruising_freely: bool = True
@@ -52,7 +51,7 @@ class FakeFlight:
 
     def stand_by(self) -> None:
         self.hover()
-        self.in_control, self.state = False, None
+        self.state = None
 
     @property
     def answered(self) -> list[Assumption]:

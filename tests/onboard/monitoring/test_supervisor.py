@@ -178,7 +178,7 @@ def test_a_doubtful_position_is_said_of_a_hover_and_not_in_standby(bench: Bench)
     bench.flight.stand_by()
     bench.check()
     assert bench.reported == []
-    bench.flight.in_control = True
+    bench.flight.state = AT_START
     bench.check()
     bench.check()
     assert bench.reported == ["position_quality"]
@@ -331,7 +331,7 @@ def test_sightings_that_contradict_each_other_are_kept_apart_in_control_only(
 ) -> None:
     for in_control, apart in ((True, 2), (False, 1)):
         bench = Bench(FakeFlight.under(contract, merged_size_max_m=4.0))
-        bench.flight.in_control = in_control
+        bench.flight.state = AT_START if in_control else None
         bench.move(pose_at(bench.now_s))
         for east_m in (3.0, 4.5):
             bench.see(obstacle(center_m=[9.0, east_m], size_m=[0.6, 0.6]))

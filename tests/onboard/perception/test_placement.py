@@ -7,6 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from onboard.geometry.frames import heading_displacement_m
+from onboard.mavlink.endpoint import TELEMETRY_RATE_HZ
 from onboard.perception.placement import POSE_TIMING_S, PlacedBox, blurs_m, place
 from onboard.vehicle_state import Pose
 from tests.onboard.perception.messages import detection_frame, obstacle
@@ -59,10 +60,12 @@ def test_of_a_blurred_frame_only_the_boxes_that_are_asked_for_are_taken() -> Non
 
 
 def test_without_a_pose_nothing_is_known_to_be_seen_in_full() -> None:
-    (placed,) = place(detection_frame(obstacle()), None, None)
-    assert placed.pose is None
-    assert not placed.in_full
-    assert placed.displacement_m(math.radians(5.0)) == 0.0
+    boxes = place(detection_frame(*body(4.0, 8.0)), None, None)
+    assert len(boxes) == 2
+    for placed in boxes:
+        assert placed.pose is None
+        assert not placed.in_full
+        assert placed.displacement_m(math.radians(5.0)) == 0.0
 
 
 @pytest.mark.parametrize("partial", [True, False])
@@ -100,6 +103,10 @@ def test_a_shifted_box_is_elsewhere_and_otherwise_the_same() -> None:
 
 
 # ------------------------------------------------------------------ blur
+
+
+def test_a_frame_and_the_poses_around_it_are_half_a_telemetry_period_apart() -> None:
+    assert pytest.approx(0.5 / TELEMETRY_RATE_HZ) == POSE_TIMING_S
 
 
 def test_what_is_hardly_blurred_is_sharp_and_needs_no_asking() -> None:
