@@ -14,11 +14,11 @@ import logging
 import math
 from collections import deque
 from collections.abc import Callable
-from typing import Any, Final
+from typing import Final
 
 from onboard.contract.assessment import Assessment, assess
 from onboard.event_limiter import EventLimiter
-from onboard.events import Event, Severity
+from onboard.events import Event, EventName, Severity
 from onboard.files.json_payload import MalformedPayloadError, parse
 from onboard.files.models import Contract, InputSet, Mission
 from onboard.guidance.departure import Refusal, RefusalKind, RefusalReport
@@ -26,6 +26,7 @@ from onboard.guidance.navigator import Navigator
 from onboard.guidance.phases import Phase
 from onboard.mavlink.endpoint import MavlinkEndpoint
 from onboard.monitoring.assumptions import Assumption, Violation, check_obstacle
+from onboard.monitoring.detections import DetectionMonitor
 from onboard.monitoring.estimator.heading import HeadingMonitor
 from onboard.monitoring.estimator.position_quality import (
     DEAD_RECKONING_S,
@@ -199,7 +200,7 @@ class Autonomy:
         if not self._log_ended:
             self._log_ended = True
             text = f"flying on without a log: {reason}"
-            self._news.append(Event(now_s, "log_ended", Severity.WARNING, text))
+            self._news.append(Event(now_s, EventName.LOG_ENDED, Severity.WARNING, text))
 
     # ------------------------------------------------------------------ outputs
 
@@ -268,7 +269,7 @@ class Autonomy:
             if navigator.phase is not Phase.STANDBY:
                 if heard and status.failsafe:
                     text = f"the autopilot's failsafe has taken over ({status.mode})"
-                    self._news.append(Event(now_s, "failsafe", Severity.WARNING, text))
+                    self._news.append(Event(now_s, EventName.FAILSAFE, Severity.WARNING, text))
                 navigator.release_control(now_s)
             if status.airborne is not True:
                 self._quality_monitor.forget_flight()
@@ -439,7 +440,7 @@ class Autonomy:
         if key not in self._reported:
             self._reported.add(key)
             text = f"vehicle deviates from set-point ({violation}): pilot or second commander?"
-            self._news.append(Event(now_s, "suspicion", Severity.WARNING, text))
+            self._news.append(Event(now_s, EventName.SUSPICION, Severity.WARNING, text))
 
     def _rival(self, pose: Pose, now_s: float) -> Violation | None:
         link = self.link
@@ -474,7 +475,7 @@ class Autonomy:
             broken = Violation(key[0], 0.0, limit_m, "m", obstacle.id)
             self._news += [
                 broken.event(now_s),
-                Event(now_s, "merged", Severity.WARNING, f"avoiding {obstacle.id} as one"),
+                Event(now_s, EventName.MERGED, Severity.WARNING, f"avoiding {obstacle.id} as one"),
             ]
 
     def _tracking_violations(self, pose: Pose) -> list[Violation]:
@@ -525,7 +526,7 @@ class Autonomy:
         left, self._left = self._left, lately and not self.navigator.flying
         if reason and self._left and not left and self.navigator.phase is not Phase.STANDBY:
             text = f"{reason}: leaving the vehicle to the autopilot"
-            self._news.append(Event(now_s, "handed_over", Severity.CRITICAL, text))
+            self._news.append(Event(now_s, EventName.HANDED_OVER, Severity.CRITICAL, text))
         if left and not self._left and self.link.pose is not None:
             # Where the autopilot has taken the vehicle meanwhile, rather than back in one step.
             self._hold = _hold_at(self.link.pose)
@@ -551,72 +552,37 @@ class Autonomy:
         self._news += self.navigator.events
         self.navigator.events.clear()
         for event in self._news:
-            if event.severity <= Severity.WARNING or event.name == "phase":
+            if event.severity <= Severity.WARNING or event.name == EventName.PHASE:
                 self.link.send_text(event.severity, f"Clearway: {event.text}")
         self._events.extend(self._news)
         self._news.clear()
 
-    # ------------------------------------------------------------------ what others may know
+    # ------------------------------------------------------------------ for the record
 
-    def _sensors(self, now_s: float) -> dict[str, Any]:
-        """Age of what each sensor saw and said, and how far its stamps are ahead, in seconds."""
-        return {
-            source: {
-                "age_s": _finite(now_s - sensor.newest_stamp_s),
-                "heard_age_s": now_s - sensor.heard_s,
-                "stamp_ahead_s": sensor.ahead_s,
-            }
-            for source, sensor in self._intake.monitor.sensors.items()
-        }
+    @property
+    def tracking_monitor(self) -> TrackingMonitor:
+        """How far the vehicle is from its reference."""
+        return self._tracking_monitor
 
-    def snapshot(self, now_s: float) -> dict[str, Any]:
-        """Return the state of this tick as it is logged and published; JSON values only."""
-        pose, status, tracking = self.link.pose, self.link.status, self._tracking_monitor
-        setpoint = self.navigator.setpoint(now_s)
-        age_s = self._intake.monitor.age_s(now_s)
-        return {
-            "phase": self.navigator.phase.value,
-            "mode": status.mode,
-            "armed": status.armed,
-            "airborne": status.airborne,
-            "position_ned_m": None if pose is None else pose.position_ned_m,
-            "velocity_ned_mps": None if pose is None else pose.velocity_ned_mps,
-            "roll_rad": None if pose is None else pose.roll_rad,
-            "pitch_rad": None if pose is None else pose.pitch_rad,
-            "yaw_rad": None if pose is None else pose.yaw_rad,
-            "reference_position_ned_m": None if setpoint is None else setpoint.position_ned_m,
-            "reference_velocity_ned_mps": None if setpoint is None else setpoint.velocity_ned_mps,
-            "reference_acceleration_ned_mps2": (
-                None if setpoint is None else setpoint.acceleration_ned_mps2
-            ),
-            "tracking_error_m": tracking.position_error_m,
-            "tracking_error_z_m": tracking.vertical_error_m,
-            "velocity_error_mps": tracking.velocity_error_mps,
-            "cruising": self.navigator.cruising_freely,
-            "leg_heading_rad": self.navigator.leg.heading_rad,
-            "detection_age_s": _finite(age_s),
-            "telemetry_age_s": None if pose is None else now_s - pose.time_s,
-            "sensors": self._sensors(now_s),
-            "position_doubt": None if self._doubt is None else self._doubt.sentence,
-            "cleared": self.clearance.refusal(self.epoch_unix_s + now_s) is None,
-            "log_ended": self._log_ended,
-            "obstacles_known": len(self.navigator.obstacles),
-            "dropped": {
-                "mavlink_garbage_bytes": self.link.counters.garbage_bytes,
-                "mavlink_malformed": self.link.counters.malformed_messages,
-                "mavlink_foreign": self.link.counters.foreign_messages,
-                "frames_malformed": self.detections.malformed_frames,
-                "frames_unplaced": self.detections.unplaced_frames,
-                "frames_dropped": self.detections.dropped_frames,
-                "clearances_malformed": self.clearance.malformed,
-                "missions_malformed": self._malformed_missions,
-            },
-        }
+    @property
+    def detection_monitor(self) -> DetectionMonitor:
+        """When each sensor was heard."""
+        return self._intake.monitor
 
+    @property
+    def position_doubt(self) -> Sign | None:
+        """Why the position is not trusted; None while it is."""
+        return self._doubt
 
-def _finite(value: float) -> float | None:
-    """JSON has no infinity."""
-    return value if math.isfinite(value) else None
+    @property
+    def malformed_missions(self) -> int:
+        """How many missions were dropped because they could not be read."""
+        return self._malformed_missions
+
+    @property
+    def log_ended(self) -> bool:
+        """Whether the flight goes on without a log."""
+        return self._log_ended
 
 
 def _hold_at(pose: Pose) -> Setpoint:

@@ -8,11 +8,11 @@ with faults or violations is not held to the contract's tracking error.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
-from typing import Any, Final
+from typing import Final, TypeVar
 
 import numpy as np
 
@@ -22,8 +22,10 @@ from gcs_tools.logs.flight_log import Log
 from gcs_tools.logs.result import Result
 from onboard.contract.agility import GRAVITY_MPS2
 from onboard.contract.assessment import TICK_S
+from onboard.events import EventName
 from onboard.files.models import Contract
 from onboard.geometry.frames import FloatArray
+from onboard.recording.messages import StateRecord
 from sitl.virtual.faults.schedule import Fault
 
 _FLYING: Final = frozenset({"cruise", "avoid"})
@@ -38,6 +40,9 @@ _ROOM_TOLERANCE_M: Final = 0.01
 FALLING: Final = frozenset({"motor_failed"})
 # More obstacles than any field here has, split and renamed ones included.
 KNOWN_OBSTACLES_MAX: Final = 200
+
+
+_Value = TypeVar("_Value")
 
 
 @dataclass(frozen=True)
@@ -63,18 +68,18 @@ class Evidence:
         return not self.case.scenario.faults and not self.result.violations
 
     @property
-    def states(self) -> list[dict[str, Any]]:
+    def states(self) -> Sequence[StateRecord]:
         """The service's state in every tick."""
-        return self.flight.topic("/state")
+        return self.flight.states
 
     @cached_property
     def true_tracking_error_m(self) -> float:
         """Largest horizontal distance of the true position from the reference while flying."""
         return max(
             (
-                math.dist(state["reference_position_ned_m"][:2], truth["position_ned_m"][:2])
-                for state, truth in zip(self.states, self.truth.topic("/truth"), strict=True)
-                if state["phase"] in _FLYING and state["reference_position_ned_m"] is not None
+                math.dist(state.reference_position_ned_m[:2], truth.position_ned_m[:2])
+                for state, truth in zip(self.states, self.truth.truths, strict=True)
+                if state.phase in _FLYING and state.reference_position_ned_m is not None
             ),
             default=0.0,
         )
@@ -99,11 +104,11 @@ def _no_surprise(evidence: Evidence) -> Iterator[str]:
     faults = case.scenario.faults
     if faults and all(_began_in_standby(evidence, fault) for fault in faults):
         return  # somebody else flew, and was not watched
-    ticks = zip(evidence.states, evidence.truth.topic("/truth"), strict=True)
-    hit_s = next(state["time_s"] for state, truth in ticks if truth["collisions"])
+    ticks = zip(evidence.states, evidence.truth.truths, strict=True)
+    hit_s = next(state.time_s for state, truth in ticks if truth.collisions)
     alarmed = any(
-        event["name"] in {"violation", "suspicion"} and event["time_s"] <= hit_s
-        for event in evidence.flight.topic("/events")
+        event.name in {EventName.VIOLATION, EventName.SUSPICION} and event.time_s <= hit_s
+        for event in evidence.flight.events
     )
     if not alarmed:
         yield f"{result.collisions} collision(s) without any alarm before"
@@ -115,11 +120,11 @@ def _no_exception(evidence: Evidence) -> Iterator[str]:
     Among them is a motion of its own that does not certify, which only a vehicle of which nothing
     is promised may force on it.
     """
-    for event in evidence.flight.topic("/events"):
-        if event["name"] != "violation" or event["data"]["assumption"] != "self_check":
+    for event in evidence.flight.events:
+        if event.name != EventName.VIOLATION or event.data["assumption"] != "self_check":
             continue
-        if event["data"]["unit"] == "exceptions" or evidence.case.covered:
-            yield f"deciding failed: {event['text']}"
+        if event.data["unit"] == "exceptions" or evidence.case.covered:
+            yield f"deciding failed: {event.text}"
 
 
 def _plan_not_expired(evidence: Evidence) -> Iterator[str]:
@@ -129,17 +134,17 @@ def _plan_not_expired(evidence: Evidence) -> Iterator[str]:
     """
     if any(fault.kind in ("daemon_dead", "tick_stall") for fault in evidence.case.scenario.faults):
         return
-    plans = iter(evidence.flight.topic("/plan"))
+    plans = iter(evidence.flight.plans)
     plan, upcoming = None, next(plans, None)
     for state in evidence.states:
-        while upcoming is not None and upcoming["time_s"] <= state["time_s"] + _ROUND_OFF:
+        while upcoming is not None and upcoming.time_s <= state.time_s + _ROUND_OFF:
             plan, upcoming = upcoming, next(plans, None)
-        if state["phase"] != "avoid":
+        if state.phase != "avoid":
             continue
         if plan is None:
             yield "avoidance without a plan"
-        elif state["time_s"] > plan["end_s"] + TICK_S + _ROUND_OFF:
-            yield f"setpoint sent {state['time_s'] - plan['end_s']:.2f} s after its plan expired"
+        elif plan.end_s is not None and state.time_s > plan.end_s + TICK_S + _ROUND_OFF:
+            yield f"setpoint sent {state.time_s - plan.end_s:.2f} s after its plan expired"
 
 
 def _defined_end(evidence: Evidence) -> Iterator[str]:
@@ -161,19 +166,19 @@ def _expectation(evidence: Evidence) -> Iterator[str]:
 
 
 def _certified_plans(evidence: Evidence) -> Iterator[str]:
-    for plan in evidence.flight.topic("/plan"):
-        if not plan["certificate"]["valid"]:
-            yield f"plan {plan['kind']} round {plan['obstacle']} is flown without certificate"
+    for plan in evidence.flight.plans:
+        if not plan.certificate.valid:
+            yield f"plan {plan.kind} round {plan.obstacle} is flown without certificate"
 
 
 def _plans_in_region(evidence: Evidence) -> Iterator[str]:
     """The paper's G_roi: an avoidance plan never leaves the region of its obstacle."""
-    for plan in evidence.flight.topic("/plan"):
-        if plan["kind"] == "brake":
+    for plan in evidence.flight.plans:
+        if plan.kind == "brake":
             continue
-        outside_m = _outside_m(np.array(plan["path_ned_m"])[:, :2], np.array(plan["region_ned_m"]))
+        outside_m = _outside_m(np.array(plan.path_ned_m)[:, :2], np.array(plan.region_ned_m))
         if outside_m > _BORDER_M:
-            yield f"plan {plan['kind']} leaves its region by {outside_m:.3f} m"
+            yield f"plan {plan.kind} leaves its region by {outside_m:.3f} m"
 
 
 def _outside_m(points_ned_m: FloatArray, corners_ned_m: FloatArray) -> float:
@@ -204,10 +209,10 @@ def _setpoints_in_limits(evidence: Evidence) -> Iterator[str]:
     tan_roll = math.tan(math.radians(vehicle.roll_max_deg))
     thrust_mps2 = vehicle.thrust_to_weight * GRAVITY_MPS2
     for state in evidence.states:
-        asked = state["reference_acceleration_ned_mps2"]
-        if asked is None or state["phase"] not in _FLYING:
+        asked = state.reference_acceleration_ned_mps2
+        if asked is None or state.leg_heading_rad is None or state.phase not in _FLYING:
             continue
-        along_mps2, across_mps2 = _in_leg(asked, state["leg_heading_rad"])
+        along_mps2, across_mps2 = _in_leg(asked, state.leg_heading_rad)
         lift_mps2 = GRAVITY_MPS2 - asked[2]
         if (
             abs(along_mps2) > tan_pitch * lift_mps2 + _ROUND_OFF
@@ -216,19 +221,19 @@ def _setpoints_in_limits(evidence: Evidence) -> Iterator[str]:
         ):
             yield (
                 f"setpoint asks for {along_mps2:.3f} m/s² along and {across_mps2:.3f} m/s² across, "
-                f"in {state['phase']}"
+                f"in {state.phase}"
             )
 
 
 def _continuous_reference(evidence: Evidence) -> Iterator[str]:
     """From tick to tick, the reference moves no farther than its speed takes it."""
     for before, after in pairwise(evidence.states):
-        here_m, there_m = before["reference_position_ned_m"], after["reference_position_ned_m"]
-        if {before["phase"], after["phase"]} <= _FLYING and None not in (here_m, there_m):
+        here_m, there_m = before.reference_position_ned_m, after.reference_position_ned_m
+        if {before.phase, after.phase} <= _FLYING and here_m is not None and there_m is not None:
             speeds_mps = (
-                math.hypot(*state["reference_velocity_ned_mps"]) for state in (before, after)
+                math.hypot(*(state.reference_velocity_ned_mps or ())) for state in (before, after)
             )
-            moved_m, elapsed_s = math.dist(here_m, there_m), after["time_s"] - before["time_s"]
+            moved_m, elapsed_s = math.dist(here_m, there_m), after.time_s - before.time_s
             # Half an acceleration's change of speed within the tick on top, generously.
             if moved_m > max(speeds_mps) * elapsed_s + GRAVITY_MPS2 * elapsed_s**2 + _ROUND_OFF:
                 yield f"the reference jumps by {moved_m:.3f} m in {elapsed_s:.2f} s"
@@ -240,9 +245,9 @@ def _entry_condition(evidence: Evidence) -> Iterator[str]:
     fastest_mps = vehicle.cruise_speed_mps
     aside_mps = vehicle.recentring_speed_mps + _ENTRY_LATERAL_MPS
     for before, after in pairwise(evidence.states):
-        if (before["phase"], after["phase"]) == ("cruise", "avoid"):
-            velocity_mps = before["reference_velocity_ned_mps"]
-            along_mps, across_mps = _in_leg(velocity_mps, before["leg_heading_rad"])
+        if (before.phase, after.phase) == ("cruise", "avoid"):
+            velocity_mps = _given(before.reference_velocity_ned_mps)
+            along_mps, across_mps = _in_leg(velocity_mps, _given(before.leg_heading_rad))
             if abs(across_mps) > aside_mps or not -1e-6 <= along_mps <= fastest_mps + 1e-6:
                 yield f"avoidance entered at {along_mps:.3f} m/s ahead, {across_mps:.3f} aside"
 
@@ -256,10 +261,10 @@ def _entered_in_time(evidence: Evidence) -> Iterator[str]:
     contract, heading_rad = evidence.case.scenario.contract, _heading_rad(evidence)
     if not evidence.undisturbed:
         return
-    for plan in evidence.flight.topic("/plan"):
-        corners_m = [_in_leg(corner, heading_rad) for corner in plan["keep_out_ned_m"]]
+    for plan in evidence.flight.plans:
+        corners_m = [_in_leg(corner, heading_rad) for corner in plan.keep_out_ned_m]
         face_m = min(ahead_m for ahead_m, _ in corners_m)
-        front_m = min(_in_leg(corner, heading_rad)[0] for corner in plan["region_ned_m"])
+        front_m = min(_in_leg(corner, heading_rad)[0] for corner in plan.region_ned_m)
         width_m = max(aside_m for _, aside_m in corners_m) - min(y_m for _, y_m in corners_m)
         required_m = _room_required_m(contract, width_m)
         if face_m - front_m < required_m - _ROOM_TOLERANCE_M:
@@ -290,17 +295,17 @@ def _room_required_m(contract: Contract, width_m: float) -> float:
 
 def _exit_condition(evidence: Evidence) -> Iterator[str]:
     """Post-condition of an induction step: out of the region, without lateral speed."""
-    plan, plans = None, iter(evidence.flight.topic("/plan"))
+    plan, plans = None, iter(evidence.flight.plans)
     upcoming = next(plans, None)
     for before, after in pairwise(evidence.states):
-        while upcoming is not None and upcoming["time_s"] <= before["time_s"]:
+        while upcoming is not None and upcoming.time_s <= before.time_s:
             plan, upcoming = upcoming, next(plans, None)
-        if (before["phase"], after["phase"]) != ("avoid", "cruise") or plan is None:
+        if (before.phase, after.phase) != ("avoid", "cruise") or plan is None:
             continue
-        heading_rad = before["leg_heading_rad"]
-        _, across_mps = _in_leg(after["reference_velocity_ned_mps"], heading_rad)
-        ahead_m, _ = _in_leg(after["reference_position_ned_m"], heading_rad)
-        border_m = max(_in_leg(corner, heading_rad)[0] for corner in plan["region_ned_m"])
+        heading_rad = _given(before.leg_heading_rad)
+        _, across_mps = _in_leg(_given(after.reference_velocity_ned_mps), heading_rad)
+        ahead_m, _ = _in_leg(_given(after.reference_position_ned_m), heading_rad)
+        border_m = max(_in_leg(corner, heading_rad)[0] for corner in plan.region_ned_m)
         if abs(across_mps) > _ENTRY_LATERAL_MPS or ahead_m < border_m - _BORDER_M:
             yield (
                 f"avoidance left {border_m - ahead_m:.3f} m before the border of the region, "
@@ -309,7 +314,7 @@ def _exit_condition(evidence: Evidence) -> Iterator[str]:
 
 
 def _bounded_memory(evidence: Evidence) -> Iterator[str]:
-    known = max((state["obstacles_known"] for state in evidence.states), default=0)
+    known = max((state.obstacles_known for state in evidence.states), default=0)
     if known > KNOWN_OBSTACLES_MAX + _ghosts_max(evidence):
         yield f"{known} obstacles are remembered"
 
@@ -319,7 +324,7 @@ def _ghosts_max(evidence: Evidence) -> int:
     scenario, states = evidence.case.scenario, evidence.states
     if not any(fault.kind == "detections_ghost" for fault in scenario.faults):
         return 0
-    lasted_s: float = states[-1]["time_s"] - states[0]["time_s"]
+    lasted_s = states[-1].time_s - states[0].time_s
     return math.ceil(lasted_s * sum(sensor.rate_hz for sensor in scenario.plant.sensors))
 
 
@@ -333,11 +338,18 @@ def _heading_rad(evidence: Evidence) -> float:
 
 def _began_in_standby(evidence: Evidence, fault: Fault) -> bool:
     began_s = _onset_s(evidence, fault.phase, fault.entry, fault.start_s)
-    since = (s["phase"] for s in evidence.states if began_s is not None and s["time_s"] >= began_s)
+    since = (s.phase for s in evidence.states if began_s is not None and s.time_s >= began_s)
     return next(since, "") == "standby"
 
 
-def _in_leg(vector_ned: list[float] | tuple[float, ...], heading_rad: float) -> tuple[float, float]:
+def _given(value: _Value | None) -> _Value:
+    """Return a value that every state has while the service flies."""
+    if value is None:
+        raise ValueError("a state in flight lacks its reference")
+    return value
+
+
+def _in_leg(vector_ned: Sequence[float], heading_rad: float) -> tuple[float, float]:
     cosine, sine = math.cos(heading_rad), math.sin(heading_rad)
     north, east = vector_ned[:2]
     return cosine * north + sine * east, cosine * east - sine * north
@@ -353,12 +365,12 @@ def _detected_in_time(evidence: Evidence) -> Iterator[str]:
         names, bound_s = bound
         passing = fault.kind != "tick_stall" and (fault.duration_s or math.inf) <= bound_s
         exposed = [
-            state["phase"] in _FLYING
+            state.phase in _FLYING
             for state in evidence.states
-            if began_s <= state["time_s"] <= began_s + bound_s
+            if began_s <= state.time_s <= began_s + bound_s
         ]
         # A flight that ends sooner has not been exposed for long enough.
-        whole = evidence.states[-1]["time_s"] >= began_s + bound_s
+        whole = evidence.states[-1].time_s >= began_s + bound_s
         if (
             not passing
             and whole
@@ -372,8 +384,8 @@ def _detected_in_time(evidence: Evidence) -> Iterator[str]:
 def _noticed(evidence: Evidence, assumptions: frozenset[str], until_s: float) -> bool:
     """Tell whether one of them was reported; each is reported once, so earlier counts too."""
     return any(
-        event["data"].get("assumption", event["name"]) in assumptions and event["time_s"] <= until_s
-        for event in evidence.flight.topic("/events")
+        event.data.get("assumption", event.name) in assumptions and event.time_s <= until_s
+        for event in evidence.flight.events
     )
 
 
@@ -381,9 +393,9 @@ def _onset_s(evidence: Evidence, phase: str | None, entry: int, start_s: float) 
     """When a fault began, on the clock of the log; None if it never did."""
     states = evidence.states
     if phase is None:
-        return float(states[0]["time_s"]) - TICK_S + start_s
-    entries = [b["time_s"] for a, b in pairwise(states) if a["phase"] != phase == b["phase"]]
-    return float(entries[entry - 1]) + start_s if len(entries) >= entry else None
+        return states[0].time_s - TICK_S + start_s
+    entries = [b.time_s for a, b in pairwise(states) if a.phase != phase == b.phase]
+    return entries[entry - 1] + start_s if len(entries) >= entry else None
 
 
 Oracle = Callable[[Evidence], Iterator[str]]

@@ -9,7 +9,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass, replace
 from datetime import UTC, datetime
 from itertools import groupby
 from pathlib import Path
@@ -18,11 +18,21 @@ from typing import Any
 from pydantic import ValidationError
 
 from gcs_tools.console.errors import CommandError
-from gcs_tools.flight_report.columns import Columns, Record
-from gcs_tools.flight_report.records import understood
+from gcs_tools.flight_report.columns import Columns
 from gcs_tools.logs.flight_log import Log, read_log
-from gcs_tools.logs.result import Result, result_of
+from gcs_tools.logs.result import MissingValueError, Result, result_of
+from onboard.events import EventName
 from onboard.files.models import Contract, Mission
+from onboard.files.truth_record import TruthRecord
+from onboard.recording.messages import (
+    KnownObstacle,
+    Margins,
+    Monitors,
+    Obstacles,
+    PlanRecord,
+    Record,
+    StateRecord,
+)
 
 Document = dict[str, Any]
 
@@ -30,7 +40,6 @@ Document = dict[str, Any]
 _GROUND_S = 1.0
 # Detections age from one to the next: shown is the oldest of this many ticks, 0.4 s.
 _AGE_TICKS = 20
-_PARTS = ("measured_ned_m", "keep_out_ned_m", "region_ned_m", "lane_ned_m", "boundary_ned_m")
 _CORNER_DIGITS = 3
 
 
@@ -62,8 +71,8 @@ def read_flight(path: Path, watch: Callable[[int], None] = lambda _: None) -> Fl
         CommandError: there is no flight in it.
     """
     path, *beside = logs_of(path)
-    log = understood(read_log(path, watch))
-    if not log.topic("/state"):
+    log = read_log(path, watch)
+    if not log.states:
         began = "clearway" in log.metadata
         reason = "nothing was recorded" if began else "it is not a log of Clearway"
         raise CommandError(f"{path}: there is no flight in it: {reason}")
@@ -71,7 +80,7 @@ def read_flight(path: Path, watch: Callable[[int], None] = lambda _: None) -> Fl
         before = path.stat().st_size
         truth = _ground_truth(beside[0], lambda read: watch(before + read))
     else:
-        truth = Log(log.messages, {}, complete=True)
+        truth = Log(truths=log.truths)
     name = path.resolve().parent.name if path.name == "flight.mcap" else path.stem
     return Flight(name, log, truth, _written_result(path.with_name("result.json"), log))
 
@@ -86,9 +95,9 @@ def logs_of(path: Path) -> list[Path]:
 def _ground_truth(path: Path, watch: Callable[[int], None]) -> Log:
     """Read the simulation's log; a report without it still tells most."""
     try:
-        return understood(read_log(path, watch))
+        return read_log(path, watch)
     except CommandError as error:
-        return Log({}, {}, complete=False, problems=(str(error),))
+        return Log(complete=False, problems=(str(error),))
 
 
 def _written_result(path: Path, log: Log) -> Document | None:
@@ -105,17 +114,18 @@ def _written_result(path: Path, log: Log) -> Document | None:
 
 def document_of(flight: Flight) -> Document:
     """Return everything that the page shows of a flight."""
-    every_state = flight.log.topic("/state")
-    states = _around_the_flight(every_state)
+    states = _around_the_flight(flight.log.states)
     start_s = _departure_s(states)
     contract, mission = _contract(flight.log), _mission(flight.log)
-    truths = _between(flight.truth.topic("/truth"), "time_unix_s", states)
+    truths = [
+        t for t in flight.truth.truths if states[0].time_s <= t.time_unix_s <= states[-1].time_s
+    ]
     result, problems = _result(flight)
     span_s = (_since(states[0], start_s), _since(states[-1], start_s))
     margins = [
         # What was said before the time that is shown holds from its beginning.
-        {"time_s": max(_since(record, start_s), span_s[0]), "clauses": record["clauses"]}
-        for record in flight.log.topic("/margins")
+        replace(record, time_s=max(_since(record, start_s), span_s[0]))
+        for record in flight.log.margins
     ]
     vehicle = None if contract is None else contract.vehicle
     return {
@@ -132,22 +142,25 @@ def document_of(flight: Flight) -> Document:
         "legs_ned_m": _legs(mission),
         "path": _path(states, start_s),
         "truth": _truth(truths, start_s),
-        "known": _known(_between(flight.log.topic("/monitors"), "time_s", states), start_s),
+        "known": _known(_between(flight.log.monitors, states), start_s),
         "phases": _phases(states, start_s),
-        "obstacles": _obstacles(flight.log.topic("/obstacles"), start_s),
-        "plans": _plans(flight.log.topic("/plan"), start_s),
+        "obstacles": _obstacles(flight.log.obstacles, start_s),
+        "plans": _plans(flight.log.plans, start_s),
         "steps": _steps(flight.log, truths, start_s),
-        "margins": margins,
+        "margins": [
+            {"time_s": record.time_s, "clauses": [asdict(clause) for clause in record.clauses]}
+            for record in margins
+        ],
         **_clauses(margins, span_s[1]),
         "events": [
             {
                 "time_s": _since(event, start_s),
-                "severity": event.get("severity", ""),
-                "text": event.get("text", ""),
+                "severity": event.severity,
+                "text": event.text,
             }
-            for event in flight.log.topic("/events")
+            for event in flight.log.events
         ],
-        "origin": list(_origin(flight, every_state[0], contract)),
+        "origin": list(_origin(flight, flight.log.states[0], contract)),
     }
 
 
@@ -160,7 +173,7 @@ def _result(flight: Flight) -> tuple[Document, list[str]]:
     seed = flight.log.metadata.get("clearway", {}).get("seed", "")
     try:
         result = result_of(flight.log, flight.truth, seed=int(seed) if seed.isdecimal() else 0)
-    except (KeyError, TypeError, ValueError, AttributeError) as error:
+    except MissingValueError as error:
         return {}, [f"there is no verdict: the log does not say {error}"]
     return {name: getattr(result, name) for name in Result.__dataclass_fields__}, []
 
@@ -205,109 +218,104 @@ def _facts(result: Document, contract: Contract | None) -> Iterator[tuple[str, s
 
 
 def _since(record: Record, start_s: float) -> float:
-    return round(float(record["time_s"]) - start_s, 3)
+    return round(record.time_s - start_s, 3)
 
 
-def _around_the_flight(states: Sequence[Record]) -> Sequence[Record]:
+def _around_the_flight(states: Sequence[StateRecord]) -> Sequence[StateRecord]:
     """Leave out the waiting on the ground; all of it where the vehicle never left."""
     # Autopilots call themselves airborne only once they have climbed.
-    flown = [state for state in states if state.get("armed") or state.get("airborne")]
+    flown = [state for state in states if state.armed or state.airborne]
     if not flown:
         return states
-    begin_s, end_s = flown[0]["time_s"] - _GROUND_S, flown[-1]["time_s"] + _GROUND_S
+    begin_s, end_s = flown[0].time_s - _GROUND_S, flown[-1].time_s + _GROUND_S
     # Times that run backwards leave nothing between.
-    return [state for state in states if begin_s <= state["time_s"] <= end_s] or states
+    return [state for state in states if begin_s <= state.time_s <= end_s] or states
 
 
-def _between(records: Sequence[Record], key: str, states: Sequence[Record]) -> list[Record]:
-    begin_s, end_s = states[0]["time_s"], states[-1]["time_s"]
-    return [record for record in records if begin_s <= record[key] <= end_s]
+def _between(records: Sequence[Monitors], states: Sequence[StateRecord]) -> list[Monitors]:
+    begin_s, end_s = states[0].time_s, states[-1].time_s
+    return [record for record in records if begin_s <= record.time_s <= end_s]
 
 
-def _departure_s(states: Sequence[Record]) -> float:
+def _departure_s(states: Sequence[StateRecord]) -> float:
     """Time of day when the daemon took control, or of the first state."""
-    flying = (state["time_s"] for state in states if state.get("phase") != "standby")
-    return float(next(flying, states[0]["time_s"]))
+    flying = (state.time_s for state in states if state.phase != "standby")
+    return next(flying, states[0].time_s)
 
 
-def _height_m(states: Sequence[Record]) -> float:
-    known = [state["position_ned_m"][2] for state in states if state.get("position_ned_m")]
+def _height_m(states: Sequence[StateRecord]) -> float:
+    known = [state.position_ned_m[2] for state in states if state.position_ned_m]
     return -min(known, default=0.0)
 
 
-def _path(states: Sequence[Record], start_s: float) -> Document:
+def _path(states: Sequence[StateRecord], start_s: float) -> Document:
     columns = Columns(states)
     return {
-        "time_s": columns.of(lambda state: state["time_s"] - start_s, 2),
-        "north_m": columns.vector("position_ned_m", 0),
-        "east_m": columns.vector("position_ned_m", 1),
-        "height_m": columns.vector("position_ned_m", 2, scale=-1.0),
-        "yaw_rad": columns.of(lambda state: state.get("yaw_rad")),
-        "north_mps": columns.vector("velocity_ned_mps", 0),
-        "east_mps": columns.vector("velocity_ned_mps", 1),
-        "up_mps": columns.vector("velocity_ned_mps", 2, scale=-1.0),
-        "roll_deg": columns.angle_deg("roll_rad"),
-        "pitch_deg": columns.angle_deg("pitch_rad"),
-        "yaw_deg": columns.angle_deg("yaw_rad"),
-        "reference_north_m": columns.vector("reference_position_ned_m", 0),
-        "reference_east_m": columns.vector("reference_position_ned_m", 1),
-        "reference_height_m": columns.vector("reference_position_ned_m", 2, scale=-1.0),
-        "reference_north_mps": columns.vector("reference_velocity_ned_mps", 0),
-        "reference_east_mps": columns.vector("reference_velocity_ned_mps", 1),
-        "reference_up_mps": columns.vector("reference_velocity_ned_mps", 2, scale=-1.0),
+        "time_s": columns.of(lambda state: state.time_s - start_s, 2),
+        "north_m": columns.vector(lambda s: s.position_ned_m, 0),
+        "east_m": columns.vector(lambda s: s.position_ned_m, 1),
+        "height_m": columns.vector(lambda s: s.position_ned_m, 2, scale=-1.0),
+        "yaw_rad": columns.of(lambda state: state.yaw_rad),
+        "north_mps": columns.vector(lambda s: s.velocity_ned_mps, 0),
+        "east_mps": columns.vector(lambda s: s.velocity_ned_mps, 1),
+        "up_mps": columns.vector(lambda s: s.velocity_ned_mps, 2, scale=-1.0),
+        "roll_deg": columns.angle_deg(lambda s: s.roll_rad),
+        "pitch_deg": columns.angle_deg(lambda s: s.pitch_rad),
+        "yaw_deg": columns.angle_deg(lambda s: s.yaw_rad),
+        "reference_north_m": columns.vector(lambda s: s.reference_position_ned_m, 0),
+        "reference_east_m": columns.vector(lambda s: s.reference_position_ned_m, 1),
+        "reference_height_m": columns.vector(lambda s: s.reference_position_ned_m, 2, scale=-1.0),
+        "reference_north_mps": columns.vector(lambda s: s.reference_velocity_ned_mps, 0),
+        "reference_east_mps": columns.vector(lambda s: s.reference_velocity_ned_mps, 1),
+        "reference_up_mps": columns.vector(lambda s: s.reference_velocity_ned_mps, 2, scale=-1.0),
         "velocity_error_along_mps": columns.peaks(_velocity_error(0), 4),
         "velocity_error_across_mps": columns.peaks(_velocity_error(1), 4),
         # Outside the flight it is what it last was.
         "tracking_error_m": columns.peaks(
-            lambda state: (
-                state.get("tracking_error_m") if state.get("phase") in {"cruise", "avoid"} else None
-            ),
+            lambda state: state.tracking_error_m if state.phase in {"cruise", "avoid"} else None,
             4,
         ),
-        "detection_age_s": columns.peaks(
-            lambda state: state.get("detection_age_s"), back=_AGE_TICKS
-        ),
+        "detection_age_s": columns.peaks(lambda state: state.detection_age_s, back=_AGE_TICKS),
     }
 
 
-def _velocity_error(axis: int) -> Callable[[Record], float | None]:
-    def read(state: Record) -> float | None:
+def _velocity_error(axis: int) -> Callable[[StateRecord], float | None]:
+    def read(state: StateRecord) -> float | None:
         # The contract limits it where a vehicle may meet its next obstacle, not while it avoids.
-        error_mps = state.get("velocity_error_mps") if state.get("cruising") else None
+        error_mps = state.velocity_error_mps if state.cruising else None
         return None if error_mps is None else abs(error_mps[axis])
 
     return read
 
 
-def _known(monitors: Sequence[Record], start_s: float) -> Document:
+def _known(monitors: Sequence[Monitors], start_s: float) -> Document:
     """Return what the daemon itself made of its clearance."""
     columns = Columns(monitors)
     return {
-        "time_s": columns.of(lambda record: record["time_s"] - start_s, 2),
-        "clearance_m": columns.of(lambda record: record.get("clearance", {}).get("measured")),
+        "time_s": columns.of(lambda record: record.time_s - start_s, 2),
+        "clearance_m": columns.of(lambda record: record.clearance.measured),
     }
 
 
-def _truth(truths: Sequence[Record], start_s: float) -> Document:
+def _truth(truths: Sequence[TruthRecord], start_s: float) -> Document:
     columns = Columns(truths)
     return {
-        "time_s": columns.of(lambda truth: truth["time_unix_s"] - start_s, 2),
-        "clearance_m": columns.of(lambda truth: truth.get("clearance_m")),
+        "time_s": columns.of(lambda truth: truth.time_unix_s - start_s, 2),
+        "clearance_m": columns.of(lambda truth: truth.clearance_m),
         "rpm": [columns.of(_rotor(index), 0) for index in range(4)] if truths else [],
     }
 
 
-def _rotor(index: int) -> Callable[[Record], float | None]:
-    def read(truth: Record) -> float | None:
-        rpm = truth.get("rpm", ())
-        return rpm[index] if index < len(rpm) else None
+def _rotor(index: int) -> Callable[[TruthRecord], float | None]:
+    def read(truth: TruthRecord) -> float | None:
+        return truth.rpm[index] if index < len(truth.rpm) else None
 
     return read
 
 
-def _phases(states: Sequence[Record], start_s: float) -> list[Document]:
+def _phases(states: Sequence[StateRecord], start_s: float) -> list[Document]:
     found: list[Document] = []
-    for phase, group in groupby(states, key=lambda state: str(state.get("phase", ""))):
+    for phase, group in groupby(states, key=lambda state: state.phase):
         begin_s = _since(next(group), start_s)
         if found:
             found[-1]["end_s"] = begin_s
@@ -315,13 +323,13 @@ def _phases(states: Sequence[Record], start_s: float) -> list[Document]:
     return found
 
 
-def _obstacles(messages: Sequence[Record], start_s: float) -> list[Document]:
+def _obstacles(messages: Sequence[Obstacles], start_s: float) -> list[Document]:
     """Return every obstacle as it was known, and from when until when (null: to the end)."""
     every: list[Document] = []
     current: dict[str, Document] = {}
     for message in messages:
         time_s = _since(message, start_s)
-        known = {obstacle["id"]: _corners(obstacle) for obstacle in message["obstacles"]}
+        known = {obstacle.id: _corners(obstacle) for obstacle in message.obstacles}
         for obstacle_id, before in list(current.items()):
             if known.get(obstacle_id) != before["corners"]:
                 before["until_s"] = time_s
@@ -338,21 +346,27 @@ def _obstacles(messages: Sequence[Record], start_s: float) -> list[Document]:
     return [{**obstacle.pop("corners"), **obstacle} for obstacle in every]
 
 
-def _corners(obstacle: Record) -> dict[str, list[list[float]]]:
-    return {part: _rounded_points(obstacle.get(part, [])) for part in _PARTS}
+def _corners(obstacle: KnownObstacle) -> dict[str, list[list[float]]]:
+    return {
+        "measured_ned_m": _rounded_points(obstacle.measured_ned_m),
+        "keep_out_ned_m": _rounded_points(obstacle.keep_out_ned_m),
+        "region_ned_m": _rounded_points(obstacle.region_ned_m),
+        "lane_ned_m": _rounded_points(obstacle.lane_ned_m),
+        "boundary_ned_m": _rounded_points(obstacle.boundary_ned_m),
+    }
 
 
 def _rounded_points(points_m: Sequence[Sequence[float]]) -> list[list[float]]:
     return [[round(value, _CORNER_DIGITS) for value in point] for point in points_m]
 
 
-def _plans(plans: Sequence[Record], start_s: float) -> list[Document]:
+def _plans(plans: Sequence[PlanRecord], start_s: float) -> list[Document]:
     return [
         {
             "time_s": _since(plan, start_s),
-            "end_s": float(plan.get("end_s") or plan["time_s"]) - start_s,
-            "plan_time_ms": plan.get("plan_time_ms"),
-            "path_ned_m": _rounded_points(plan.get("path_ned_m", [])),
+            "end_s": (plan.end_s or plan.time_s) - start_s,
+            "plan_time_ms": plan.plan_time_ms,
+            "path_ned_m": _rounded_points(plan.path_ned_m),
         }
         for plan in plans
     ]
@@ -361,23 +375,23 @@ def _plans(plans: Sequence[Record], start_s: float) -> list[Document]:
 # ---------------------------------------------------------------------------- the induction
 
 
-def _steps(log: Log, truths: Sequence[Record], start_s: float) -> list[Document]:
+def _steps(log: Log, truths: Sequence[TruthRecord], start_s: float) -> list[Document]:
     """Return each avoidance: its obstacle, its plan, and whether its conditions held."""
-    phases = [event for event in log.topic("/events") if event.get("name") == "phase"]
+    phases = [event for event in log.events if event.name == EventName.PHASE]
     steps = []
     for number, event in enumerate(phases):
-        if event.get("data", {}).get("to") != "avoid":
+        if event.data.get("to") != "avoid":
             continue
         after = phases[number + 1 :]
-        recovered = bool(after) and after[0].get("data", {}).get("to") == "cruise"
-        begin_s, end_s = event["time_s"], after[0]["time_s"] if after else math.inf
+        recovered = bool(after) and after[0].data.get("to") == "cruise"
+        begin_s, end_s = event.time_s, after[0].time_s if after else math.inf
         late = _happened(log, begin_s, end_s, "late_first_sight")
         missed = _happened(log, begin_s, end_s, "post_condition")
         steps.append(
             {
                 "time_s": _since(event, start_s),
                 "end_s": _since(after[0], start_s) if recovered else None,
-                **_planned(log.topic("/plan"), begin_s),
+                **_planned(log.plans, begin_s),
                 "pre_condition": not late,
                 "post_condition": recovered and not missed,
                 "clearance_m": _clearance_m(truths, begin_s, end_s),
@@ -386,51 +400,51 @@ def _steps(log: Log, truths: Sequence[Record], start_s: float) -> list[Document]
     return steps
 
 
-def _planned(plans: Sequence[Record], time_s: float) -> Document:
+def _planned(plans: Sequence[PlanRecord], time_s: float) -> Document:
     """Return the plan that an avoidance began with: logged in the tick of its event."""
-    plan = next((plan for plan in plans if abs(plan["time_s"] - time_s) < 1e-3), {})
+    unknown = PlanRecord(time_s=time_s)
+    plan = next((plan for plan in plans if abs(plan.time_s - time_s) < 1e-3), unknown)
     return {
-        "obstacle": plan.get("obstacle", "?"),
-        "kind": plan.get("kind", "?"),
-        "side": plan.get("side"),
-        "plan_time_ms": plan.get("plan_time_ms"),
+        "obstacle": plan.obstacle or "?",
+        "kind": plan.kind or "?",
+        "side": plan.side,
+        "plan_time_ms": plan.plan_time_ms,
     }
 
 
 def _happened(log: Log, begin_s: float, end_s: float, what: str) -> bool:
     return any(
-        begin_s <= event["time_s"] <= end_s
-        and what in (event.get("name"), event.get("data", {}).get("assumption"))
-        for event in log.topic("/events")
+        begin_s <= event.time_s <= end_s and what in (event.name, event.data.get("assumption"))
+        for event in log.events
     )
 
 
-def _clearance_m(truths: Sequence[Record], begin_s: float, end_s: float) -> float | None:
+def _clearance_m(truths: Sequence[TruthRecord], begin_s: float, end_s: float) -> float | None:
     known = [
-        truth["clearance_m"]
+        truth.clearance_m
         for truth in truths
-        if begin_s <= truth["time_unix_s"] <= end_s and truth.get("clearance_m") is not None
+        if begin_s <= truth.time_unix_s <= end_s and truth.clearance_m is not None
     ]
     return min(known, default=None)
 
 
-def _clauses(margins: Sequence[Document], end_s: float) -> Document:
+def _clauses(margins: Sequence[Margins], end_s: float) -> Document:
     """Return how much of every clause is used up, in percent, as steps over time."""
     times_s: list[float] = []
     values: dict[str, list[float | None]] = {}
-    ends_s = [record["time_s"] for record in margins[1:]] + [end_s]
+    ends_s = [record.time_s for record in margins[1:]] + [end_s]
     for record, until_s in zip(margins, ends_s, strict=True) if margins else ():
         found = {
-            clause["name"]: round(100.0 * clause["required"] / clause["declared"], 2)
-            for clause in record["clauses"]
-            if clause["declared"]
+            clause.name: round(100.0 * clause.required / clause.declared, 2)
+            for clause in record.clauses
+            if clause.declared
         }
         for name in found.keys() - values.keys():
             values[name] = [None] * len(times_s)
         for name, column in values.items():
             column.extend([found.get(name)] * 2)
-        times_s += [record["time_s"], until_s]
-    names = [clause["name"] for clause in margins[0]["clauses"]] if margins else []
+        times_s += [record.time_s, until_s]
+    names = [clause.name for clause in margins[0].clauses] if margins else []
     ordered = sorted(values, key=lambda name: names.index(name) if name in names else len(names))
     return {
         "clause_times_s": times_s,
@@ -480,8 +494,10 @@ def _limits(contract: Contract | None) -> dict[str, float | None]:
     }
 
 
-def _origin(flight: Flight, first: Record, contract: Contract | None) -> Iterator[tuple[str, str]]:
-    began = datetime.fromtimestamp(first["time_s"], UTC)
+def _origin(
+    flight: Flight, first: StateRecord, contract: Contract | None
+) -> Iterator[tuple[str, str]]:
+    began = datetime.fromtimestamp(first.time_s, UTC)
     yield "log began", f"{began:%Y-%m-%d %H:%M:%S} UTC"
     said = dict(flight.log.metadata.get("clearway", {}))
     for name in ("contract", "mission"):

@@ -67,7 +67,7 @@ def fly(path: Path | None, *, virtual: bool, seed: int, out: Path | None, force:
         result, logs = _fly_live(scenario, seed, directory, forced)
     result.write(directory / "result.json")
     _draw(scenario, logs, result, directory / "flight.png")
-    if logs[0].topic("/state"):  # a daemon that died at once left nothing to show
+    if logs[0].states:  # a daemon that died at once left nothing to show
         document = document_of(Flight(directory.name, *logs, result=asdict(result)))
         write_report([document], directory / "report.html")
     _print_summary(scenario, result, directory, console)

@@ -13,10 +13,11 @@ import zenoh
 from gcs_tools.console.errors import CommandError, Interrupted
 from gcs_tools.console.interruption import Interruption, interruptible
 from gcs_tools.preflight.live.bus import BusConfig, load_bus
-from gcs_tools.watch.feed import KEYS, Feed
+from gcs_tools.watch.feed import Feed
 from gcs_tools.watch.server import serving
 from onboard.files.models import DaemonConfig
 from onboard.files.yaml_file import FileError, load_yaml
+from onboard.recording.messages import ZENOH_KEYS
 from onboard.zenoh_session import open_session
 
 _POLL_S = 0.1
@@ -90,6 +91,6 @@ def _listening(feed: Feed, bus: BusConfig) -> Iterator[None]:
         except zenoh.ZError as error:
             where = ", ".join((*bus.connect, *bus.listen)) or "multicast"
             raise CommandError(f"no Zenoh session with {where}: {error}") from error
-        for key in KEYS:
+        for key in ZENOH_KEYS.values():
             session.declare_subscriber(prefix + key, receive)
         yield

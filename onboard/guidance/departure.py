@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from enum import StrEnum, unique
 from typing import Final
 
-from onboard.events import Event, Severity
+from onboard.events import Event, EventName, RefusalReason, Severity
 
 # A refusal that changes in kind is said, but not more often than this.
 REFUSAL_PERIOD_S: Final = 5.0
@@ -73,8 +73,8 @@ class RefusalReport:
             return None
         self._said, self._due_s = kinds, now_s + REFUSAL_PERIOD_S
         text = "not leaving standby: " + "; ".join(refusal.text for refusal in refusals)
-        reasons = [
+        reasons: list[RefusalReason] = [
             {"kind": refusal.kind.value, "subject": refusal.subject, "text": refusal.text}
             for refusal in refusals
         ]
-        return Event(now_s, "refused", Severity.WARNING, text, {"reasons": reasons})
+        return Event(now_s, EventName.REFUSED, Severity.WARNING, text, {"reasons": reasons})

@@ -16,7 +16,7 @@ from typing import Final
 from onboard.contract.agility import GRAVITY_MPS2
 from onboard.contract.assessment import TICK_S, Assessment
 from onboard.event_limiter import EventLimiter
-from onboard.events import Event, Severity
+from onboard.events import Event, EventData, EventName, Severity
 from onboard.files.models import Mission
 from onboard.geometry.frames import LegFrame, wrap_angle
 from onboard.guidance.departure import Refusal, RefusalKind
@@ -251,14 +251,16 @@ class Navigator:
         """
         if self._reference is not None and mission.altitude_m != self._itinerary.mission.altitude_m:
             text = f"mission refused: in flight it has to stay at {-self.leg.origin_ned_m[2]:g} m"
-            self._note_rarely(Event(now_s, "mission_refused", Severity.WARNING, text), "altitude")
+            self._note_rarely(
+                Event(now_s, EventName.MISSION_REFUSED, Severity.WARNING, text), "altitude"
+            )
             return
         self._itinerary.successor = mission
         self.assessment = self.assessment.at_altitude(mission.altitude_m)
         when = "now" if self.flying else "once control is granted"
         text = f"another mission is flown {when}"
-        data = {"mission": mission.model_dump(mode="json")}
-        self._note(Event(now_s, "mission_changed", Severity.NOTICE, text, data))
+        data: EventData = {"mission": mission.model_dump(mode="json")}
+        self._note(Event(now_s, EventName.MISSION_CHANGED, Severity.NOTICE, text, data))
         if self.phase is Phase.STANDBY:
             self._restart_itinerary()
         elif self.cruising_freely and self._reference is not None:
@@ -293,7 +295,7 @@ class Navigator:
         text = f"contract solved again for {violation}: flying on at {speed_mps:.2f} m/s"
         # Another speed is news; it only ever falls, by steps, so that there are few.
         kind = f"{violation.key} {speed_mps:.2f}"
-        self._note_rarely(Event(now_s, "adapted", Severity.WARNING, text), kind)
+        self._note_rarely(Event(now_s, EventName.ADAPTED, Severity.WARNING, text), kind)
         if self.avoidance is not None:
             self._recheck_avoided(now_s)
         return True
@@ -412,7 +414,7 @@ class Navigator:
             if of_interest:
                 self._fly_past(obstacle, as_planned, now_s)
             text = f"{obstacle.id} is seen to reach farther, within the error of its position"
-            self._note_rarely(Event(now_s, "plan_kept", Severity.NOTICE, text), obstacle.id)
+            self._note_rarely(Event(now_s, EventName.PLAN_KEPT, Severity.NOTICE, text), obstacle.id)
             return
         self._break(Violation(Assumption.PLAN_EXISTS, 0.0, 1.0, "plans", obstacle.id), now_s)
 
@@ -449,7 +451,7 @@ class Navigator:
         if not self._clear(self._reference.from_time(now_s), [obstacle]):
             self._reference, how = self._way_to_hover(now_s)
             text = f"{obstacle.id} is in the way to hover: {how}"
-            self._note_rarely(Event(now_s, "hold_replanned", Severity.ERROR, text), text)
+            self._note_rarely(Event(now_s, EventName.HOLD_REPLANNED, Severity.ERROR, text), text)
 
     # ------------------------------------------------------------------ cruise
 
@@ -563,7 +565,7 @@ class Navigator:
         certificate = certify_clear(self._reference, state, start_s, envelope)
         if not certificate.valid:
             text = f"the cruise does not certify: {'; '.join(certificate.failures)}"
-            self._note(Event(start_s, "certificate", Severity.CRITICAL, text))
+            self._note(Event(start_s, EventName.CERTIFICATE, Severity.CRITICAL, text))
             self._break(Violation(Assumption.SELF_CHECK, 1.0, 0.0, "certificates"), start_s)
 
     @property
@@ -597,7 +599,9 @@ class Navigator:
         if not condition.holds:
             late_m = start.position_leg_m[0] - region.extent.x_min_m
             late = Violation(Assumption.LATE_FIRST_SIGHT, late_m, allowed_m, "m", obstacle.id)
-            other = Event(now_s, "pre_condition", Severity.ERROR, "; ".join(condition.failures))
+            other = Event(
+                now_s, EventName.PRE_CONDITION, Severity.ERROR, "; ".join(condition.failures)
+            )
             self._note(late.event(now_s) if late_m > allowed_m else other)
         entry_mps = start.velocity_leg_mps[X]
         avoidance = self._plan(obstacle, start, start_s, entry_mps)
@@ -624,7 +628,7 @@ class Navigator:
         if not condition.holds:
             # The certificate promised otherwise: a defect, and answered like one.
             text = "; ".join(condition.failures)
-            self._note(Event(now_s, "post_condition", Severity.CRITICAL, text))
+            self._note(Event(now_s, EventName.POST_CONDITION, Severity.CRITICAL, text))
         self.avoidance = None
         self._trigger(Trigger.POST_CONDITION, now_s)
         self._cruise_from(final, plan.trajectory.end_s)
@@ -647,7 +651,7 @@ class Navigator:
             return False
         self._fly(avoidance)
         text = f"replanned around {obstacle.id} ({avoidance.plan.kind})"
-        self._note(Event(now_s, "replanned", Severity.NOTICE, text))
+        self._note(Event(now_s, EventName.REPLANNED, Severity.NOTICE, text))
         return True
 
     def _problem(
@@ -756,7 +760,7 @@ class Navigator:
         self._note(
             Event(
                 now_s,
-                "phase",
+                EventName.PHASE,
                 Severity.ERROR if failed else Severity.INFO,
                 text or f"{self.phase} ({trigger})",
                 {"from": before, "to": self.phase, "trigger": trigger},

@@ -30,8 +30,8 @@ from onboard.planning.problem import AvoidanceProblem
 from onboard.planning.qp.search import QpPlanner
 from onboard.recording.flight_log import FlightLog
 from onboard.recording.journal import Journal
-from onboard.recording.record import Record
-from onboard.recording.writer_thread import LogGuard
+from onboard.recording.messages import Record
+from onboard.recording.writer_thread import StopOnFirstError
 from sitl.config import SitlConfig
 from sitl.environment.truth_log import TruthLog
 from sitl.vehicle.scene import Scene
@@ -119,7 +119,7 @@ class Simulation:
         self._plant_faults = PlantFaults(
             self.scene.vehicle, config.system_id, config.flavour, OPERATOR_LINK
         )
-        self._log = LogGuard()
+        self._log = StopOnFirstError()
         self._steps = 0
         self._dead = False
         self._mission_changed = False
@@ -174,7 +174,7 @@ class Simulation:
     def _fill_disk(self) -> None:
         """End the log when the disk is full; simulation shortcut: until then there is none."""
         if self._faults.present("disk_full"):
-            self._log.do(_write_to_full_disk)
+            self._log.run(_write_to_full_disk)
         if self._log.failure is not None:
             self.autonomy.report_log_end(self._log.failure, self.now_s)
 

@@ -16,6 +16,7 @@ from onboard.events import Severity
 from onboard.files.models import Mission, load_contract
 from onboard.files.yaml_file import load_yaml
 from onboard.monitoring.detections import DetectionMonitor
+from onboard.recording.state import state_of
 from onboard.timing import STEP_MIN_S, Clock
 
 CONFIG = Path(__file__).parents[2] / "config"
@@ -184,7 +185,7 @@ def test_sensors_count_as_unseen_until_they_stamp_by_the_new_clock(computer: Com
         for source in sources:
             autonomy.receive_detection(frame(computer.unix_s, source), clock.now_s())
         autonomy.tick(clock.now_s())
-        return autonomy.snapshot(clock.now_s())["detection_age_s"]
+        return state_of(autonomy, clock.now_s()).detection_age_s
 
     assert see("front", "left") == pytest.approx(0.0, abs=1e-5)
     computer.unix_s -= 3600.0  # stamps of before now lie an hour ahead, and would look fresh
@@ -217,7 +218,7 @@ def test_forgotten_stamps_are_no_lateness() -> None:
 
 def test_status_goes_on_when_the_clock_is_set_back(computer: Computer) -> None:
     from onboard.daemon import Bus  # noqa: PLC0415  Zenoh, which the other tests do not need
-    from onboard.recording.record import Record  # noqa: PLC0415
+    from onboard.recording.messages import PlanRecord, StateRecord  # noqa: PLC0415
 
     put: list[str] = []
 
@@ -238,7 +239,7 @@ def test_status_goes_on_when_the_clock_is_set_back(computer: Computer) -> None:
         bus = Bus(Session(), "v1", load_contract(CONFIG / "default_contract.yaml"))  # type: ignore[arg-type]
         for now_s in (0.0, 1.0, 2.0):
             unix_s = EPOCH_UNIX_S - 1e6 * now_s
-            bus.publish([Record("state", unix_s, {}), Record("plan", unix_s, {})], now_s)
+            bus.publish([StateRecord(time_s=unix_s), PlanRecord(time_s=unix_s)], now_s)
 
     asyncio.run(publish())
     assert put.count("clearway/v1/status") == 3
