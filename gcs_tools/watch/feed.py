@@ -64,7 +64,7 @@ class Feed:
     """
 
     dropped: int = 0
-    on_record: Callable[[Record], None] = lambda _: None
+    on_record: Callable[[Record], None] | None = None
     _latest: dict[type[object], Record] = field(default_factory=dict)
     _trail: deque[tuple[float, float, float]] = field(
         default_factory=lambda: deque(maxlen=TRAIL_POINTS)
@@ -88,7 +88,8 @@ class Feed:
             self._recent.append(Message(record))
             self._count += 1
             self._changed.notify_all()
-        self.on_record(record)
+        if (on_record := self.on_record) is not None:
+            on_record(record)
 
     def _keep(self, record: Record) -> None:
         if isinstance(record, EventRecord):
