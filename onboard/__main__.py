@@ -7,6 +7,7 @@ import asyncio
 import logging
 import sys
 import time
+from importlib.metadata import version
 from pathlib import Path
 
 import zenoh
@@ -27,6 +28,7 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument(
         "--log-format", choices=("text", "json"), help="of messages; default: the file's log_format"
     )
+    parser.add_argument("--version", action="version", version=f"%(prog)s {version('clearway')}")
     options = parser.parse_args(arguments)
     try:
         config = load_yaml(options.config, DaemonConfig)

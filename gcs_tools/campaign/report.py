@@ -11,7 +11,7 @@ from typing import Final
 from matplotlib.figure import Figure
 
 from gcs_tools.campaign.flight import FlightRow
-from gcs_tools.campaign.statistics import CONFIDENCE, ClassSummary, summarise, total
+from gcs_tools.campaign.statistics import CONFIDENCE, ClassSummary, summarize, total
 from gcs_tools.console.output import write_text
 
 _STYLE: Final = """
@@ -60,7 +60,7 @@ def write_report(rows: Sequence[FlightRow], path: Path) -> None:
 
 def _table(rows: Sequence[FlightRow]) -> str:
     head = "".join(f"<th>{column}</th>" for column in _COLUMNS)
-    lines = [_line(each, "failed" if each.failed else "") for each in summarise(rows)]
+    lines = [_line(each, "failed" if each.failed else "") for each in summarize(rows)]
     return f"<table><tr>{head}</tr>{''.join(lines)}{_line(total(rows), 'total')}</table>"
 
 

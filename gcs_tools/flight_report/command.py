@@ -11,7 +11,8 @@ from rich.console import Console
 
 from gcs_tools.console.output import write_text
 from gcs_tools.console.progress import progress_bar
-from gcs_tools.flight_report.document import Document, document_of, logs_of, read_flight
+from gcs_tools.flight_report.document import document_of
+from gcs_tools.flight_report.flight import Document, logs_of, read_flight
 from gcs_tools.page import asset
 
 _SCRIPTS = ("map.js", "charts.js", "space.js", "report.js")

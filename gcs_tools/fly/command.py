@@ -14,7 +14,8 @@ from rich.table import Table
 from gcs_tools.console.errors import CommandError
 from gcs_tools.console.progress import FlightProgress, Report, progress_bar
 from gcs_tools.flight_report.command import write_report
-from gcs_tools.flight_report.document import Flight, document_of
+from gcs_tools.flight_report.document import document_of
+from gcs_tools.flight_report.flight import Flight
 from gcs_tools.logs.flight_log import Log, read_log
 from gcs_tools.logs.result import Result, result_of
 from gcs_tools.preflight import command as preflight
@@ -33,7 +34,9 @@ _LEFT_BEHIND = (
 _COLOURS = {"arrived": "green", "held": "yellow", "collided": "red", "aborted": "red"}
 
 
-def fly(path: Path | None, *, virtual: bool, seed: int, out: Path | None, force: bool) -> bool:
+def fly(
+    path: Path | None, *, virtual: bool, seed: int, out: Path | None, fly_outside_contract: bool
+) -> bool:
     """Fly a scenario; return whether the mission was flown without collision or violation.
 
     What the scenario expects is reported, but does not change that: an expected hold is still not
@@ -45,7 +48,7 @@ def fly(path: Path | None, *, virtual: bool, seed: int, out: Path | None, force:
         virtual: in virtual time, in this process.
         seed: of everything random in the simulation.
         out: directory for everything that the flight leaves behind.
-        force: fly although the pre-flight check refuses.
+        fly_outside_contract: fly even if the pre-flight check refuses.
 
     Raises:
         FileError: the scenario or one of its files is not usable.
@@ -55,16 +58,16 @@ def fly(path: Path | None, *, virtual: bool, seed: int, out: Path | None, force:
     console = Console(highlight=False)
     known = scenario.obstacles if scenario.field_known else None
     checked = preflight.check(scenario.contract, known, scenario.mission)
-    forced = force or scenario.force
-    if not _may_fly(checked, forced, console):
+    outside = fly_outside_contract or scenario.fly_outside_contract
+    if not _may_fly(checked, outside, console):
         return False
     if scenario.faults and not virtual:
         raise CommandError(f"{scenario.name}: faults are injected in virtual time only: --virtual")
     directory = _prepared(out or Path("flights") / f"{scenario.name}-{seed}")
     if virtual:
-        result, logs = _fly_virtual(scenario, seed, directory, forced, console)
+        result, logs = _fly_virtual(scenario, seed, directory, outside, console)
     else:
-        result, logs = _fly_live(scenario, seed, directory, forced)
+        result, logs = _fly_live(scenario, seed, directory, outside)
     result.write(directory / "result.json")
     _draw(scenario, logs, result, directory / "flight.png")
     if logs[0].states:  # a daemon that died at once left nothing to show
@@ -74,15 +77,19 @@ def fly(path: Path | None, *, virtual: bool, seed: int, out: Path | None, force:
     return result.succeeded
 
 
-def _may_fly(checked: Preflight, forced: bool, console: Console) -> bool:
+def _may_fly(checked: Preflight, fly_outside_contract: bool, console: Console) -> bool:
     if checked.compliant:
         console.print("pre-flight check: [green]compliant[/]")
         return True
-    verdict = "[yellow]not compliant, flying all the same[/]" if forced else "[red]refused[/]"
+    verdict = (
+        "[yellow]not compliant, flying outside the contract[/]"
+        if fly_outside_contract
+        else "[red]refused[/]"
+    )
     console.print(f"pre-flight check: {verdict}")
     for refusal in checked.refusals:
         console.print(f"  • {refusal}", markup=False, soft_wrap=True)
-    return forced
+    return fly_outside_contract
 
 
 def _prepared(directory: Path) -> Path:
@@ -96,19 +103,25 @@ def _prepared(directory: Path) -> Path:
 
 
 def _fly_live(
-    scenario: Scenario, seed: int, directory: Path, forced: bool
+    scenario: Scenario, seed: int, directory: Path, fly_outside_contract: bool
 ) -> tuple[Result, tuple[Log, Log]]:
     # MAVSDK and Zenoh, which a virtual flight does not need.
     from gcs_tools.fly.live_flight import fly_live  # noqa: PLC0415
 
     with _progress(scenario, "preparing") as report:
-        aborted = fly_live(scenario, seed=seed, out=directory, forced=forced, report=report)
+        aborted = fly_live(
+            scenario, seed=seed, out=directory, forced=fly_outside_contract, report=report
+        )
     flight, truth = _logs(directory)
     return result_of(flight, truth, seed=seed, aborted=aborted), (flight, truth)
 
 
 def _fly_virtual(
-    scenario: Scenario, seed: int, directory: Path, forced: bool, console: Console
+    scenario: Scenario,
+    seed: int,
+    directory: Path,
+    fly_outside_contract: bool,
+    console: Console,
 ) -> tuple[Result, tuple[Log, Log]]:
     # The live flight leaves the simulation to a process of its own; only this one needs it here.
     from sitl.autopilot.flavours.parameters import ParameterError  # noqa: PLC0415
@@ -122,7 +135,7 @@ def _fly_virtual(
         obstacles=scenario.obstacles,
         seed=seed,
         faults=scenario.faults,
-        fly_outside_contract=forced,
+        fly_outside_contract=fly_outside_contract,
     )
     try:
         with _progress(scenario, "flying in virtual time") as show:
@@ -164,7 +177,7 @@ def _progress(scenario: Scenario, text: str) -> Iterator[Report]:
 
 
 def _draw(scenario: Scenario, logs: tuple[Log, Log], result: Result, path: Path) -> None:
-    # matplotlib takes a second to import: after the flight it costs nobody anything.
+    # matplotlib takes a second to import; after the flight nothing waits for it.
     from gcs_tools.fly.picture import draw_flight  # noqa: PLC0415
 
     try:

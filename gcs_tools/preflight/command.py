@@ -142,7 +142,7 @@ def run_preflight(
     system_id: int | None,
     zenoh_config: Path | None,
     endurance_s: float | None,
-    authorise_s: float | None,
+    authorize_s: float | None,
     input_set: InputSet,
     form: Format,
     output: Path | None,
@@ -154,8 +154,8 @@ def run_preflight(
         CommandError: no Zenoh session, or the output or the picture cannot be written.
         VehicleError: there is nobody whose requests to arm could be answered.
     """
-    if authorise_s is not None and vehicle_url is None:
-        raise CommandError("--authorise answers a vehicle that asks: give --vehicle")
+    if authorize_s is not None and vehicle_url is None:
+        raise CommandError("--authorize answers a vehicle that asks: give --vehicle")
     _check_system_id(system_id, vehicle_url)
     contract = load_contract(files.contract, files.overrides)
     obstacles = None if files.field is None else load_field(files.field)
@@ -174,8 +174,8 @@ def run_preflight(
         result = replace(result, findings=findings)
     table = partial(print_preflight, result, str(files.contract))
     write_document(result.document(), table, form=form, path=output)
-    if authorise_s is not None and vehicle_url is not None:
-        _authorise(vehicle_url, system_id, result.verdict, authorise_s)
+    if authorize_s is not None and vehicle_url is not None:
+        _authorize(vehicle_url, system_id, result.verdict, authorize_s)
     return result.verdict
 
 
@@ -188,7 +188,7 @@ def _check_system_id(system_id: int | None, vehicle_url: str | None) -> None:
         raise CommandError("--system-id chooses among the vehicles of a connection: give --vehicle")
 
 
-def _authorise(
+def _authorize(
     vehicle_url: str, system_id: int | None, verdict: Verdict, duration_s: float
 ) -> None:
     from gcs_tools.preflight.arm_authorization import answer_arm_requests  # noqa: PLC0415  as in `_look`

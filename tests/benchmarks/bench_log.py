@@ -8,7 +8,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from gcs_tools.flight_report.command import write_report
-from gcs_tools.flight_report.document import document_of, read_flight
+from gcs_tools.flight_report.document import document_of
+from gcs_tools.flight_report.flight import read_flight
 from gcs_tools.scenario import load_scenario
 from onboard.autonomy import Autonomy
 from onboard.contract.assessment import TICK_S

@@ -100,6 +100,15 @@ def test_files_and_their_content_are_the_same(written: Callable[[str, Any], Path
     assert by_content.name == "inline"
 
 
+def test_a_key_of_before_is_refused_with_the_new_name(
+    clearway: Clearway, written: Callable[[str, Any], Path]
+) -> None:
+    path = written("old.yaml", {**inline("paper"), "force": True})
+    ran = clearway("fly", path, "--virtual")
+    assert ran.code == 2
+    assert ran.err == f"clearway: error: {path}: force was renamed: use fly_outside_contract\n"
+
+
 def test_faults_are_read_with_their_window_and_amount(written: Callable[[str, Any], Path]) -> None:
     document = inline("paper")
     document["faults"] = [{"kind": "detections_off", "phase": "avoid", "entry": 2, "start_s": 0.5}]

@@ -23,7 +23,7 @@ _SHOWN_S = 13.0
 
 def picture_report(page: Page, directory: Path) -> None:
     """Fly in virtual time and show the report."""
-    fly(CONFIG / "paper.yaml", virtual=True, seed=1, out=directory, force=False)
+    fly(CONFIG / "paper.yaml", virtual=True, seed=1, out=directory, fly_outside_contract=False)
     page.look_like(*_SIZE_PX)
     page.open((directory / "report.html").as_uri())
     page.evaluate(f"seek({_SHOWN_S})")

@@ -21,14 +21,17 @@ from scipy.special import bdtr, bdtrc
 
 from gcs_tools.campaign import flight as campaign_flight
 from gcs_tools.campaign.command import replay_command, scenario_document
-from gcs_tools.campaign.flight import FlightRow, GeneratedSource, fly_case, fly_numbered
+from gcs_tools.campaign.flight import FlightRow, fly_case, fly_numbered
 from gcs_tools.campaign.forest import ForestSource
-from gcs_tools.campaign.generator.scenarios import FAULT_KINDS, GENERATORS, generated
-from gcs_tools.campaign.oracles import ORACLES, Evidence, findings
+from gcs_tools.campaign.generator.faults import FAULT_KINDS
+from gcs_tools.campaign.generator.generators import GENERATORS, generated
+from gcs_tools.campaign.oracles.evidence import Evidence
+from gcs_tools.campaign.oracles.registry import ORACLES, findings
 from gcs_tools.campaign.shrink import shrink
-from gcs_tools.campaign.statistics import failure_rate_bounds, summarise
+from gcs_tools.campaign.sources import GeneratedSource
+from gcs_tools.campaign.statistics import failure_rate_bounds, summarize
 from gcs_tools.campaign.table import read_table, write_table
-from gcs_tools.campaign.workers import Order, fly_on_cluster
+from gcs_tools.campaign.workers import FlightJob, fly_on_cluster
 from gcs_tools.preflight.command import check
 from gcs_tools.scenario import load_scenario
 from onboard.contract import region
@@ -272,7 +275,7 @@ def test_refusals_are_counted_apart() -> None:
     flown = fly_numbered(GeneratedSource("violating"), SEED, refused)
     assert flown.refused
     assert flown.good
-    (summary,) = summarise([flown])
+    (summary,) = summarize([flown])
     assert (summary.flights, summary.refused) == (1, 1)
     assert summary.collision_rate == (0.0, 1.0)
 
@@ -336,7 +339,7 @@ def test_a_scenario_file_is_held_to_its_expectation(
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (("absent",), "neither a scenario file, a stem map (CSV) nor one of nominal"),
+        (("absent",), "expected a scenario file, a stem map (CSV) or one of nominal"),
         (("absent.yaml",), "absent.yaml"),
     ],
 )
@@ -370,11 +373,11 @@ def command_of(pid: int) -> str:
 
 
 def test_a_cluster_that_loses_a_worker_flies_the_same_flights() -> None:
-    orders = [Order(QUICK, SEED, number) for number in range(6)]
+    jobs = [FlightJob(QUICK, SEED, number) for number in range(6)]
     here = {number: fly_numbered(QUICK, SEED, number) for number in (0, 5)}
     with LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None) as cluster:
         rows: list[FlightRow] = []
-        for row in fly_on_cluster(orders, cluster.scheduler_address):
+        for row in fly_on_cluster(jobs, cluster.scheduler_address):
             if not rows:
                 os.kill(cluster.workers[0].pid, signal.SIGKILL)
             rows.append(row)
@@ -440,7 +443,7 @@ def test_far_outside_the_contract_flights_collide_and_just_outside_they_fall_bac
     assert sum(row.collisions > 0 for row in far) >= 2
     assert not any(row.collisions for row in near)
     assert any(row.fell_back for row in near)
-    (summary,) = summarise(far)
+    (summary,) = summarize(far)
     assert summary.fell_back == 3
     assert not summary.covered
 

@@ -13,7 +13,8 @@ from typing import Any
 import pytest
 from mcap.writer import Writer
 
-from gcs_tools.flight_report.document import Document, document_of, read_flight
+from gcs_tools.flight_report.document import document_of
+from gcs_tools.flight_report.flight import Document, read_flight
 from gcs_tools.logs.flight_log import read_log
 from onboard.recording.flight_log import FORMAT_VERSION, FlightLog
 from onboard.recording.messages import EventRecord, StateRecord, as_json
@@ -30,7 +31,7 @@ def flown(tmp_path_factory: pytest.TempPathFactory) -> Path:
     from gcs_tools.fly.command import fly  # noqa: PLC0415  only this fixture needs the simulation
 
     out = tmp_path_factory.mktemp("flights") / "paper-1"
-    assert fly(CONFIG / "paper.yaml", virtual=True, seed=1, out=out, force=False)
+    assert fly(CONFIG / "paper.yaml", virtual=True, seed=1, out=out, fly_outside_contract=False)
     return out
 
 

@@ -65,7 +65,7 @@ def test_the_same_seed_gives_the_same_logs(
 def test_intersecting_regions_are_refused(
     clearway: Clearway, written: Callable[[str, Any], Path], tmp_path: Path
 ) -> None:
-    scenario = written("careful.yaml", {**intersecting(), "force": False})
+    scenario = written("careful.yaml", {**intersecting(), "fly_outside_contract": False})
     out = tmp_path / "flight"
     ran = clearway("fly", scenario, "--virtual", "--out", out)
     assert ran.code == 1
@@ -77,8 +77,8 @@ def test_intersecting_regions_are_refused(
 def test_intersecting_regions_end_in_a_hold_when_forced(
     clearway: Clearway, written: Callable[[str, Any], Path], tmp_path: Path
 ) -> None:
-    scenario = written("careless.yaml", {**intersecting(), "force": False})
-    ran = clearway("fly", scenario, "--virtual", "--force", "--out", tmp_path)
+    scenario = written("careless.yaml", {**intersecting(), "fly_outside_contract": False})
+    ran = clearway("fly", scenario, "--virtual", "--fly-outside-contract", "--out", tmp_path)
     result = result_in(tmp_path)
     assert ran.code == 1
     assert result["outcome"] == "held"

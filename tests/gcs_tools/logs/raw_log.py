@@ -9,7 +9,9 @@ from pathlib import Path
 from typing import Any
 
 from mcap.writer import Writer
+from pydantic import TypeAdapter
 
+from onboard.files.truth_record import TruthRecord
 from onboard.recording.flight_log import FORMAT_VERSION
 from onboard.recording.messages import ADAPTERS, TOPICS, Record
 
@@ -21,6 +23,11 @@ def record(topic: str, payload: Mapping[str, Any]) -> Record:
     record_type = next(each for each, name in TOPICS.items() if name == topic)
     made: Record = ADAPTERS[record_type].validate_json(json.dumps(payload), strict=True)
     return made
+
+
+def truth_record(payload: Mapping[str, Any]) -> TruthRecord:
+    """Return a record of ground truth from its JSON values."""
+    return TypeAdapter(TruthRecord).validate_json(json.dumps(payload), strict=True)
 
 
 @contextmanager

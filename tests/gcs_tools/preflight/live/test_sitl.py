@@ -151,7 +151,7 @@ class Site:
             code: with which the check has to exit.
         """
         path = self.directory / "preflight.json"
-        arguments = self.arguments("--authorise", "60", "-o", str(path), *more)
+        arguments = self.arguments("--authorize", "60", "-o", str(path), *more)
         with terminal() as screen:
             answering = subprocess.Popen(
                 [sys.executable, "-m", "gcs_tools", *arguments], stderr=screen.written_to
@@ -204,8 +204,8 @@ def test_px4_is_cleared_and_may_arm_as_long_as_all_is_well(tmp_path: Path) -> No
         assert any("looking: telemetry rates" in line for line in screen.lines)
 
 
-def test_authorising_needs_a_vehicle(clearway: Clearway) -> None:
-    ran = clearway("preflight", "--contract", str(CONTRACT), "--authorise", "10")
+def test_authorizing_needs_a_vehicle(clearway: Clearway) -> None:
+    ran = clearway("preflight", "--contract", str(CONTRACT), "--authorize", "10")
     assert (ran.code, "--vehicle" in ran.err) == (2, True)
 
 
