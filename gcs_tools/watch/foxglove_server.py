@@ -5,7 +5,6 @@ from __future__ import annotations
 import contextlib
 import threading
 from collections.abc import Iterator
-from typing import Final
 
 from foxglove import Context, start_server
 
@@ -14,9 +13,6 @@ from gcs_tools.export.foxglove_channels import foxglove_channels
 from gcs_tools.export.scene import Scene
 from gcs_tools.watch.feed import Feed
 from onboard.recording.messages import Record
-
-# The port that viewers offer for a Foxglove WebSocket.
-DEFAULT_PORT: Final = 8765
 
 
 @contextlib.contextmanager
