@@ -9,6 +9,7 @@ from __future__ import annotations
 import json
 import platform
 from collections.abc import Iterable, Mapping
+from functools import cache
 from importlib import metadata as packages
 from pathlib import Path
 from types import TracebackType
@@ -48,6 +49,7 @@ class FlightLog:
         self._metadata = {"format_version": str(FORMAT_VERSION), **versions(), **metadata}
         # Repeated at the start of each part, which is then complete by itself.
         self._lasting: dict[type[Record], Record] = {}
+        self._schemas = _schemas()
         self._file: BinaryIO
         self._writer: Writer
         self._channels: dict[str, int]
@@ -126,9 +128,8 @@ class FlightLog:
         self._add(topic, record.time_s, as_json(record))
 
     def _register(self, record_type: type[Record]) -> int:
-        schema = schema_of(record_type)
         schema_id = self._writer.register_schema(
-            schema["title"], "jsonschema", json.dumps(schema).encode()
+            f"clearway.{TOPICS[record_type]}", "jsonschema", self._schemas[record_type]
         )
         return self._writer.register_channel(f"/{TOPICS[record_type]}", "json", schema_id)
 
@@ -137,6 +138,12 @@ class FlightLog:
         self._sequences[topic] = sequence + 1
         time_ns = round(time_unix_s * 1e6) * 1000
         self._writer.add_message(self._channels[topic], time_ns, data, time_ns, sequence)
+
+
+@cache
+def _schemas() -> dict[type[Record], bytes]:
+    """Return the JSON Schema of every record; deriving them takes several ticks, once."""
+    return {each: json.dumps(schema_of(each)).encode() for each in TOPICS}
 
 
 def versions() -> dict[str, str]:

@@ -20,6 +20,8 @@ import zenoh
 from mcap.reader import make_reader
 from pymavlink.dialects.v20 import common as mavlink
 
+from gcs_tools.export.log_parts import log_metadata
+from gcs_tools.export.tlog import write_tlog
 from gcs_tools.logs.flight_log import read_log
 from onboard.daemon import run
 from onboard.files.models import Contract, DaemonConfig, Mission, load_contract
@@ -171,6 +173,11 @@ def test_neither_a_dropped_terminal_nor_a_second_start_does_harm(
         assert daemon.wait(timeout=60.0) == 0
     assert read_log(tmp_path / "flight.mcap").complete
     assert {path.name for path in tmp_path.glob("flight*")} == {"flight.mcap"}
+    # It holds the traffic of the link: at the least, what the daemon itself has sent.
+    frames, problems = write_tlog([tmp_path / "flight.mcap"], tmp_path / "flight.tlog")
+    assert frames > 0
+    assert problems == []
+    assert log_metadata(tmp_path / "flight.mcap")["log_id"]
 
 
 def test_logs_take_the_next_free_name(tmp_path: Path) -> None:

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import asyncio
+import gc
+import os
 import time
 from pathlib import Path
 from typing import Any
@@ -17,7 +19,13 @@ from onboard.files.models import Mission, load_contract
 from onboard.files.yaml_file import load_yaml
 from onboard.monitoring.detections import DetectionMonitor
 from onboard.recording.state import state_of
-from onboard.timing import STEP_MIN_S, Clock
+from onboard.timing import (
+    REALTIME_PRIORITY,
+    STEP_MIN_S,
+    Clock,
+    freeze_gc_heap,
+    request_realtime_priority,
+)
 
 CONFIG = Path(__file__).parents[2] / "config"
 EPOCH_UNIX_S = 1.7e9
@@ -244,3 +252,37 @@ def test_status_goes_on_when_the_clock_is_set_back(computer: Computer) -> None:
     asyncio.run(publish())
     assert put.count("clearway/v1/status") == 3
     assert put.count("clearway/v1/plan") == 6
+
+
+# ---------------------------------------------------------------------------- the process
+
+
+def test_real_time_priority_is_asked_for_and_its_refusal_is_survived(
+    monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    asked: list[tuple[int, int, int]] = []
+
+    def grant(pid: int, policy: int, parameters: os.sched_param) -> None:
+        asked.append((pid, policy, parameters.sched_priority))
+
+    def refuse(*_: object) -> None:
+        raise PermissionError
+
+    caplog.set_level("INFO")
+    monkeypatch.setattr(os, "sched_setscheduler", grant)
+    request_realtime_priority()
+    assert asked == [(0, os.SCHED_RR, REALTIME_PRIORITY)]
+    assert caplog.text == ""
+    monkeypatch.setattr(os, "sched_setscheduler", refuse)
+    request_realtime_priority()
+    assert "cannot set real-time priority (needs CAP_SYS_NICE)" in caplog.text
+    monkeypatch.delattr(os, "sched_setscheduler")  # as on macOS
+    request_realtime_priority()
+
+
+def test_what_start_up_has_left_is_not_collected_again() -> None:
+    try:
+        freeze_gc_heap()
+        assert gc.get_freeze_count() > 1000
+    finally:
+        gc.unfreeze()
