@@ -251,8 +251,8 @@ def test_the_page_shows_everything_that_is_said(tmp_path: Path) -> None:
         page.look_like(1280, 900)
         page.open(url)
         for key, payload in {
-            "map": {"obstacles": [OBSTACLE]},
-            "plan": {"path_ned_m": [[11, 0.5, -4], [14, 2.2, -4]]},
+            "map": {"time_s": 0.0, "obstacles": [OBSTACLE]},
+            "plan": {"time_s": 0.0, "path_ned_m": [[11, 0.5, -4], [14, 2.2, -4]]},
             "monitors": MONITORS,
             "margins": MARGINS,
             "events": {**violation(7), "text": "<b>not markup</b>"},
