@@ -41,7 +41,18 @@ COMMANDS: Final = (
 )
 # Import names of what the extra ``ground`` installs.
 _GROUND: Final = frozenset(
-    {"rich", "matplotlib", "pyulog", "pyarrow", "distributed", "shapely", "foxglove"}
+    {
+        "distributed",
+        "foxglove",
+        "jinja2",
+        "markupsafe",
+        "matplotlib",
+        "mavsdk",
+        "pyarrow",
+        "pyulog",
+        "rich",
+        "shapely",
+    }
 )
 
 

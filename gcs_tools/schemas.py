@@ -1,4 +1,4 @@
-"""``clearway schema``: JSON Schemas, so that editors complete and check Clearway's files."""
+"""``clearway schema``: writes JSON Schemas, with which editors complete and check the files."""
 
 from __future__ import annotations
 

@@ -20,7 +20,7 @@ from rich.markup import escape
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
-from gcs_tools.campaign.flight import FlightRow
+from gcs_tools.campaign.flight import FlightRow, replay_command
 from gcs_tools.campaign.forest import ForestSource
 from gcs_tools.campaign.generator.generators import GENERATORS
 from gcs_tools.campaign.report import write_report
@@ -230,14 +230,6 @@ def scenario_document(scenario: Scenario) -> dict[str, Any]:
         "fly_outside_contract": scenario.fly_outside_contract,
         "expect": scenario.expect.model_dump(mode="json", exclude_none=True),
     }
-
-
-def replay_command(row: FlightRow) -> str:
-    """Return the command that repeats one flight of a campaign exactly."""
-    return (
-        f"clearway campaign {shlex.quote(row.source)} --seed {row.campaign_seed} "
-        f"--only {row.number}"
-    )
 
 
 def _print_summary(rows: Sequence[FlightRow], console: Console) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 import time
 import traceback
 from collections.abc import Mapping
@@ -99,6 +100,14 @@ class FlightRow:
     def good(self) -> bool:
         """Whether no oracle has a finding."""
         return not self.findings
+
+
+def replay_command(row: FlightRow) -> str:
+    """Return the command that repeats one flight of a campaign exactly."""
+    return (
+        f"clearway campaign {shlex.quote(row.source)} --seed {row.campaign_seed} "
+        f"--only {row.number}"
+    )
 
 
 @without_cycle_collection()

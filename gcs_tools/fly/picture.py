@@ -1,4 +1,4 @@
-"""``flight.png``: a flight from above, its height, and how well the reference was followed."""
+"""Draws ``flight.png``: the flight from above, its height, and its tracking error."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ _FLOWN, _REFERENCE, _OBSTACLE, _REGION, _LIMIT = (
 )
 _PHASES = {"cruise": "#ffffff", "avoid": "#fdeccf", "arrived": "#e3f1e1", "hold": "#f6dada"}
 _MARGIN_M = 2.5
-# Shorter ones leave no room for their name.
+# Shorter phases have no room for their name.
 _NAMED_PHASE_S = 1.5
 
 

@@ -1,4 +1,4 @@
-"""Readers of flight logs of any kind; their content tells which, not their name."""
+"""Reads flight logs of any kind; recognizes them by their content, not their name."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _MCAP_MAGIC: Final = b"\x89MCAP0\r\n"
 _ULOG_MAGIC: Final = b"ULog\x01\x12\x35"
 _FLYING: Final = frozenset({"cruise", "avoid"})
 _PX4_OFFBOARD_STATE: Final = 14
-# What people take for a log, by how it begins.
+# Files that are often given by mistake, by their first bytes.
 _OTHERS: Final = (
     (b"version https://git-lfs", "a pointer of Git LFS; the log itself is missing: git lfs pull"),
     (b"\x1f\x8b", "compressed (gzip): unpack it first"),
@@ -38,7 +38,7 @@ _EXPECTED: Final = "expected our MCAP, PX4's ULog, ArduPilot's DataFlash .BIN or
 
 
 class NotALogError(CommandError):
-    """A file is not a flight log of any kind that is read."""
+    """A file is not a flight log of a known kind."""
 
 
 def read_recording(path: Path, system_id: int | None = None) -> Recording:
@@ -50,7 +50,7 @@ def read_recording(path: Path, system_id: int | None = None) -> Recording:
 
     Raises:
         NotALogError: the file is something else.
-        CommandError: the file cannot be read, or holds no flight on set-points.
+        CommandError: the file cannot be read, or holds no flight on setpoints.
     """
     try:
         with path.open("rb") as file:
@@ -94,9 +94,9 @@ def _recording_of_ours(path: Path) -> Recording:
 
 
 def _streams_of_ours(path: Path, log: Log) -> Streams:
-    """Take what the daemon knew, tick by tick, while it flew.
+    """Return the daemon's states of each tick in flight.
 
-    A pose is older than the tick that logs it, by the age of the telemetry.
+    A pose is older than its tick by the age of the telemetry.
     """
     timeline = Timeline()
     flown = [(timeline.at(state.time_s), state) for state in log.states]
@@ -105,7 +105,7 @@ def _streams_of_ours(path: Path, log: Log) -> Streams:
     asked = [(at_s, s) for at_s, s in flown if s.reference_position_ned_m is not None]
     ages_s = [s.detection_age_s for _, s in flown if s.phase in _FLYING]
     known_ages_s = [age_s for age_s in ages_s if age_s is not None]
-    # What came into range just after the newest frame waits for the next one, and for its tick.
+    # An obstacle that comes into range just after a frame waits for the next frame and its tick.
     heard = bool(ages_s) and len(known_ages_s) == len(ages_s)
     return Streams(
         source=str(path),
@@ -163,12 +163,12 @@ class _Plans:
 
 
 def _streams_of_ulog(path: Path) -> Streams:
-    """Read a PX4 log; its clock runs from the start and is never set.
+    """Read a PX4 log; its clock counts from the start and is never set.
 
     Raises:
-        CommandError: it is damaged, or lacks what is measured.
+        CommandError: it is damaged, or lacks a measured quantity.
     """
-    # Only for those who have such logs.
+    # Loaded only for such logs.
     from pyulog import ULog  # noqa: PLC0415
 
     names = (
@@ -197,7 +197,7 @@ def _streams_of_ulog(path: Path) -> Streams:
         )
     except KeyError as error:
         raise CommandError(f"{path}: the log has no {error.args[0]}") from error
-    except Exception as error:  # a damaged file is answered with whatever pyulog stumbles over
+    except Exception as error:  # pyulog raises anything on damaged files
         raise CommandError(f"{path}: damaged ULog file: {error}") from error
 
 
@@ -216,7 +216,7 @@ def _table(data: dict[str, Any], columns: list[str]) -> FloatArray:
 
 
 def _whole(reference: FloatArray) -> FloatArray:
-    """Drop set-points that leave something open but the yaw, which PX4 writes as NaN."""
+    """Drop setpoints without position, velocity or acceleration, which PX4 logs as NaN."""
     whole: FloatArray = reference[np.isfinite(reference[:, :-1]).all(axis=1)]
     return whole
 

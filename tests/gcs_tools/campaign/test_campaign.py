@@ -20,8 +20,8 @@ from hypothesis import strategies as st
 from scipy.special import bdtr, bdtrc
 
 from gcs_tools.campaign import flight as campaign_flight
-from gcs_tools.campaign.command import replay_command, scenario_document
-from gcs_tools.campaign.flight import FlightRow, fly_case, fly_numbered
+from gcs_tools.campaign.command import scenario_document
+from gcs_tools.campaign.flight import FlightRow, fly_case, fly_numbered, replay_command
 from gcs_tools.campaign.forest import ForestSource
 from gcs_tools.campaign.generator.faults import FAULT_KINDS
 from gcs_tools.campaign.generator.generators import GENERATORS, generated

@@ -74,7 +74,7 @@ def test_intersecting_regions_are_refused(
     assert not out.exists()
 
 
-def test_intersecting_regions_end_in_a_hold_when_forced(
+def test_intersecting_regions_end_in_a_hold_outside_the_contract(
     clearway: Clearway, written: Callable[[str, Any], Path], tmp_path: Path
 ) -> None:
     scenario = written("careless.yaml", {**intersecting(), "fly_outside_contract": False})

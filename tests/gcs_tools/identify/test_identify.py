@@ -257,7 +257,7 @@ def test_of_two_commanders_the_one_that_sent_most_counts(tmp_path: Path) -> None
         log.add(time_s, far, 255, 190)
     found = measure(read_recording(log.write(tmp_path / "rival.tlog")))
     check_flight(found)
-    assert any("several sent set-points" in note for note in found.notes)
+    assert any("several commanders sent setpoints" in note for note in found.notes)
 
 
 # ---------------------------------------------------------------------- the autopilot's own words
@@ -281,7 +281,7 @@ def test_what_is_not_identified_is_said(clearway: Clearway, tmp_path: Path) -> N
     ran = clearway("identify", path)
     assert ran.code == 0
     assert "its controller's velocity" in ran.out
-    assert "vehicle.velocity_error_mps.0: these logs do not show it" in ran.out
+    assert "vehicle.velocity_error_mps.0: not in these logs" in ran.out
 
 
 @pytest.mark.parametrize("autopilot", [PX4, ARDUPILOT])

@@ -3,31 +3,46 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from mcap.writer import Writer
 from pydantic import TypeAdapter
 
+from gcs_tools.logs.flight_log import Log, log_of
 from onboard.files.truth_record import TruthRecord
 from onboard.recording.flight_log import FORMAT_VERSION
-from onboard.recording.messages import ADAPTERS, TOPICS, Record
+from onboard.recording.messages import TOPICS, Record
+
+_T = TypeVar("_T")
 
 Write = Callable[[str, float, Mapping[str, Any] | bytes], None]
 
 
-def record(topic: str, payload: Mapping[str, Any]) -> Record:
+def made(record_type: type[_T], payload: Mapping[str, Any]) -> _T:
     """Return a record from its JSON values, as a reader would."""
-    record_type = next(each for each, name in TOPICS.items() if name == topic)
-    made: Record = ADAPTERS[record_type].validate_json(json.dumps(payload), strict=True)
-    return made
+    return TypeAdapter(record_type).validate_json(json.dumps(payload), strict=True)
+
+
+def record(topic: str, payload: Mapping[str, Any]) -> Record:
+    """Return a record of a topic from its JSON values."""
+    return made(next(each for each, name in TOPICS.items() if name == topic), payload)
 
 
 def truth_record(payload: Mapping[str, Any]) -> TruthRecord:
     """Return a record of ground truth from its JSON values."""
-    return TypeAdapter(TruthRecord).validate_json(json.dumps(payload), strict=True)
+    return made(TruthRecord, payload)
+
+
+def json_log(
+    messages: Mapping[str, Iterable[Mapping[str, Any]]],
+    metadata: Mapping[str, Mapping[str, str]] | None = None,
+) -> Log:
+    """Return a log in memory from JSON values by topic (``/state``)."""
+    records = [record(topic[1:], each) for topic, every in messages.items() for each in every]
+    return log_of(records, metadata=metadata)
 
 
 @contextmanager

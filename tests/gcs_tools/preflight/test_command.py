@@ -239,9 +239,9 @@ def test_a_wrong_url_is_one_line(clearway: Clearway, config: Path, url: str, rea
     [
         (("--system-id", "0"), "--system-id 0: expected 1 to 255"),
         (("--system-id", "256"), "--system-id 256: expected 1 to 255"),
-        (("--system-id", "-1"), "'-1' is not a number"),
-        (("--system-id", "one"), "'one' is not a number"),
-        (("--system-id", "1.5"), "'1.5' is not a number"),
+        (("--system-id", "-1"), "'-1' is not a whole number"),
+        (("--system-id", "one"), "'one' is not a whole number"),
+        (("--system-id", "1.5"), "'1.5' is not a whole number"),
     ],
 )
 def test_a_wrong_system_id_is_one_line(
@@ -255,7 +255,7 @@ def test_a_wrong_system_id_is_one_line(
 
 def test_a_system_id_needs_a_connection(clearway: Clearway, config: Path) -> None:
     ran = clearway("preflight", "--contract", config / "paper_contract.yaml", "--system-id", "1")
-    assert_refused(ran, "--system-id", "give --vehicle")
+    assert_refused(ran, "--system-id", "needs --vehicle")
 
 
 def test_two_vehicles_on_the_port_are_refused_by_name(clearway: Clearway, config: Path) -> None:

@@ -93,9 +93,7 @@ def test_two_stems_that_fit_into_one_obstacle_are_accepted_and_said_so() -> None
     rules = {rule.name: rule for rule in check_field(PAPER, twins(limit_m), None)}
     assert rules["roi_disjoint"].holds
     assert rules["separation"].holds
-    assert rules["roi_disjoint"].note == (
-        "what stands close is avoided as one: a+b (heading north)"
-    )
+    assert rules["roi_disjoint"].note == ("close obstacles are avoided as one: a+b (heading north)")
     rules = {rule.name: rule for rule in check_field(PAPER, twins(limit_m + 0.01), None)}
     assert not rules["roi_disjoint"].holds
     assert not rules["separation"].holds
@@ -137,4 +135,4 @@ def test_a_crowd_is_counted_only_so_far(monkeypatch: pytest.MonkeyPatch) -> None
     crowd = ObstacleField.of([stem(str(n), 20.0, 0.001 * n, SIZE_MAX_M) for n in range(3_000)])
     disjoint = check_field(PAPER, crowd, None)[3]
     assert (disjoint.holds, disjoint.required) == (False, limit)
-    assert disjoint.note.endswith(f"counted no further than {limit}")
+    assert disjoint.note.endswith(f"counting stopped at {limit}")

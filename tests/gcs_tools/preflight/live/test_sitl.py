@@ -201,7 +201,7 @@ def test_px4_is_cleared_and_may_arm_as_long_as_all_is_well(tmp_path: Path) -> No
         assert screen.shares == sorted(screen.shares)
         assert max(screen.shares) == round(100 * 12 / 13)  # the last of thirteen steps was begun
         assert screen.estimates
-        assert any("looking: telemetry rates" in line for line in screen.lines)
+        assert any("checking: telemetry rates" in line for line in screen.lines)
 
 
 def test_authorizing_needs_a_vehicle(clearway: Clearway) -> None:
