@@ -52,7 +52,7 @@ async def run(config: DaemonConfig, contract: Contract, mission: Mission, log_pa
         mission,
         epoch_unix_s=clock.epoch_unix_s,
         system_id=config.mavlink.system_id,
-        stale_after_s=config.mavlink.stale_after_s,
+        telemetry_timeout_s=config.mavlink.stale_after_s,
         input_set=config.input_set,
         fly_outside_contract=config.fly_outside_contract,
         preflight_age_max_s=config.preflight_age_max_s if config.require_preflight else None,
@@ -162,7 +162,7 @@ class Bus:
     def subscribe(self, autonomy: Autonomy, clock: Clock, *, mission_changes: bool) -> None:
         """Pass detections, clearances and, if allowed, other missions on to the service."""
         self._pass_on("obstacles", autonomy.receive_detection, clock)
-        self._pass_on("clearance", autonomy.receive_clearance, clock)
+        self._pass_on("clearance", autonomy.receive_flight_authorization, clock)
         if mission_changes:
             self._pass_on("mission", autonomy.receive_mission, clock)
 

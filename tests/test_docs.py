@@ -21,7 +21,7 @@ from onboard.contract.assessment import assess
 from onboard.files.models import DaemonConfig, Mission, load_contract
 from onboard.files.yaml_file import load_yaml
 from onboard.files.zenoh_endpoints import ZenohEndpoints
-from onboard.perception.obstacle_map import parse_frame
+from onboard.perception.sources.json_v1 import parse_frame
 from onboard.zenoh_session import open_session
 from sitl.config import load_sitl_config
 from sitl.vehicle.vehicle import SimulatedVehicle

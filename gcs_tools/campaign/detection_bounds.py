@@ -10,9 +10,9 @@ import math
 from collections.abc import Callable
 from typing import Final, NamedTuple
 
-from onboard.autonomy import AUTOPILOT_SILENCE_S
 from onboard.contract.assessment import TICK_S
 from onboard.files.models import Contract
+from onboard.guidance.authority import AUTOPILOT_SILENCE_S
 from onboard.monitoring.loop_overrun import TICK_OVERRUN_S
 from sitl.virtual.faults.schedule import Fault
 

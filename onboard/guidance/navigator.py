@@ -152,6 +152,11 @@ class Navigator:
         return self.cruising_freely or self.phase is Phase.AVOID
 
     @property
+    def in_control(self) -> bool:
+        """Whether the service commands the vehicle: in every phase but STANDBY."""
+        return self.phase is not Phase.STANDBY
+
+    @property
     def flying(self) -> bool:
         """Whether the guarantee is at stake: the vehicle is on its way."""
         return self.phase in (Phase.CRUISE, Phase.AVOID)
@@ -347,7 +352,7 @@ class Navigator:
         holding.  The leg stays: it is what the mission says in the frame of now.
         """
         shift_leg_m = x_m, y_m, _ = self.leg.vector_leg(shift_ned_m)
-        self.obstacles.shift(*shift_ned_m[:2])
+        self.obstacles.shift(*shift_ned_m)
         if self._reference is not None:
             self._reference = self._reference.shifted_by(shift_leg_m)
         if self._upcoming is not None:

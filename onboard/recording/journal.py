@@ -12,12 +12,13 @@ from typing import Final
 
 import numpy as np
 
-from onboard.autonomy import AUTOPILOT_SILENCE_S, Autonomy
+from onboard.autonomy import Autonomy
 from onboard.contract.assessment import Assessment
 from onboard.contract.region import RegionOfInfluence, boundary_depth_at
 from onboard.events import Event
 from onboard.geometry.box import Box
 from onboard.geometry.frames import FloatArray, LegFrame
+from onboard.guidance.authority import AUTOPILOT_SILENCE_S
 from onboard.guidance.navigator import PlannedStep
 from onboard.motion.trajectory import Trajectory
 from onboard.perception.obstacle_map import Obstacle

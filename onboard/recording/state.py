@@ -10,10 +10,10 @@ from onboard.recording.messages import DropCounters, SensorRecord, StateRecord
 
 def state_of(autonomy: Autonomy, now_s: float) -> StateRecord:
     """Return the state of the service in the tick at ``now_s``."""
-    pose, status, tracking = autonomy.link.pose, autonomy.link.status, autonomy.tracking_monitor
-    navigator = autonomy.navigator
+    pose, status, supervisor = autonomy.link.pose, autonomy.link.status, autonomy.supervisor
+    navigator, tracking = autonomy.navigator, supervisor.response.tracking_monitor
     setpoint = navigator.setpoint(now_s)
-    doubt = autonomy.position_doubt
+    doubt = supervisor.position_sign
     return StateRecord(
         time_s=unix_time_s(autonomy, now_s),
         phase=navigator.phase.value,
@@ -35,11 +35,11 @@ def state_of(autonomy: Autonomy, now_s: float) -> StateRecord:
         velocity_error_mps=tracking.velocity_error_mps,
         cruising=navigator.cruising_freely,
         leg_heading_rad=navigator.leg.heading_rad,
-        detection_age_s=finite(autonomy.detection_monitor.age_s(now_s)),
+        detection_age_s=finite(supervisor.detections.monitor.age_s(now_s)),
         telemetry_age_s=None if pose is None else now_s - pose.time_s,
         sensors=_sensors(autonomy, now_s),
         position_doubt=None if doubt is None else doubt.sentence,
-        cleared=autonomy.clearance.refusal(autonomy.epoch_unix_s + now_s) is None,
+        cleared=autonomy.flight_authorization.refusal(autonomy.epoch_unix_s + now_s) is None,
         log_ended=autonomy.log_ended,
         obstacles_known=len(navigator.obstacles),
         dropped=_dropped(autonomy),
@@ -58,7 +58,7 @@ def _sensors(autonomy: Autonomy, now_s: float) -> dict[str, SensorRecord]:
             heard_age_s=now_s - sensor.heard_s,
             stamp_ahead_s=sensor.ahead_s,
         )
-        for source, sensor in autonomy.detection_monitor.sensors.items()
+        for source, sensor in autonomy.supervisor.detections.monitor.sensors.items()
     }
 
 
@@ -71,7 +71,7 @@ def _dropped(autonomy: Autonomy) -> DropCounters:
         frames_malformed=detections.malformed_frames,
         frames_unplaced=detections.unplaced_frames,
         frames_dropped=detections.dropped_frames,
-        clearances_malformed=autonomy.clearance.malformed,
+        clearances_malformed=autonomy.flight_authorization.malformed,
         missions_malformed=autonomy.malformed_missions,
     )
 

@@ -2,7 +2,7 @@
 
 import json
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -15,6 +15,7 @@ from onboard.events import Event
 from onboard.files.models import Contract, Mission, Requirements
 from onboard.guidance.phases import Phase
 from onboard.motion.trajectory import State
+from onboard.perception.detection import DetectionFrame
 from onboard.perception.intake import MAX_PENDING_FRAMES
 from onboard.planning.closed_form import cruise
 from onboard.planning.planner import NoPlan, Planner
@@ -793,3 +794,91 @@ def test_a_leg_that_begins_inside_a_known_region_is_flown(contract: Contract) ->
     rig.run(90.0, until=lambda: rig.phase in (Phase.ARRIVED, Phase.HOLD))
     assert rig.phase is Phase.ARRIVED
     assert rig.position_ned_m[1] == pytest.approx(45.0, abs=0.05)
+
+
+class BearingSource:
+    """An own sensor: one pillar a message, as ``range bearing`` in text, in metres and degrees."""
+
+    def __init__(self) -> None:
+        self.malformed = 0
+
+    def read(self, payload: bytes, now_unix_s: float) -> Sequence[DetectionFrame]:
+        try:
+            range_m, bearing_deg = map(float, payload.split())
+        except ValueError:
+            self.malformed += 1
+            return ()
+        ahead_m = range_m * math.cos(math.radians(bearing_deg))
+        right_m = range_m * math.sin(math.radians(bearing_deg))
+        seen = {
+            "version": 1,
+            "source": "bearing",
+            "sequence": 0,
+            "stamp_unix_s": now_unix_s,
+            "frame": "body_frd",
+            "range_m": 12.0,
+            "field_of_view_deg": 120.0,
+            "obstacles": [box((ahead_m, right_m))],
+        }
+        return (DetectionFrame.model_validate(seen),)
+
+
+def test_an_own_kind_of_sensor_message_needs_a_source_and_nothing_else(
+    contract: Contract, mission: Mission
+) -> None:
+    source = BearingSource()
+    autonomy = Autonomy(contract, mission, epoch_unix_s=EPOCH_UNIX_S, detection_source=source)
+    rig = Rig(autonomy, seeing=False)
+    rig.run(0.1)
+    autonomy.receive_detection(b"5 90", rig.now_s)
+    autonomy.receive_detection(b"five", rig.now_s)
+    autonomy.receive_detection(rig.frame(), rig.now_s)
+    rig.tick()
+    (known,) = autonomy.navigator.obstacles
+    assert known.id == "bearing/1"
+    assert known.measured.y_min_m == pytest.approx(4.5)
+    assert autonomy.detections.malformed_frames == source.malformed == 2
+
+
+@pytest.mark.parametrize("frame", ["local_ned", "body_frd"])
+def test_heights_are_remembered_in_the_local_frame_and_follow_a_vertical_reset(
+    rig: Rig, frame: str
+) -> None:
+    down_m = [-6.0, 0.0] if frame == "local_ned" else [-2.0, 4.0]
+    tall = box((9.0, 5.0)) | {"down_m": down_m}
+    rig.run(0.1)
+    rig.seeing = False
+    rig.autonomy.receive_detection(rig.frame(frame=frame, obstacles=[tall]), rig.now_s)
+    rig.tick()
+    (known,) = rig.autonomy.navigator.obstacles
+    assert known.down_m == pytest.approx((-6.0, 0.0))
+    rig.position_ned_m = (0.0, 0.0, -5.0)
+    rig.run(0.1)
+    (known,) = rig.autonomy.navigator.obstacles
+    assert known.down_m == pytest.approx((-7.0, -1.0))
+
+
+def test_a_frame_with_a_reversed_height_is_malformed_and_nothing_of_it_is_used(rig: Rig) -> None:
+    seen = [box((9.0, 5.0)), box((9.0, -5.0), name="2") | {"down_m": [0.0, -6.0]}]
+    rig.run(0.1)
+    rig.autonomy.receive_detection(rig.frame(obstacles=seen), rig.now_s)
+    rig.tick()
+    assert len(rig.autonomy.navigator.obstacles) == 0
+    assert rig.autonomy.detections.malformed_frames == 1
+
+
+def test_what_a_sensor_says_of_free_space_changes_nothing_yet(
+    contract: Contract, mission: Mission
+) -> None:
+    """Unseen is not free; nor is what is declared free flown by before it can be certified."""
+    flown = []
+    for free in ({}, {"free_range_m": [12.0] * 8}):
+        rig = Rig(Autonomy(contract, mission, epoch_unix_s=EPOCH_UNIX_S), mode=OFFBOARD)
+        rig.seeing = False
+        for step in range(400):
+            if step % 3 == 0:
+                seen = rig.frame(obstacles=[box((20.0, 0.2))], **free)
+                rig.autonomy.receive_detection(seen, rig.now_s)
+            rig.tick()
+        flown.append([(point.x, point.y) for point in rig.setpoints])
+    assert flown[0] == flown[1]

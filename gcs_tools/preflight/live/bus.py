@@ -25,7 +25,7 @@ from onboard.contract.assessment import Assessment
 from onboard.files.models import Contract
 from onboard.files.yaml_file import load_yaml
 from onboard.files.zenoh_endpoints import ZenohEndpoints
-from onboard.monitoring.flight_authorization import Clearance
+from onboard.monitoring.flight_authorization import FlightAuthorization
 
 # How long detections are counted.
 LISTEN_S = 3.0
@@ -103,7 +103,7 @@ class BusCheck:
         """
         verdict = Verdict.worst(each.verdict for each in findings)
         passed = compliant and verdict is Verdict.HOLDS
-        clearance = Clearance(
+        clearance = FlightAuthorization(
             contract_sha256=contract.sha256,
             stamp_unix_s=self._now_unix_s() + (self._daemon_ahead_s or 0.0),
             passed=passed,

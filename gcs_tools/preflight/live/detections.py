@@ -14,7 +14,8 @@ from onboard.contract.assessment import Terms
 from onboard.files.json_payload import MalformedPayloadError
 from onboard.monitoring.assumptions import check_frame
 from onboard.monitoring.detections import CLOCK_TOLERANCE_S
-from onboard.perception.obstacle_map import DetectionFrame, parse_frame
+from onboard.perception.detection import DetectionFrame
+from onboard.perception.sources.json_v1 import parse_frame
 
 # What a status takes to arrive hides smaller differences between two clocks.
 _AGREEMENT_S: Final = 0.05

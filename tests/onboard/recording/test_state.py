@@ -52,7 +52,7 @@ def test_pose_and_age_are_those_of_the_newest_telemetry(autonomy: Autonomy) -> N
 def test_what_is_dropped_is_counted_by_reason(autonomy: Autonomy) -> None:
     autonomy.receive_mavlink(b"garbage", 0.0)
     autonomy.receive_detection(b"{", 0.0)
-    autonomy.receive_clearance(b"{", 0.0)
+    autonomy.receive_flight_authorization(b"{", 0.0)
     autonomy.receive_mission(b"{", 0.0)
     autonomy.tick(0.0)
     dropped = state_of(autonomy, 0.0).dropped

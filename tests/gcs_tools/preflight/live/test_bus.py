@@ -18,7 +18,7 @@ from gcs_tools.preflight.live.bus import BusCheck
 from onboard.contract.assessment import assess
 from onboard.files.models import load_contract
 from onboard.files.zenoh_endpoints import ZenohEndpoints
-from onboard.monitoring.flight_authorization import ClearanceGate
+from onboard.monitoring.flight_authorization import FlightAuthorizationGate
 from onboard.zenoh_session import open_session
 from tests.gcs_tools.running import CONFIG
 
@@ -43,7 +43,7 @@ class Onboard:
     ) -> None:
         self._session, self._said = session, said
         self._ahead_s, self._sensor_ahead_s = ahead_s, sensor_ahead_s
-        self._gate = ClearanceGate(CONTRACT.sha256, 60.0)
+        self._gate = FlightAuthorizationGate(CONTRACT.sha256, 60.0)
         self._stop = threading.Event()
         self._thread = threading.Thread(target=self._run)
 

@@ -197,7 +197,7 @@ def test_what_moves_with_the_estimate_does_not_contradict(cruising: Rig, *, foll
     cruising.obstacles = [box((north_m, 3.0), side_m=0.6)]
     cruising.run(0.3)
     if follows:
-        cruising.autonomy.navigator.obstacles.shift(0.0, 0.5)
+        cruising.autonomy.navigator.obstacles.shift(0.0, 0.5, 0.0)
     cruising.obstacles = [box((north_m, 3.5), side_m=0.6)]
     cruising.run(0.3)
     assert held(cruising) is not follows
