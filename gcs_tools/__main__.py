@@ -20,6 +20,7 @@ from gcs_tools.console.arguments import VersionOption
 from gcs_tools.console.errors import EXIT_BAD_INPUT, CommandError
 from gcs_tools.console.standard_output import with_output
 from gcs_tools.contract import arguments as contract_arguments
+from gcs_tools.export import arguments as export_arguments
 from gcs_tools.flight_report import arguments as report_arguments
 from gcs_tools.fly import arguments as fly_arguments
 from gcs_tools.identify import arguments as identify_arguments
@@ -32,6 +33,7 @@ COMMANDS: Final = (
     preflight_arguments,
     contract_arguments,
     report_arguments,
+    export_arguments,
     watch_arguments,
     identify_arguments,
     campaign_arguments,
@@ -41,6 +43,7 @@ COMMANDS: Final = (
 _GROUND: Final = frozenset(
     {
         "distributed",
+        "foxglove",
         "jinja2",
         "markupsafe",
         "matplotlib",

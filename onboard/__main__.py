@@ -18,7 +18,7 @@ from onboard.files.models import Contract, DaemonConfig, Mission
 from onboard.files.yaml_file import FileError, load_yaml
 from onboard.log_format import configure_logging
 from onboard.mavlink.link_url import LinkError
-from onboard.recording.flight_logs import LogFileError
+from onboard.recording.recorder import LogFileError
 
 
 def main(arguments: list[str] | None = None) -> int:

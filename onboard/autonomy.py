@@ -10,13 +10,12 @@ with real bytes and the real clock, the simulation with virtual time: what is te
 from __future__ import annotations
 
 import logging
-import math
 from collections import deque
 from collections.abc import Callable
-from typing import Any, Final
+from typing import Final
 
 from onboard.contract.assessment import Assessment, assess
-from onboard.events import Event, Severity
+from onboard.events import Event, EventName, Severity
 from onboard.files.json_payload import MalformedPayloadError, parse
 from onboard.files.models import Contract, InputSet, Mission
 from onboard.guidance.authority import ControlAuthority
@@ -167,7 +166,7 @@ class Autonomy:
         if not self.log_ended:
             self.log_ended = True
             text = f"flying on without a log: {reason}"
-            self.emit(Event(now_s, "log_ended", Severity.WARNING, text))
+            self.emit(Event(now_s, EventName.LOG_ENDED, Severity.WARNING, text))
 
     # ------------------------------------------------------------------ outputs
 
@@ -229,70 +228,7 @@ class Autonomy:
         self._news += self.navigator.events
         self.navigator.events.clear()
         for event in self._news:
-            if event.severity <= Severity.WARNING or event.name == "phase":
+            if event.severity <= Severity.WARNING or event.name == EventName.PHASE:
                 self.link.send_text(event.severity, f"Clearway: {event.text}")
         self._events.extend(self._news)
         self._news.clear()
-
-    # ------------------------------------------------------------------ what others may know
-
-    def _sensors(self, now_s: float) -> dict[str, Any]:
-        """Age of what each sensor saw and said, and how far its stamps are ahead, in seconds."""
-        return {
-            source: {
-                "age_s": _finite(now_s - sensor.newest_stamp_s),
-                "heard_age_s": now_s - sensor.heard_s,
-                "stamp_ahead_s": sensor.ahead_s,
-            }
-            for source, sensor in self.supervisor.detections.monitor.sensors.items()
-        }
-
-    def snapshot(self, now_s: float) -> dict[str, Any]:
-        """Return the state of this tick as it is logged and published; JSON values only."""
-        pose, status = self.link.pose, self.link.status
-        tracking, sign = self.supervisor.response.tracking_monitor, self.supervisor.position_sign
-        setpoint = self.navigator.setpoint(now_s)
-        age_s = self.supervisor.detections.monitor.age_s(now_s)
-        return {
-            "phase": self.navigator.phase.value,
-            "mode": status.mode,
-            "armed": status.armed,
-            "airborne": status.airborne,
-            "position_ned_m": None if pose is None else pose.position_ned_m,
-            "velocity_ned_mps": None if pose is None else pose.velocity_ned_mps,
-            "roll_rad": None if pose is None else pose.roll_rad,
-            "pitch_rad": None if pose is None else pose.pitch_rad,
-            "yaw_rad": None if pose is None else pose.yaw_rad,
-            "reference_position_ned_m": None if setpoint is None else setpoint.position_ned_m,
-            "reference_velocity_ned_mps": None if setpoint is None else setpoint.velocity_ned_mps,
-            "reference_acceleration_ned_mps2": (
-                None if setpoint is None else setpoint.acceleration_ned_mps2
-            ),
-            "tracking_error_m": tracking.position_error_m,
-            "tracking_error_z_m": tracking.vertical_error_m,
-            "velocity_error_mps": tracking.velocity_error_mps,
-            "cruising": self.navigator.cruising_freely,
-            "leg_heading_rad": self.navigator.leg.heading_rad,
-            "detection_age_s": _finite(age_s),
-            "telemetry_age_s": None if pose is None else now_s - pose.time_s,
-            "sensors": self._sensors(now_s),
-            "position_doubt": None if sign is None else sign.sentence,
-            "cleared": self.flight_authorization.refusal(self.epoch_unix_s + now_s) is None,
-            "log_ended": self.log_ended,
-            "obstacles_known": len(self.navigator.obstacles),
-            "dropped": {
-                "mavlink_garbage_bytes": self.link.counters.garbage_bytes,
-                "mavlink_malformed": self.link.counters.malformed_messages,
-                "mavlink_foreign": self.link.counters.foreign_messages,
-                "frames_malformed": self.detections.malformed_frames,
-                "frames_unplaced": self.detections.unplaced_frames,
-                "frames_dropped": self.detections.dropped_frames,
-                "clearances_malformed": self.flight_authorization.malformed,
-                "missions_malformed": self.malformed_missions,
-            },
-        }
-
-
-def _finite(value: float) -> float | None:
-    """JSON has no infinity."""
-    return value if math.isfinite(value) else None

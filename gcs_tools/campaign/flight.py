@@ -5,7 +5,6 @@ from __future__ import annotations
 import shlex
 import time
 import traceback
-from collections import defaultdict
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Final
@@ -14,11 +13,13 @@ from gcs_tools.campaign.generator.case import FlightCase
 from gcs_tools.campaign.oracles.evidence import Evidence
 from gcs_tools.campaign.oracles.registry import findings
 from gcs_tools.campaign.sources import Source
-from gcs_tools.logs.flight_log import Log
+from gcs_tools.logs.flight_log import Log, log_of
 from gcs_tools.logs.result import Result, result_of
 from gcs_tools.preflight.command import Preflight, check
 from gcs_tools.scenario import Scenario
 from onboard.contract.assessment import Assessment
+from onboard.files.truth_record import TruthRecord
+from onboard.recording.messages import EventRecord, PlanRecord, Record, StateRecord
 from sitl.environment.truth_log import truth_record
 from sitl.virtual.scripted_operator import Step
 from sitl.virtual.simulation import (
@@ -34,8 +35,8 @@ from sitl.virtual.simulation import (
 _OVERHEAD_S: Final = 90.0
 _PACE_MIN: Final = 0.25
 _AT_REST_MPS: Final = 0.1
-# Topics that results and oracles read; the rest of the flight log is for people.
-_TOPICS: Final = frozenset({"state", "events", "plan"})
+# Records that results and oracles read; the rest of the flight log is for people.
+_USED: Final = (StateRecord, EventRecord, PlanRecord)
 
 
 @dataclass(frozen=True)
@@ -125,7 +126,7 @@ def fly_numbered(source: Source, campaign_seed: int, number: int) -> FlightRow:
         crashed = _aborted(case, traceback.format_exc().strip().splitlines()[-1])
         found = {"exception": "\n".join(traceback.format_exc().strip().splitlines()[-5:])}
         return _row(which, case, checked.assessment, crashed, found=found, time_s=(0.0, 0.0))
-    virtual_s = evidence.states[-1]["time_s"] - EPOCH_UNIX_S
+    virtual_s = evidence.states[-1].time_s - EPOCH_UNIX_S
     return _row(
         which,
         case,
@@ -153,20 +154,18 @@ def fly_case(case: FlightCase) -> Evidence:
         )
     )
     vehicle, world = simulation.scene.vehicle, simulation.scene.world
-    messages: defaultdict[str, list[dict[str, Any]]] = defaultdict(list)
-    truths: list[dict[str, Any]] = []
+    flown: list[Record] = []
+    truths: list[TruthRecord] = []
     at_rest = False
     for records in ticks(simulation, shown=False):
-        for record in records:
-            if record.topic in _TOPICS:
-                messages[f"/{record.topic}"].append(record.payload)
+        flown += [record for record in records if isinstance(record, _USED)]
         truths.append(truth_record(vehicle.truth, world, EPOCH_UNIX_S))
         landing = simulation.operator.step in (Step.LAND, Step.DONE)
         at_rest = landing and vehicle.truth.ground_speed_mps < _AT_REST_MPS
         if at_rest:
             break
     metadata = {"clearway": {"contract_sha256": scenario.contract.sha256}}
-    flight, truth = Log(messages, metadata, True), Log({"/truth": truths}, {}, True)
+    flight, truth = log_of(flown, metadata=metadata), log_of(truths)
     aborted = simulation.operator.gave_up
     if not at_rest:
         aborted = "the vehicle did not come to rest within the time limit"
@@ -194,7 +193,7 @@ def _refused(case: FlightCase, checked: Preflight) -> Result:
 
 def _aborted(case: FlightCase, reason: str) -> Result:
     """Return the result of a flight without a log."""
-    nothing = Log({}, {}, True)
+    nothing = Log()
     return result_of(nothing, nothing, seed=case.seed, aborted=reason)
 
 

@@ -8,11 +8,11 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator
+from dataclasses import asdict
 from datetime import UTC, datetime
 
 from pydantic import ValidationError
 
-from gcs_tools.flight_report.columns import Record
 from gcs_tools.flight_report.flight import Document, Flight
 from gcs_tools.flight_report.induction import clause_shares, induction_steps, margins_since
 from gcs_tools.flight_report.timeline import (
@@ -20,27 +20,28 @@ from gcs_tools.flight_report.timeline import (
     flight_states,
     height_m,
     known_columns,
+    monitors_during,
     obstacle_spans,
     path_columns,
     phase_spans,
     plan_paths,
-    recorded_during,
     since,
     truth_columns,
+    truths_during,
 )
 from gcs_tools.logs.flight_log import Log
-from gcs_tools.logs.result import Result, result_of
+from gcs_tools.logs.result import MissingValueError, Result, result_of
 from onboard.files.models import Contract, Mission
+from onboard.recording.messages import StateRecord
 
 
 def document_of(flight: Flight) -> Document:
     """Return everything that the page shows of a flight."""
-    every_state = flight.log.topic("/state")
-    states = flight_states(every_state)
+    states = flight_states(flight.log.states)
     start_s = departure_s(states)
     contract, mission = _contract(flight.log), _mission(flight.log)
-    truths = recorded_during(flight.truth.topic("/truth"), "time_unix_s", states)
-    monitors = recorded_during(flight.log.topic("/monitors"), "time_s", states)
+    truths = truths_during(flight.truth.truths, states)
+    monitors = monitors_during(flight.log.monitors, states)
     span_s = (since(states[0], start_s), since(states[-1], start_s))
     margins = margins_since(flight.log, start_s, span_s[0])
     vehicle = None if contract is None else contract.vehicle
@@ -56,13 +57,16 @@ def document_of(flight: Flight) -> Document:
         "truth": truth_columns(truths, start_s),
         "known": known_columns(monitors, start_s),
         "phases": phase_spans(states, start_s),
-        "obstacles": obstacle_spans(flight.log.topic("/obstacles"), start_s),
-        "plans": plan_paths(flight.log.topic("/plan"), start_s),
+        "obstacles": obstacle_spans(flight.log.obstacles, start_s),
+        "plans": plan_paths(flight.log.plans, start_s),
         "steps": induction_steps(flight.log, truths, start_s),
-        "margins": margins,
+        "margins": [
+            {"time_s": record.time_s, "clauses": [asdict(clause) for clause in record.clauses]}
+            for record in margins
+        ],
         **clause_shares(margins, span_s[1]),
         "events": _events(flight.log, start_s),
-        "origin": list(_origin(flight, every_state[0], contract)),
+        "origin": list(_origin(flight, flight.log.states[0], contract)),
     }
 
 
@@ -81,10 +85,10 @@ def _events(log: Log, start_s: float) -> list[Document]:
     return [
         {
             "time_s": since(event, start_s),
-            "severity": event.get("severity", ""),
-            "text": event.get("text", ""),
+            "severity": event.severity,
+            "text": event.text,
         }
-        for event in log.topic("/events")
+        for event in log.events
     ]
 
 
@@ -94,7 +98,7 @@ def _result(flight: Flight) -> tuple[Document, list[str]]:
     seed = flight.log.metadata.get("clearway", {}).get("seed", "")
     try:
         result = result_of(flight.log, flight.truth, seed=int(seed) if seed.isdecimal() else 0)
-    except (KeyError, TypeError, ValueError, AttributeError) as error:
+    except MissingValueError as error:
         return {}, [f"the log lacks {error}, which the verdict needs"]
     return {name: getattr(result, name) for name in Result.__dataclass_fields__}, []
 
@@ -174,8 +178,10 @@ def _limits(contract: Contract | None) -> dict[str, float | None]:
     }
 
 
-def _origin(flight: Flight, first: Record, contract: Contract | None) -> Iterator[tuple[str, str]]:
-    began = datetime.fromtimestamp(first["time_s"], UTC)
+def _origin(
+    flight: Flight, first: StateRecord, contract: Contract | None
+) -> Iterator[tuple[str, str]]:
+    began = datetime.fromtimestamp(first.time_s, UTC)
     yield "log began", f"{began:%Y-%m-%d %H:%M:%S} UTC"
     said = dict(flight.log.metadata.get("clearway", {}))
     for name in ("contract", "mission"):

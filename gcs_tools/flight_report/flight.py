@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import Any
 
 from gcs_tools.console.errors import CommandError
-from gcs_tools.flight_report.records import drop_malformed
 from gcs_tools.logs.flight_log import Log, read_log
 
 Document = dict[str, Any]
@@ -43,8 +42,8 @@ def read_flight(path: Path, watch: Callable[[int], None] = lambda _: None) -> Fl
         CommandError: the log has no flight.
     """
     path, *beside = logs_of(path)
-    log = drop_malformed(read_log(path, watch))
-    if not log.topic("/state"):
+    log = read_log(path, watch)
+    if not log.states:
         began = "clearway" in log.metadata
         reason = "nothing was recorded" if began else "it is not a log of Clearway"
         raise CommandError(f"{path}: has no flight: {reason}")
@@ -52,7 +51,7 @@ def read_flight(path: Path, watch: Callable[[int], None] = lambda _: None) -> Fl
         before = path.stat().st_size
         truth = _ground_truth(beside[0], lambda read: watch(before + read))
     else:
-        truth = Log(log.messages, {}, complete=True)
+        truth = Log(truths=log.truths)
     name = path.resolve().parent.name if path.name == "flight.mcap" else path.stem
     return Flight(name, log, truth, _written_result(path.with_name("result.json"), log))
 
@@ -67,9 +66,9 @@ def logs_of(path: Path) -> list[Path]:
 def _ground_truth(path: Path, watch: Callable[[int], None]) -> Log:
     """Read the simulation's log; a damaged one becomes a problem of the report, not an error."""
     try:
-        return drop_malformed(read_log(path, watch))
+        return read_log(path, watch)
     except CommandError as error:
-        return Log({}, {}, complete=False, problems=(str(error),))
+        return Log(complete=False, problems=(str(error),))
 
 
 def _written_result(path: Path, log: Log) -> Document | None:

@@ -70,7 +70,7 @@ def fly(
         result, logs = _fly_live(scenario, seed, directory, outside)
     result.write(directory / "result.json")
     _draw(scenario, logs, result, directory / "flight.png")
-    if logs[0].topic("/state"):  # a daemon that died at once left no state
+    if logs[0].states:  # a daemon that died at once left no state
         document = document_of(Flight(directory.name, *logs, result=asdict(result)))
         write_report([document], directory / "report.html")
     _print_summary(scenario, result, directory, console)

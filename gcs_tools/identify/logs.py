@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, TypeVar
 
 import numpy as np
 
@@ -15,6 +15,9 @@ from gcs_tools.identify.tlog import is_raw_capture, is_tlog, streams_of_tlog
 from gcs_tools.logs.flight_log import Log, read_log
 from onboard.contract.assessment import TICK_S
 from onboard.geometry.frames import FloatArray
+from onboard.recording.messages import StateRecord
+
+_Value = TypeVar("_Value")
 
 _MCAP_MAGIC: Final = b"\x89MCAP0\r\n"
 _ULOG_MAGIC: Final = b"ULog\x01\x12\x35"
@@ -75,9 +78,14 @@ def read_recording(path: Path, system_id: int | None = None) -> Recording:
 
 def _recording_of_ours(path: Path) -> Recording:
     log = read_log(path)
+    if malformed := log.malformed.get("/state"):
+        raise CommandError(
+            f"{path}: {malformed} states in this log cannot be read: another version of Clearway "
+            "wrote them"
+        )
     try:
         streams = _streams_of_ours(path, log)
-    except (KeyError, TypeError, ValueError) as error:
+    except ValueError as error:
         raise CommandError(
             f"{path}: the states in this log cannot be read ({error}): another version of "
             "Clearway wrote them"
@@ -90,52 +98,67 @@ def _streams_of_ours(path: Path, log: Log) -> Streams:
 
     A pose is older than its tick by the age of the telemetry.
     """
-    states = log.topic("/state")
     timeline = Timeline()
-    times_s = [timeline.at(state["time_s"]) for state in states]
-    flown = list(zip(times_s, states, strict=True))
-    known = [(at_s, s) for at_s, s in flown if s["position_ned_m"] and s["roll_rad"] is not None]
-    posed = {at_s - (s["telemetry_age_s"] or 0.0): s for at_s, s in known}
-    asked = [(at_s, s) for at_s, s in flown if s["reference_position_ned_m"] is not None]
-    ages_s = [s["detection_age_s"] for _, s in flown if s["phase"] in _FLYING]
+    flown = [(timeline.at(state.time_s), state) for state in log.states]
+    known = [(at_s, s) for at_s, s in flown if s.position_ned_m and s.roll_rad is not None]
+    posed = {at_s - (s.telemetry_age_s or 0.0): s for at_s, s in known}
+    asked = [(at_s, s) for at_s, s in flown if s.reference_position_ned_m is not None]
+    ages_s = [s.detection_age_s for _, s in flown if s.phase in _FLYING]
+    known_ages_s = [age_s for age_s in ages_s if age_s is not None]
     # An obstacle that comes into range just after a frame waits for the next frame and its tick.
-    reaction_s = max(ages_s) + TICK_S if ages_s and None not in ages_s else None
+    heard = bool(ages_s) and len(known_ages_s) == len(ages_s)
     return Streams(
         source=str(path),
         pose=in_order(
-            [(t, *s["position_ned_m"], *s["velocity_ned_mps"]) for t, s in posed.items()], 6
+            [(t, *_given(s.position_ned_m), *_given(s.velocity_ned_mps)) for t, s in posed.items()],
+            6,
         ),
         reference=reference_in_order([(t, *_reference_row(s)) for t, s in asked]),
         attitude=in_order(
-            [(t, s["roll_rad"], s["pitch_rad"], s["yaw_rad"]) for t, s in posed.items()], 3
+            [
+                (t, _given(s.roll_rad), _given(s.pitch_rad), _given(s.yaw_rad))
+                for t, s in posed.items()
+            ],
+            3,
         ),
-        control=in_order([(t, float(s["phase"] in _FLYING)) for t, s in flown], 1),
+        control=in_order([(t, float(s.phase in _FLYING)) for t, s in flown], 1),
         names=("position", "reference: the daemon did not fly in it", "attitude", "state"),
-        reaction_s=reaction_s,
+        reaction_s=max(known_ages_s) + TICK_S if heard else None,
         doing=_Plans(log),
     )
 
 
-def _reference_row(state: dict[str, Any]) -> tuple[float, ...]:
+def _reference_row(state: StateRecord) -> tuple[float, ...]:
     return (
-        *state["reference_position_ned_m"],
-        *state["reference_velocity_ned_mps"],
-        *state["reference_acceleration_ned_mps2"],
-        state["leg_heading_rad"],
+        *_given(state.reference_position_ned_m),
+        *_given(state.reference_velocity_ned_mps),
+        *_given(state.reference_acceleration_ned_mps2),
+        _given(state.leg_heading_rad),
     )
+
+
+def _given(value: _Value | None) -> _Value:
+    """Return a value that this version's daemon always writes together with another.
+
+    Raises:
+        ValueError: it is missing.
+    """
+    if value is None:
+        raise ValueError("a value is missing")
+    return value
 
 
 class _Plans:
     """Tells what was flown at a time."""
 
     def __init__(self, log: Log) -> None:
-        self._plans = log.topic("/plan")
+        self._plans = [p for p in log.plans if p.start_s is not None and p.end_s is not None]
 
     def __call__(self, time_s: float) -> str:
         for plan in reversed(self._plans):
-            if plan["start_s"] <= time_s <= plan["end_s"]:
-                into_s = time_s - plan["start_s"]
-                return f"{into_s:.1f} s into {plan['kind']} {plan['side']} of {plan['obstacle']}"
+            start_s = _given(plan.start_s)
+            if start_s <= time_s <= _given(plan.end_s):
+                return f"{time_s - start_s:.1f} s into {plan.kind} {plan.side} of {plan.obstacle}"
         return "cruising"
 
 

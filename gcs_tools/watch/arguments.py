@@ -26,6 +26,14 @@ def add_parser(commands: Any) -> None:
         "--port", type=port, default=8640, help="default: 8640; 0 for any free port"
     )
     parser.add_argument("--tui", action="store_true", help="in this terminal instead of a page")
+    parser.add_argument(
+        "--foxglove",
+        type=port,
+        nargs="?",
+        const=8765,
+        metavar="PORT",
+        help="also as a WebSocket for Foxglove and Lichtblick; default: 8765; 0 for any free port",
+    )
     parser.set_defaults(run=_run)
 
 
@@ -33,5 +41,11 @@ def _run(options: argparse.Namespace) -> int:
     from gcs_tools.watch.command import bus_of, watch  # noqa: PLC0415  loads Zenoh
 
     bus = bus_of(options.zenoh_config, options.daemon_config)
-    watch(bus, host=options.host, port=options.port, terminal=options.tui)
+    watch(
+        bus,
+        host=options.host,
+        port=options.port,
+        terminal=options.tui,
+        foxglove_port=options.foxglove,
+    )
     return 0

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from onboard.contract.assessment import Assessment
-from onboard.events import Event, Severity
+from onboard.events import Event, EventName, Severity
 from onboard.guidance.avoidance_step import AvoidanceStep
 from onboard.guidance.cruise import Cruise
 from onboard.guidance.envelope import peak_speed_mps
@@ -66,7 +66,7 @@ class AdaptationLadder:
         text = f"contract solved again for {violation}: continuing at {speed_mps:.2f} m/s"
         # Another speed is reported at once; it only falls, by steps, so that there are few.
         kind = f"{violation.key} {speed_mps:.2f}"
-        situation.emit_rarely(Event(now_s, "adapted", Severity.WARNING, text), kind)
+        situation.emit_rarely(Event(now_s, EventName.ADAPTED, Severity.WARNING, text), kind)
         self._avoidance_step.recheck_avoided(now_s)
         return True
 

@@ -13,7 +13,7 @@ import math
 from collections.abc import Callable
 from typing import Final
 
-from onboard.events import Event, Severity
+from onboard.events import Event, EventName, Severity
 from onboard.guidance.departure import Refusal, RefusalKind, RefusalReport
 from onboard.guidance.navigator import Navigator
 from onboard.guidance.phases import Phase
@@ -100,7 +100,7 @@ class ControlAuthority:
         if navigator.phase is not Phase.STANDBY:
             if heard and status.failsafe:
                 text = f"the autopilot's failsafe has taken over ({status.mode})"
-                self._emit(Event(now_s, "failsafe", Severity.WARNING, text))
+                self._emit(Event(now_s, EventName.FAILSAFE, Severity.WARNING, text))
             navigator.release_control(now_s)
         if status.airborne is not True:
             self._supervisor.end_flight()
@@ -192,7 +192,7 @@ class ControlAuthority:
         handed_over = self._left_to_autopilot and not before
         if lost is not None and handed_over and navigator.phase is not Phase.STANDBY:
             text = f"{lost}: leaving the vehicle to the autopilot"
-            self._emit(Event(now_s, "handed_over", Severity.CRITICAL, text))
+            self._emit(Event(now_s, EventName.HANDED_OVER, Severity.CRITICAL, text))
         if before and not self._left_to_autopilot and pose is not None:
             # Where the autopilot has taken the vehicle meanwhile, rather than back in one step.
             self._standby_setpoint = hovering_at(pose)

@@ -9,7 +9,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 from onboard.contract.assessment import TICK_S
-from onboard.events import Event, Severity
+from onboard.events import Event, EventName, Severity
 from onboard.geometry.frames import LegFrame
 from onboard.guidance.clear_check import ClearCheck
 from onboard.guidance.cruise import Cruise
@@ -162,7 +162,7 @@ class AvoidanceStep:
         if not condition.holds:
             # The certificate promised otherwise: a defect of the software.
             text = "; ".join(condition.failures)
-            situation.emit(Event(now_s, "post_condition", Severity.CRITICAL, text))
+            situation.emit(Event(now_s, EventName.POST_CONDITION, Severity.CRITICAL, text))
         situation.avoidance = None
         situation.fire(Trigger.POST_CONDITION, now_s)
         self._cruise.fly_from(trajectory.final, trajectory.end_s)
@@ -181,7 +181,7 @@ class AvoidanceStep:
             return
         late_m = start.position_leg_m[X] - obstacle.region.extent.x_min_m
         late = Violation(Assumption.LATE_FIRST_SIGHT, late_m, allowed_m, "m", obstacle.id)
-        other = Event(now_s, "pre_condition", Severity.ERROR, "; ".join(condition.failures))
+        other = Event(now_s, EventName.PRE_CONDITION, Severity.ERROR, "; ".join(condition.failures))
         self._situation.emit(late.event(now_s) if late_m > allowed_m else other)
 
     def _fly(self, avoidance: Avoidance, now_s: float) -> None:
@@ -220,7 +220,7 @@ class AvoidanceStep:
             if of_interest:
                 self._extend_plan_past(avoidance, obstacle, as_planned, now_s)
             text = f"keeping the plan: obstacle {obstacle.id} has grown within its position error"
-            event = Event(now_s, "plan_kept", Severity.NOTICE, text)
+            event = Event(now_s, EventName.PLAN_KEPT, Severity.NOTICE, text)
             self._situation.emit_rarely(event, obstacle.id)
             return
         self._report_no_plan(obstacle, now_s)
@@ -257,7 +257,7 @@ class AvoidanceStep:
             return False
         self._fly(replanned, now_s)
         text = f"replanned around {obstacle.id} ({replanned.plan.kind})"
-        self._situation.emit(Event(now_s, "replanned", Severity.NOTICE, text))
+        self._situation.emit(Event(now_s, EventName.REPLANNED, Severity.NOTICE, text))
         return True
 
     def _extend_plan_past(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from onboard.contract.assessment import TICK_S
-from onboard.events import Event, Severity
+from onboard.events import Event, EventName, Severity
 from onboard.guidance.envelope import envelope_from
 from onboard.guidance.fallback import Fallback
 from onboard.guidance.phases import FlightState, Trigger
@@ -53,7 +53,7 @@ class Cruise:
         certificate = certify_clear(cruise, state, start_s, envelope)
         if not certificate.valid:
             text = f"the certifier rejected the cruise: {'; '.join(certificate.failures)}"
-            situation.emit(Event(start_s, "certificate", Severity.CRITICAL, text))
+            situation.emit(Event(start_s, EventName.CERTIFICATE, Severity.CRITICAL, text))
             rejected = Violation(Assumption.SELF_CHECK, 1.0, 0.0, "certificates")
             self._fallback.report_and_hold(rejected, start_s)
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from enum import StrEnum, unique
 from typing import Final
 
-from onboard.events import Event, Severity
+from onboard.events import Event, EventName, RefusalReason, Severity
 from onboard.guidance.envelope import at_rest_speed_mps
 from onboard.guidance.situation import Situation
 from onboard.vehicle_state import Pose
@@ -127,8 +127,8 @@ class RefusalReport:
             return None
         self._reported, self._due_s = kinds, now_s + REFUSAL_PERIOD_S
         text = "not leaving standby: " + "; ".join(refusal.text for refusal in refusals)
-        reasons = [
+        reasons: list[RefusalReason] = [
             {"kind": refusal.kind.value, "subject": refusal.subject, "text": refusal.text}
             for refusal in refusals
         ]
-        return Event(now_s, "refused", Severity.WARNING, text, {"reasons": reasons})
+        return Event(now_s, EventName.REFUSED, Severity.WARNING, text, {"reasons": reasons})

@@ -6,7 +6,7 @@ certifies, and braking where the estimated position can no longer be trusted.
 
 from __future__ import annotations
 
-from onboard.events import Event, Severity
+from onboard.events import Event, EventName, Severity
 from onboard.guidance.clear_check import ClearCheck
 from onboard.guidance.phases import Phase, Trigger
 from onboard.guidance.situation import Situation
@@ -63,7 +63,7 @@ class Fallback:
             braking, how = self._way_to_hover(now_s)
             self._situation.reference.fly(braking)
             text = f"obstacle {obstacle.id} blocks the braking path: {how}"
-            event = Event(now_s, "hold_replanned", Severity.ERROR, text)
+            event = Event(now_s, EventName.HOLD_REPLANNED, Severity.ERROR, text)
             self._situation.emit_rarely(event, text)
 
     def hover_at(self, pose: Pose, now_s: float) -> None:

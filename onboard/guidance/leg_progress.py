@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import Final
 
-from onboard.events import Event, Severity
+from onboard.events import Event, EventData, EventName, Severity
 from onboard.files.models import Mission
 from onboard.geometry.frames import wrap_angle
 from onboard.guidance.cruise import Cruise
@@ -64,15 +64,15 @@ class LegProgress:
                 f"mission refused: altitude {mission.altitude_m:g} m"
                 f" (expected {altitude_m:g} m while in flight)"
             )
-            event = Event(now_s, "mission_refused", Severity.WARNING, text)
+            event = Event(now_s, EventName.MISSION_REFUSED, Severity.WARNING, text)
             situation.emit_rarely(event, "altitude")
             return
         situation.route.successor = mission
         situation.assessment = situation.assessment.at_altitude(mission.altitude_m)
         when = "now" if situation.state.flying else "after control is granted"
         text = f"mission changed: flying the new mission {when}"
-        data = {"mission": mission.model_dump(mode="json")}
-        situation.emit(Event(now_s, "mission_changed", Severity.NOTICE, text, data))
+        data: EventData = {"mission": mission.model_dump(mode="json")}
+        situation.emit(Event(now_s, EventName.MISSION_CHANGED, Severity.NOTICE, text, data))
         situation.fire(Trigger.MISSION_CHANGED, now_s)
         if not in_flight:
             self._restart_route()

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 
 from onboard.contract.assessment import Assessment
 from onboard.event_limiter import EventLimiter
-from onboard.events import Event, Severity
+from onboard.events import Event, EventName, Severity
 from onboard.files.models import Mission
 from onboard.geometry.frames import LegFrame
 from onboard.guidance.envelope import envelope_of
@@ -110,7 +110,7 @@ class Situation:
         self.emit(
             Event(
                 now_s,
-                "phase",
+                EventName.PHASE,
                 Severity.ERROR if failed else Severity.INFO,
                 text or f"{self.state.phase} ({trigger})",
                 {"from": before.phase, "to": self.state.phase, "trigger": trigger},

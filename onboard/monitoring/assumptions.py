@@ -16,7 +16,7 @@ from enum import StrEnum, unique
 from onboard.contract.arithmetic import SCALAR
 from onboard.contract.derivation import face_error_m
 from onboard.contract.terms import Terms
-from onboard.events import Event, Severity
+from onboard.events import Event, EventData, EventName, Severity
 from onboard.perception.detection import DetectionFrame
 from onboard.perception.obstacle_map import Obstacle
 
@@ -87,7 +87,7 @@ class Violation:
 
     def event(self, now_s: float) -> Event:
         """Return the event that reports it."""
-        data = {
+        data: EventData = {
             "assumption": self.assumption.value,
             # JSON has no infinity; a sensor that was never heard has no age.
             "measured": self.measured if math.isfinite(self.measured) else None,
@@ -95,7 +95,7 @@ class Violation:
             "unit": self.unit,
             "subject": self.subject,
         }
-        return Event(now_s, "violation", Severity.ERROR, str(self), data)
+        return Event(now_s, EventName.VIOLATION, Severity.ERROR, str(self), data)
 
 
 def check_frame(frame: DetectionFrame, terms: Terms[float]) -> list[Violation]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from onboard.event_limiter import EventLimiter
-from onboard.events import Event, Severity
+from onboard.events import Event, EventName, Severity
 from onboard.monitoring.assumptions import Assumption, Violation
 
 
@@ -36,7 +36,7 @@ class ViolationLog:
             text = (
                 f"vehicle deviates from setpoint ({violation}): pilot takeover or second commander?"
             )
-            self._emit(Event(now_s, "suspicion", Severity.WARNING, text))
+            self._emit(Event(now_s, EventName.SUSPICION, Severity.WARNING, text))
 
     def report_merger(self, obstacle_id: str, separation_min_m: float, now_s: float) -> None:
         """Say, once for each obstacle and rarely, that its regions intersect and it is one now."""
@@ -47,7 +47,7 @@ class ViolationLog:
         intersecting = Violation(key[0], 0.0, separation_min_m, "m", obstacle_id)
         self._emit(intersecting.event(now_s))
         text = f"avoiding {obstacle_id} as one"
-        self._emit(Event(now_s, "merged", Severity.WARNING, text))
+        self._emit(Event(now_s, EventName.MERGED, Severity.WARNING, text))
 
     def _is_new(self, assumption: Assumption, subject: str) -> bool:
         key = assumption, subject

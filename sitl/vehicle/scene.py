@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any
 
 from onboard.files.obstacle_field import ObstacleField
+from onboard.files.truth_record import TruthRecord
 from sitl.autopilot.modes import Mode
 from sitl.config import SitlConfig
 from sitl.environment.sensor import ObstacleSensor
@@ -78,8 +78,8 @@ class Scene:
         detections, self._detections = self._detections, []
         return detections
 
-    def truth_record(self) -> dict[str, Any]:
-        """Ground truth now, ready for JSON."""
+    def truth_record(self) -> TruthRecord:
+        """Return the ground truth now."""
         return truth_record(self.vehicle.truth, self.world, self.start_unix_s)
 
     def _pin(self, error: PinnedError) -> None:

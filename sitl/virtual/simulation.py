@@ -27,7 +27,7 @@ from onboard.planning.planner import Planner
 from onboard.planning.qp.search import QpPlanner
 from onboard.recording.flight_log import FlightLog
 from onboard.recording.journal import Journal
-from onboard.recording.record import Record
+from onboard.recording.messages import Record
 from sitl.config import SitlConfig
 from sitl.environment.truth_log import TruthLog
 from sitl.vehicle.scene import Scene

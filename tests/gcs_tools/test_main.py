@@ -18,7 +18,10 @@ from gcs_tools.preflight.finding import Verdict
 from onboard.files.yaml_file import FileError
 from tests.gcs_tools.running import Clearway
 
-NAMES = ("fly", "preflight", "contract", "report", "watch", "identify", "campaign", "schema")
+NAMES = (
+    *("fly", "preflight", "contract", "report", "export", "watch"),
+    *("identify", "campaign", "schema"),
+)
 C = ("--contract", "c.yaml")
 
 
@@ -159,6 +162,21 @@ def test_report_takes_one_flight_or_two(monkeypatch: pytest.MonkeyPatch) -> None
     assert positional == ([Path("a"), Path("b")], Path("c.html"))
 
 
+def test_export_takes_one_form(monkeypatch: pytest.MonkeyPatch) -> None:
+    target = "gcs_tools.export.command.export"
+    _, positional, _ = called(monkeypatch, target, "export", "a", "--tlog")
+    assert positional == (Path("a"), "tlog", None)
+    _, positional, _ = called(monkeypatch, target, "export", "a", "--foxglove", "-o", "b.mcap")
+    assert positional == (Path("a"), "foxglove", Path("b.mcap"))
+
+
+def test_watch_serves_foxglove_if_asked_to(monkeypatch: pytest.MonkeyPatch) -> None:
+    target = "gcs_tools.watch.command.watch"
+    for line, port in (((), None), (("--foxglove",), 8765), (("--foxglove", "0"), 0)):
+        _, _, keywords = called(monkeypatch, target, "watch", *line)
+        assert keywords["foxglove_port"] == port
+
+
 def test_identify_passes_its_arguments_on(monkeypatch: pytest.MonkeyPatch) -> None:
     target = "gcs_tools.identify.command.identify"
     line = ("identify", "a.ulg", "b", "--system-id", "3", "--margin", "0.5", "--format", "json")
@@ -207,6 +225,10 @@ def test_options_of_before_are_refused_with_the_new_name(
         ("campaign", "quick", "--jobs", "2", "--dask", "tcp://a:1"),
         ("campaign", "quick", "--jobs", "0"),
         ("watch", "--port", "65536"),
+        ("watch", "--foxglove", "65536"),
+        ("export",),
+        ("export", "a"),
+        ("export", "a", "--tlog", "--foxglove"),
         ("identify",),
         ("identify", "a", "--margin", "0"),
         ("contract", "solve", *C),

@@ -21,6 +21,8 @@ from onboard.planning.closed_form import cruise
 from onboard.planning.planner import NoPlan, Planner
 from onboard.planning.problem import Envelope
 from onboard.recording.journal import Journal
+from onboard.recording.messages import PlanRecord, StateRecord, as_json
+from onboard.recording.state import state_of
 from tests.status_texts import status_texts
 
 EPOCH_UNIX_S = 1_790_000_000.0
@@ -539,9 +541,9 @@ def test_garbage_on_both_sides_is_counted_and_changes_nothing(cruising: Rig) -> 
         cruising.autonomy.receive_detection(payload, cruising.now_s)
     cruising.autonomy.receive_mavlink(bytes(range(256)) * 4, cruising.now_s)
     cruising.run(0.5)
-    dropped = cruising.autonomy.snapshot(cruising.now_s)["dropped"]
-    assert dropped["frames_malformed"] == 5
-    assert dropped["mavlink_garbage_bytes"] > 0
+    dropped = state_of(cruising.autonomy, cruising.now_s).dropped
+    assert dropped.frames_malformed == 5
+    assert dropped.mavlink_garbage_bytes > 0
     assert cruising.phase is Phase.CRUISE
 
 
@@ -596,9 +598,9 @@ def test_a_body_that_turns_fast_places_nothing_new(cruising: Rig) -> None:
 def test_state_is_json_from_the_first_tick(rig: Rig) -> None:
     journal = Journal(rig.autonomy, timed=False)
     rig.autonomy.tick(0.0)
-    record = next(record for record in journal.collect(0.0) if record.topic == "state")
-    assert record.time_unix_s == EPOCH_UNIX_S
-    assert json.loads(json.dumps(record.payload, allow_nan=False))["phase"] == "standby"
+    state = next(record for record in journal.collect(0.0) if isinstance(record, StateRecord))
+    assert state.time_s == EPOCH_UNIX_S
+    assert json.loads(as_json(state))["phase"] == "standby"
 
 
 def test_defect_of_ours_ends_in_hover_not_in_silence(
@@ -763,19 +765,21 @@ def test_handed_back_just_before_a_region_it_is_flown_round_at_once(
     rig.run(0.5)
     rig.mode = OFFBOARD
     journal = Journal(rig.autonomy, timed=False)
-    plans: list[dict[str, Any]] = []
+    plans: list[PlanRecord] = []
 
     def arrived() -> bool:
         records = journal.collect(rig.now_s)
-        plans.extend(record.payload for record in records if record.topic == "plan")
+        plans.extend(record for record in records if isinstance(record, PlanRecord))
         return rig.phase in (Phase.ARRIVED, Phase.HOLD)
 
     rig.run(40.0, until=arrived)
     assert rig.phase is Phase.ARRIVED
     assert plans
     for plan in plans:
-        assert plan["end_s"] - plan["start_s"] < 12.0
-        assert len(plan["path_ned_m"]) < 130
+        assert plan.start_s is not None
+        assert plan.end_s is not None
+        assert plan.end_s - plan.start_s < 12.0
+        assert len(plan.path_ned_m) < 130
 
 
 def test_a_leg_that_begins_inside_a_known_region_is_flown(contract: Contract) -> None:

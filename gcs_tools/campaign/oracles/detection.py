@@ -19,12 +19,12 @@ def detected_in_time(evidence: Evidence) -> Iterator[str]:
         names, bound_s = bound
         passing = fault.kind != "tick_stall" and (fault.duration_s or math.inf) <= bound_s
         exposed = [
-            state["phase"] in FLYING
+            state.phase in FLYING
             for state in evidence.states
-            if began_s <= state["time_s"] <= began_s + bound_s
+            if began_s <= state.time_s <= began_s + bound_s
         ]
         # A flight that ended sooner was not exposed for long enough.
-        whole = evidence.states[-1]["time_s"] >= began_s + bound_s
+        whole = evidence.states[-1].time_s >= began_s + bound_s
         if (
             not passing
             and whole
@@ -38,6 +38,6 @@ def detected_in_time(evidence: Evidence) -> Iterator[str]:
 def _noticed(evidence: Evidence, assumptions: frozenset[str], until_s: float) -> bool:
     """Tell whether one was reported by then; each is reported once, so earlier reports count."""
     return any(
-        event["data"].get("assumption", event["name"]) in assumptions and event["time_s"] <= until_s
-        for event in evidence.flight.topic("/events")
+        event.data.get("assumption", event.name) in assumptions and event.time_s <= until_s
+        for event in evidence.flight.events
     )

@@ -3,18 +3,22 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
-from typing import Any, Final
+from typing import Final, TypeVar
 
 from gcs_tools.campaign.generator.case import FlightCase
 from gcs_tools.logs.flight_log import Log
 from gcs_tools.logs.result import Result
 from onboard.contract.assessment import TICK_S
+from onboard.recording.messages import StateRecord
 
 FLYING: Final = frozenset({"cruise", "avoid"})
 ROUND_OFF: Final = 1e-6
+
+_Value = TypeVar("_Value")
 
 
 @dataclass(frozen=True)
@@ -41,24 +45,35 @@ class Evidence:
         return not self.case.scenario.faults and not self.result.violations
 
     @property
-    def states(self) -> list[dict[str, Any]]:
+    def states(self) -> Sequence[StateRecord]:
         """The service's state in every tick."""
-        return self.flight.topic("/state")
+        return self.flight.states
 
     @cached_property
     def true_tracking_error_m(self) -> float:
         """Largest horizontal distance of the true position from the reference while flying."""
         return max(
             (
-                math.dist(state["reference_position_ned_m"][:2], truth["position_ned_m"][:2])
-                for state, truth in zip(self.states, self.truth.topic("/truth"), strict=True)
-                if state["phase"] in FLYING and state["reference_position_ned_m"] is not None
+                math.dist(state.reference_position_ned_m[:2], truth.position_ned_m[:2])
+                for state, truth in zip(self.states, self.truth.truths, strict=True)
+                if state.phase in FLYING and state.reference_position_ned_m is not None
             ),
             default=0.0,
         )
 
 
-def in_leg(vector_ned: list[float] | tuple[float, ...], heading_rad: float) -> tuple[float, float]:
+def given(value: _Value | None) -> _Value:
+    """Return a value that every state has while the service flies.
+
+    Raises:
+        ValueError: it is missing.
+    """
+    if value is None:
+        raise ValueError("a state in flight lacks its reference")
+    return value
+
+
+def in_leg(vector_ned: Sequence[float], heading_rad: float) -> tuple[float, float]:
     """Turn north and east into along and across a leg; further components are ignored."""
     cosine, sine = math.cos(heading_rad), math.sin(heading_rad)
     north, east = vector_ned[:2]
@@ -76,6 +91,6 @@ def onset_s(evidence: Evidence, phase: str | None, entry: int, start_s: float) -
     """
     states = evidence.states
     if phase is None:
-        return float(states[0]["time_s"]) - TICK_S + start_s
-    entries = [b["time_s"] for a, b in pairwise(states) if a["phase"] != phase == b["phase"]]
-    return float(entries[entry - 1]) + start_s if len(entries) >= entry else None
+        return states[0].time_s - TICK_S + start_s
+    entries = [b.time_s for a, b in pairwise(states) if a.phase != phase == b.phase]
+    return entries[entry - 1] + start_s if len(entries) >= entry else None

@@ -8,6 +8,7 @@ from typing import Final
 
 from gcs_tools.campaign.generator.faults import DISPLACING
 from gcs_tools.campaign.oracles.evidence import Evidence, onset_s
+from onboard.events import EventName
 from sitl.virtual.faults.schema import Fault
 
 # Without a motor a quadrotor falls; no software can bring it to a defined end.
@@ -30,11 +31,11 @@ def no_surprise(evidence: Evidence) -> Iterator[str]:
     faults = case.scenario.faults
     if faults and all(_began_in_standby(evidence, fault) for fault in faults):
         return  # the service was not in control, and monitored nothing
-    ticks = zip(evidence.states, evidence.truth.topic("/truth"), strict=True)
-    hit_s = next(state["time_s"] for state, truth in ticks if truth["collisions"])
+    ticks = zip(evidence.states, evidence.truth.truths, strict=True)
+    hit_s = next(state.time_s for state, truth in ticks if truth.collisions)
     alarmed = any(
-        event["name"] in {"violation", "suspicion"} and event["time_s"] <= hit_s
-        for event in evidence.flight.topic("/events")
+        event.name in {EventName.VIOLATION, EventName.SUSPICION} and event.time_s <= hit_s
+        for event in evidence.flight.events
     )
     if not alarmed:
         yield f"{result.collisions} collision(s) without an alarm before"
@@ -43,7 +44,7 @@ def no_surprise(evidence: Evidence) -> Iterator[str]:
 def _began_in_standby(evidence: Evidence, fault: Fault) -> bool:
     """Tell whether a fault began while the service was not in control."""
     began_s = onset_s(evidence, fault.phase, fault.entry, fault.start_s)
-    since = (s["phase"] for s in evidence.states if began_s is not None and s["time_s"] >= began_s)
+    since = (s.phase for s in evidence.states if began_s is not None and s.time_s >= began_s)
     return next(since, "") == "standby"
 
 
@@ -52,11 +53,11 @@ def no_exception(evidence: Evidence) -> Iterator[str]:
 
     A motion of its own that does not certify counts, too, unless nothing is promised of the flight.
     """
-    for event in evidence.flight.topic("/events"):
-        if event["name"] != "violation" or event["data"]["assumption"] != "self_check":
+    for event in evidence.flight.events:
+        if event.name != EventName.VIOLATION or event.data["assumption"] != "self_check":
             continue
-        if event["data"]["unit"] == "exceptions" or evidence.case.covered:
-            yield f"exception in the service: {event['text']}"
+        if event.data["unit"] == "exceptions" or evidence.case.covered:
+            yield f"exception in the service: {event.text}"
 
 
 def defined_end(evidence: Evidence) -> Iterator[str]:
@@ -81,7 +82,7 @@ def met_expectation(evidence: Evidence) -> Iterator[str]:
 
 def bounded_memory(evidence: Evidence) -> Iterator[str]:
     """The service does not accumulate obstacles without bound."""
-    known = max((state["obstacles_known"] for state in evidence.states), default=0)
+    known = max((state.obstacles_known for state in evidence.states), default=0)
     limit = KNOWN_OBSTACLES_MAX + _ghosts_max(evidence)
     if known > limit:
         yield f"{known} obstacles are remembered, expected at most {limit}"
@@ -92,5 +93,5 @@ def _ghosts_max(evidence: Evidence) -> int:
     scenario, states = evidence.case.scenario, evidence.states
     if not any(fault.kind == "detections_ghost" for fault in scenario.faults):
         return 0
-    lasted_s: float = states[-1]["time_s"] - states[0]["time_s"]
+    lasted_s = states[-1].time_s - states[0].time_s
     return math.ceil(lasted_s * sum(sensor.rate_hz for sensor in scenario.plant.sensors))

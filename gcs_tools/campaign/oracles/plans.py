@@ -23,9 +23,9 @@ _ROOM_TOLERANCE_M: Final = 0.01
 
 def certified_plans(evidence: Evidence) -> Iterator[str]:
     """Every plan that is flown has a valid certificate."""
-    for plan in evidence.flight.topic("/plan"):
-        if not plan["certificate"]["valid"]:
-            yield f"plan {plan['kind']} round {plan['obstacle']} flown without a valid certificate"
+    for plan in evidence.flight.plans:
+        if not plan.certificate.valid:
+            yield f"plan {plan.kind} round {plan.obstacle} flown without a valid certificate"
 
 
 def plan_not_expired(evidence: Evidence) -> Iterator[str]:
@@ -35,27 +35,27 @@ def plan_not_expired(evidence: Evidence) -> Iterator[str]:
     """
     if any(fault.kind in ("daemon_dead", "tick_stall") for fault in evidence.case.scenario.faults):
         return
-    plans = iter(evidence.flight.topic("/plan"))
+    plans = iter(evidence.flight.plans)
     plan, upcoming = None, next(plans, None)
     for state in evidence.states:
-        while upcoming is not None and upcoming["time_s"] <= state["time_s"] + ROUND_OFF:
+        while upcoming is not None and upcoming.time_s <= state.time_s + ROUND_OFF:
             plan, upcoming = upcoming, next(plans, None)
-        if state["phase"] != "avoid":
+        if state.phase != "avoid":
             continue
         if plan is None:
             yield "avoidance without a plan"
-        elif state["time_s"] > plan["end_s"] + TICK_S + ROUND_OFF:
-            yield f"setpoint sent {state['time_s'] - plan['end_s']:.2f} s after its plan expired"
+        elif plan.end_s is not None and state.time_s > plan.end_s + TICK_S + ROUND_OFF:
+            yield f"setpoint sent {state.time_s - plan.end_s:.2f} s after its plan expired"
 
 
 def plans_in_region(evidence: Evidence) -> Iterator[str]:
     """An avoidance plan never leaves the region of its obstacle (the paper's G_roi)."""
-    for plan in evidence.flight.topic("/plan"):
-        if plan["kind"] == "brake":
+    for plan in evidence.flight.plans:
+        if plan.kind == "brake":
             continue
-        outside_m = _outside_m(np.array(plan["path_ned_m"])[:, :2], np.array(plan["region_ned_m"]))
+        outside_m = _outside_m(np.array(plan.path_ned_m)[:, :2], np.array(plan.region_ned_m))
         if outside_m > BORDER_M:
-            yield f"plan {plan['kind']} leaves its region by {outside_m:.3f} m"
+            yield f"plan {plan.kind} leaves its region by {outside_m:.3f} m"
 
 
 def _outside_m(points_ned_m: FloatArray, corners_ned_m: FloatArray) -> float:
@@ -83,10 +83,10 @@ def entered_in_time(evidence: Evidence) -> Iterator[str]:
     contract, heading_rad = evidence.case.scenario.contract, _heading_rad(evidence)
     if not evidence.undisturbed:
         return
-    for plan in evidence.flight.topic("/plan"):
-        corners_m = [in_leg(corner, heading_rad) for corner in plan["keep_out_ned_m"]]
+    for plan in evidence.flight.plans:
+        corners_m = [in_leg(corner, heading_rad) for corner in plan.keep_out_ned_m]
         face_m = min(ahead_m for ahead_m, _ in corners_m)
-        front_m = min(in_leg(corner, heading_rad)[0] for corner in plan["region_ned_m"])
+        front_m = min(in_leg(corner, heading_rad)[0] for corner in plan.region_ned_m)
         width_m = max(aside_m for _, aside_m in corners_m) - min(y_m for _, y_m in corners_m)
         required_m = _room_required_m(contract, width_m)
         if face_m - front_m < required_m - _ROOM_TOLERANCE_M:

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from itertools import pairwise
 from typing import Final
 
-from gcs_tools.campaign.oracles.evidence import FLYING, ROUND_OFF, Evidence, in_leg
+from gcs_tools.campaign.oracles.evidence import FLYING, ROUND_OFF, Evidence, given, in_leg
 from gcs_tools.campaign.oracles.plans import BORDER_M
 from onboard.contract.agility import GRAVITY_MPS2
 
@@ -31,10 +31,10 @@ def setpoints_in_limits(evidence: Evidence) -> Iterator[str]:
     tan_roll = math.tan(math.radians(vehicle.roll_max_deg))
     thrust_mps2 = vehicle.thrust_to_weight * GRAVITY_MPS2
     for state in evidence.states:
-        asked = state["reference_acceleration_ned_mps2"]
-        if asked is None or state["phase"] not in FLYING:
+        asked = state.reference_acceleration_ned_mps2
+        if asked is None or state.phase not in FLYING:
             continue
-        along_mps2, across_mps2 = in_leg(asked, state["leg_heading_rad"])
+        along_mps2, across_mps2 = in_leg(asked, given(state.leg_heading_rad))
         lift_mps2 = GRAVITY_MPS2 - asked[2]
         if (
             abs(along_mps2) > tan_pitch * lift_mps2 + ROUND_OFF
@@ -43,19 +43,19 @@ def setpoints_in_limits(evidence: Evidence) -> Iterator[str]:
         ):
             yield (
                 f"setpoint asks for {along_mps2:.3f} m/s² along and {across_mps2:.3f} m/s² across, "
-                f"in {state['phase']}"
+                f"in {state.phase}"
             )
 
 
 def continuous_reference(evidence: Evidence) -> Iterator[str]:
     """From tick to tick, the reference moves no farther than its velocity allows."""
     for before, after in pairwise(evidence.states):
-        here_m, there_m = before["reference_position_ned_m"], after["reference_position_ned_m"]
-        if {before["phase"], after["phase"]} <= FLYING and None not in (here_m, there_m):
+        here_m, there_m = before.reference_position_ned_m, after.reference_position_ned_m
+        if {before.phase, after.phase} <= FLYING and here_m is not None and there_m is not None:
             speeds_mps = (
-                math.hypot(*state["reference_velocity_ned_mps"]) for state in (before, after)
+                math.hypot(*given(state.reference_velocity_ned_mps)) for state in (before, after)
             )
-            moved_m, elapsed_s = math.dist(here_m, there_m), after["time_s"] - before["time_s"]
+            moved_m, elapsed_s = math.dist(here_m, there_m), after.time_s - before.time_s
             # Plus a generous bound on the change of speed within the tick.
             if moved_m > max(speeds_mps) * elapsed_s + GRAVITY_MPS2 * elapsed_s**2 + ROUND_OFF:
                 yield f"the reference jumps by {moved_m:.3f} m in {elapsed_s:.2f} s"
@@ -67,26 +67,26 @@ def entry_condition(evidence: Evidence) -> Iterator[str]:
     fastest_mps = vehicle.cruise_speed_mps
     aside_mps = vehicle.recentring_speed_mps + ENTRY_LATERAL_MPS
     for before, after in pairwise(evidence.states):
-        if (before["phase"], after["phase"]) == ("cruise", "avoid"):
-            velocity_mps = before["reference_velocity_ned_mps"]
-            along_mps, across_mps = in_leg(velocity_mps, before["leg_heading_rad"])
+        if (before.phase, after.phase) == ("cruise", "avoid"):
+            velocity_mps = given(before.reference_velocity_ned_mps)
+            along_mps, across_mps = in_leg(velocity_mps, given(before.leg_heading_rad))
             if abs(across_mps) > aside_mps or not -1e-6 <= along_mps <= fastest_mps + 1e-6:
                 yield f"avoidance entered at {along_mps:.3f} m/s along, {across_mps:.3f} m/s across"
 
 
 def exit_condition(evidence: Evidence) -> Iterator[str]:
     """An avoidance ends outside the region and without lateral speed (post-condition)."""
-    plan, plans = None, iter(evidence.flight.topic("/plan"))
+    plan, plans = None, iter(evidence.flight.plans)
     upcoming = next(plans, None)
     for before, after in pairwise(evidence.states):
-        while upcoming is not None and upcoming["time_s"] <= before["time_s"]:
+        while upcoming is not None and upcoming.time_s <= before.time_s:
             plan, upcoming = upcoming, next(plans, None)
-        if (before["phase"], after["phase"]) != ("avoid", "cruise") or plan is None:
+        if (before.phase, after.phase) != ("avoid", "cruise") or plan is None:
             continue
-        heading_rad = before["leg_heading_rad"]
-        _, across_mps = in_leg(after["reference_velocity_ned_mps"], heading_rad)
-        ahead_m, _ = in_leg(after["reference_position_ned_m"], heading_rad)
-        border_m = max(in_leg(corner, heading_rad)[0] for corner in plan["region_ned_m"])
+        heading_rad = given(before.leg_heading_rad)
+        _, across_mps = in_leg(given(after.reference_velocity_ned_mps), heading_rad)
+        ahead_m, _ = in_leg(given(after.reference_position_ned_m), heading_rad)
+        border_m = max(in_leg(corner, heading_rad)[0] for corner in plan.region_ned_m)
         if abs(across_mps) > ENTRY_LATERAL_MPS or ahead_m < border_m - BORDER_M:
             yield (
                 f"avoidance left {border_m - ahead_m:.3f} m before the border of the region, "

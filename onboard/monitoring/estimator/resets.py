@@ -17,7 +17,7 @@ from collections import deque
 from typing import Final, NamedTuple
 
 from onboard.contract.assessment import TICK_S
-from onboard.events import Event, Severity
+from onboard.events import Event, EventData, EventName, Severity
 from onboard.monitoring.assumptions import Assumption, Violation
 from onboard.vehicle_state import Pose
 
@@ -177,8 +177,8 @@ class ResetLedger:
             f"estimator reset by ({north_m:.2f}, {east_m:.2f}, {down_m:.2f}) m: reference, plan, "
             f"{obstacles} obstacles and past poses moved along; {self._flight_m:.2f} m so far"
         )
-        data = {"shift_ned_m": reset.shift_ned_m, "flight_m": self._flight_m}
-        return Event(now_s, "estimator_reset", Severity.NOTICE, text, data)
+        data: EventData = {"shift_ned_m": reset.shift_ned_m, "flight_m": self._flight_m}
+        return Event(now_s, EventName.ESTIMATOR_RESET, Severity.NOTICE, text, data)
 
     def placements_m(self, stamp_s: float) -> list[tuple[float, float]]:
         """Return what moves boxes stated in the local frame at a time into the frame of now.

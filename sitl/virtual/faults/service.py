@@ -11,7 +11,7 @@ from onboard.files.models import Mission
 from onboard.planning.plan import Plan
 from onboard.planning.problem import AvoidanceProblem
 from onboard.planning.qp.search import QpPlanner
-from onboard.recording.writer_thread import LogGuard
+from onboard.recording.writer_thread import StopOnFirstError
 from sitl.virtual.faults.schedule import FaultSchedule
 from sitl.virtual.faults.schema import FaultKind
 from sitl.virtual.scripted_operator import Operator
@@ -65,7 +65,7 @@ class ServiceFaults:
         self._schedule = schedule
         self._mission = mission
         self._mission_changed = False
-        self._log = LogGuard()
+        self._log = StopOnFirstError()
 
     @property
     def dead(self) -> bool:
@@ -109,7 +109,7 @@ class ServiceFaults:
     def _fill_disk(self, autonomy: Autonomy, now_s: float) -> None:
         """End the log when the disk is full; simulation shortcut: until then no log is written."""
         if self._schedule.present("disk_full"):
-            self._log.do(_write_to_full_disk)
+            self._log.run(_write_to_full_disk)
         if self._log.failure is not None:
             autonomy.report_log_end(self._log.failure, now_s)
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from typing import Any
 
 import pytest
@@ -14,6 +14,7 @@ from gcs_tools.logs.flight_log import Log
 from onboard.files.models import Mission, load_contract
 from onboard.files.yaml_file import load_yaml
 from tests.gcs_tools.campaign.oracles.evidence import result
+from tests.gcs_tools.logs.raw_log import json_log
 from tests.gcs_tools.running import CONFIG
 
 BEGAN_S = 1_790_000_000.0
@@ -38,10 +39,10 @@ def document(
     states = [
         {"time_s": BEGAN_S + n / 50, "phase": "standby" if n < 50 else "cruise"} for n in range(100)
     ]
-    log = Log(
-        {"/state": states, "/events": events or []}, metadata, complete=True, problems=problems
+    log = replace(
+        json_log({"/state": states, "/events": events or []}, metadata), problems=problems
     )
-    return document_of(Flight("paper-1", log, Log({}, {}, complete=True), written))
+    return document_of(Flight("paper-1", log, Log(), written))
 
 
 def facts(**changes: Any) -> dict[str, str]:

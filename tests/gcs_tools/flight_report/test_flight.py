@@ -13,15 +13,17 @@ from gcs_tools.console.errors import CommandError
 from gcs_tools.flight_report import flight
 from gcs_tools.flight_report.flight import logs_of, read_flight
 from gcs_tools.logs.flight_log import Log
+from onboard.files.truth_record import TruthRecord
+from onboard.recording.messages import StateRecord
 
 SHA = "0123abcd"
-STATE = {"time_s": 1e9, "phase": "cruise"}
+STATE = StateRecord(time_s=1e9, phase="cruise")
 
 
 @pytest.fixture
 def logs(monkeypatch: pytest.MonkeyPatch) -> dict[str, Log]:
     """Logs by file name; a file without one is damaged."""
-    found = {"flight.mcap": Log({"/state": [STATE]}, {"clearway": {"contract_sha256": SHA}}, True)}
+    found = {"flight.mcap": Log(states=[STATE], metadata={"clearway": {"contract_sha256": SHA}})}
 
     def read(path: Path, watch: Callable[[int], None]) -> Log:
         watch(path.stat().st_size)
@@ -64,16 +66,16 @@ def test_a_flight_is_named_after_its_directory_or_its_file(
 
 
 def test_ground_truth_may_be_in_the_log_itself(logs: dict[str, Log], tmp_path: Path) -> None:
-    truth = {"time_unix_s": 1e9, "position_ned_m": [0.0, 0.0, 0.0]}
-    logs["flight.mcap"] = Log({"/state": [STATE], "/truth": [truth]}, {}, complete=True)
-    assert read_flight(files(tmp_path, "flight.mcap")).truth.topic("/truth") == [truth]
+    truth = TruthRecord(time_unix_s=1e9, position_ned_m=(0.0, 0.0, 0.0))
+    logs["flight.mcap"] = Log(states=[STATE], truths=[truth])
+    assert read_flight(files(tmp_path, "flight.mcap")).truth.truths == [truth]
 
 
 def test_a_damaged_ground_truth_is_a_problem_of_its_own(
     logs: dict[str, Log], tmp_path: Path
 ) -> None:
     read = read_flight(files(tmp_path, "flight.mcap", "truth.mcap"))
-    assert read.truth.topic("/truth") == []
+    assert read.truth.truths == ()
     assert not read.truth.complete
     (problem,) = read.truth.problems
     assert problem.endswith("truth.mcap: is not a flight log")
@@ -81,7 +83,7 @@ def test_a_damaged_ground_truth_is_a_problem_of_its_own(
 
 
 def test_reading_is_told_over_both_logs(logs: dict[str, Log], tmp_path: Path) -> None:
-    logs["truth.mcap"] = Log({}, {}, complete=True)
+    logs["truth.mcap"] = Log()
     told: list[int] = []
     read_flight(files(tmp_path, "flight.mcap", "truth.mcap"), told.append)
     assert told == [5, 10]
@@ -97,7 +99,7 @@ def test_reading_is_told_over_both_logs(logs: dict[str, Log], tmp_path: Path) ->
 def test_a_log_without_states_has_no_flight(
     logs: dict[str, Log], tmp_path: Path, metadata: dict[str, dict[str, str]], reason: str
 ) -> None:
-    logs["flight.mcap"] = Log({}, metadata, complete=True)
+    logs["flight.mcap"] = Log(metadata=metadata)
     with pytest.raises(CommandError, match=reason):
         read_flight(files(tmp_path, "flight.mcap"))
 

@@ -8,6 +8,9 @@ import pytest
 
 from gcs_tools.flight_report.induction import clause_shares, induction_steps, margins_since
 from gcs_tools.logs.flight_log import Log
+from onboard.files.truth_record import TruthRecord
+from onboard.recording.messages import ClauseMargin, Margins
+from tests.gcs_tools.logs.raw_log import json_log
 
 BEGAN_S = 1_000.0
 
@@ -22,7 +25,7 @@ def violation(offset_s: float, assumption: str) -> dict[str, Any]:
 
 
 def log(*events: dict[str, Any], plans: tuple[dict[str, Any], ...] = ()) -> Log:
-    return Log({"/events": list(events), "/plan": list(plans)}, {}, complete=True)
+    return json_log({"/events": events, "/plan": plans})
 
 
 AVOIDED = (phase(0.0, "cruise"), phase(2.0, "avoid"), phase(5.0, "cruise"))
@@ -68,7 +71,11 @@ def test_a_step_without_its_plan_is_shown_with_question_marks() -> None:
 
 def test_clearance_is_the_least_of_the_step() -> None:
     truths = [
-        {"time_unix_s": BEGAN_S + offset_s, "clearance_m": clearance_m}
+        TruthRecord(
+            time_unix_s=BEGAN_S + offset_s,
+            position_ned_m=(0.0, 0.0, 0.0),
+            clearance_m=clearance_m,
+        )
         for offset_s, clearance_m in ((1.9, 0.1), (2.0, 0.9), (3.0, 0.4), (4.0, None), (5.1, 0.2))
     ]
     (step,) = induction_steps(log(*AVOIDED), truths, BEGAN_S)
@@ -78,22 +85,23 @@ def test_clearance_is_the_least_of_the_step() -> None:
 # ---------------------------------------------------------------------------- clauses
 
 
-def clause(name: str, required: float, declared: float = 10.0) -> dict[str, Any]:
-    return {"name": name, "required": required, "declared": declared}
+def clause(name: str, required: float, declared: float = 10.0) -> ClauseMargin:
+    margin = declared - required
+    return ClauseMargin(
+        name=name, required=required, declared=declared, margin=margin, unit="m", holds=margin > 0.0
+    )
 
 
 def test_margins_of_before_the_shown_time_begin_with_it() -> None:
-    records: list[dict[str, Any]] = [
-        {"time_s": BEGAN_S + at_s, "clauses": []} for at_s in (-50.0, -1.0, 3.0)
-    ]
-    found = margins_since(Log({"/margins": records}, {}, complete=True), BEGAN_S, -1.0)
-    assert [each["time_s"] for each in found] == [-1.0, -1.0, 3.0]
+    records = [Margins(time_s=BEGAN_S + at_s, clauses=[]) for at_s in (-50.0, -1.0, 3.0)]
+    found = margins_since(Log(margins=records), BEGAN_S, -1.0)
+    assert [each.time_s for each in found] == [-1.0, -1.0, 3.0]
 
 
 def test_shares_are_steps_that_last_until_the_next_record() -> None:
     margins = [
-        {"time_s": 0.0, "clauses": [clause("thrust", 5.0), clause("stop", 2.0)]},
-        {"time_s": 4.0, "clauses": [clause("thrust", 7.5), clause("stop", 2.0)]},
+        Margins(time_s=0.0, clauses=[clause("thrust", 5.0), clause("stop", 2.0)]),
+        Margins(time_s=4.0, clauses=[clause("thrust", 7.5), clause("stop", 2.0)]),
     ]
     document = clause_shares(margins, 10.0)
     assert document["clause_times_s"] == [0.0, 4.0, 4.0, 10.0]
@@ -105,8 +113,8 @@ def test_shares_are_steps_that_last_until_the_next_record() -> None:
 
 def test_a_clause_that_comes_or_goes_has_gaps() -> None:
     margins = [
-        {"time_s": 0.0, "clauses": [clause("stop", 2.0)]},
-        {"time_s": 4.0, "clauses": [clause("wind", 3.0)]},
+        Margins(time_s=0.0, clauses=[clause("stop", 2.0)]),
+        Margins(time_s=4.0, clauses=[clause("wind", 3.0)]),
     ]
     document = clause_shares(margins, 5.0)
     assert document["clauses"] == [
@@ -116,6 +124,6 @@ def test_a_clause_that_comes_or_goes_has_gaps() -> None:
 
 
 def test_nothing_declared_has_no_share() -> None:
-    margins = [{"time_s": 0.0, "clauses": [clause("stop", 2.0, 0.0)]}]
+    margins = [Margins(time_s=0.0, clauses=[clause("stop", 2.0, 0.0)])]
     assert clause_shares(margins, 1.0)["clauses"] == []
     assert clause_shares([], 1.0) == {"clause_times_s": [], "clauses": []}

@@ -11,25 +11,29 @@ from gcs_tools.flight_report.timeline import (
     flight_states,
     height_m,
     known_columns,
+    monitors_during,
     obstacle_spans,
     path_columns,
     phase_spans,
     plan_paths,
-    recorded_during,
     since,
     truth_columns,
+    truths_during,
 )
+from onboard.files.truth_record import TruthRecord
+from onboard.recording.messages import Monitors, Obstacles, PlanRecord, Reading, StateRecord
+from tests.gcs_tools.logs.raw_log import made
 
 BEGAN_S = 1_000.0
 
 
-def state(offset_s: float, phase: str = "cruise", **more: Any) -> dict[str, Any]:
-    return {"time_s": BEGAN_S + offset_s, "phase": phase, **more}
+def state(offset_s: float, phase: str = "cruise", **more: Any) -> StateRecord:
+    return made(StateRecord, {"time_s": BEGAN_S + offset_s, "phase": phase, **more})
 
 
 def test_times_are_since_departure_to_the_millisecond() -> None:
-    assert since({"time_s": 1_001.23456}, BEGAN_S) == 1.235
-    assert since({"time_s": 999.0}, BEGAN_S) == -1.0
+    assert since(state(1.23456), BEGAN_S) == 1.235
+    assert since(state(-1.0), BEGAN_S) == -1.0
 
 
 # ---------------------------------------------------------------------------- which states
@@ -38,14 +42,14 @@ def test_times_are_since_departure_to_the_millisecond() -> None:
 def test_waiting_on_the_ground_is_left_out() -> None:
     states = [state(n / 10, armed=100 <= n < 300) for n in range(600)]
     shown = flight_states(states)
-    assert (shown[0]["time_s"], shown[-1]["time_s"]) == pytest.approx(
+    assert (shown[0].time_s, shown[-1].time_s) == pytest.approx(
         (BEGAN_S + 10.0 - 1.0, BEGAN_S + 29.9 + 1.0)
     )
 
 
 def test_airborne_counts_like_armed() -> None:
     states = [state(float(n), airborne=n == 5) for n in range(10)]
-    assert [each["time_s"] - BEGAN_S for each in flight_states(states)] == [4.0, 5.0, 6.0]
+    assert [each.time_s - BEGAN_S for each in flight_states(states)] == [4.0, 5.0, 6.0]
 
 
 def test_a_vehicle_that_never_left_is_shown_whole() -> None:
@@ -60,10 +64,12 @@ def test_times_that_run_backwards_are_shown_whole() -> None:
 
 def test_records_outside_the_shown_time_are_left_out() -> None:
     states = [state(1.0), state(3.0)]
-    records = [{"time_s": BEGAN_S + n} for n in range(5)]
-    assert [r["time_s"] - BEGAN_S for r in recorded_during(records, "time_s", states)] == [
-        1.0, 2.0, 3.0,
-    ]  # fmt: skip
+    records = [Monitors(time_s=BEGAN_S + n) for n in range(5)]
+    assert monitors_during(records, states) == records[1:4]
+    truths = [
+        TruthRecord(time_unix_s=BEGAN_S + n, position_ned_m=(0.0, 0.0, 0.0)) for n in range(5)
+    ]
+    assert truths_during(truths, states) == truths[1:4]
 
 
 def test_departure_is_when_standby_ends() -> None:
@@ -125,18 +131,21 @@ def test_detections_show_their_greatest_age() -> None:
 
 
 def test_the_daemon_s_clearance_may_be_missing() -> None:
-    monitors: list[dict[str, Any]] = [
-        {"time_s": BEGAN_S, "clearance": {"measured": 1.5}},
-        {"time_s": BEGAN_S + 1.0, "clearance": {"measured": None}},
-        {"time_s": BEGAN_S + 2.0},
+    monitors = [
+        Monitors(time_s=BEGAN_S, clearance=Reading(measured=1.5)),
+        Monitors(time_s=BEGAN_S + 1.0, clearance=Reading(measured=None)),
+        Monitors(time_s=BEGAN_S + 2.0),
     ]
     assert known_columns(monitors, BEGAN_S)["clearance_m"] == [1.5, None, None]
 
 
 def test_rotors_of_ground_truth() -> None:
+    here = (0.0, 0.0, 0.0)
     truths = [
-        {"time_unix_s": BEGAN_S, "clearance_m": 2.0, "rpm": [1.0, 2.0, 3.0, 4.0]},
-        {"time_unix_s": BEGAN_S + 1.0, "rpm": [1.0]},
+        TruthRecord(
+            time_unix_s=BEGAN_S, position_ned_m=here, clearance_m=2.0, rpm=(1.0, 2.0, 3.0, 4.0)
+        ),
+        TruthRecord(time_unix_s=BEGAN_S + 1.0, position_ned_m=here, rpm=(1.0,)),
     ]
     columns = truth_columns(truths, BEGAN_S)
     assert columns["rpm"] == [[1.0, 1.0], [2.0, None], [3.0, None], [4.0, None]]
@@ -155,10 +164,10 @@ def test_each_phase_ends_where_the_next_begins() -> None:
     ]  # fmt: skip
 
 
-def obstacles(offset_s: float, **known: float) -> dict[str, Any]:
+def obstacles(offset_s: float, **known: float) -> Obstacles:
     """A message with obstacles by name and north position of one corner."""
     boxes = [{"id": name, "measured_ned_m": [[north_m, 0.0]]} for name, north_m in known.items()]
-    return {"time_s": BEGAN_S + offset_s, "obstacles": boxes}
+    return made(Obstacles, {"time_s": BEGAN_S + offset_s, "obstacles": boxes})
 
 
 def test_an_obstacle_is_shown_from_its_first_sight_to_its_last() -> None:
@@ -182,14 +191,14 @@ def test_a_movement_below_a_millimetre_is_none() -> None:
 
 
 def test_plans_keep_their_path_and_their_end() -> None:
-    plans: list[dict[str, Any]] = [
-        {
-            "time_s": BEGAN_S + 1.0,
-            "end_s": BEGAN_S + 4.0,
-            "plan_time_ms": 7.5,
-            "path_ned_m": [[1.00049, 2.0, -4.0]],
-        },
-        {"time_s": BEGAN_S + 2.0, "end_s": None},
+    plans = [
+        PlanRecord(
+            time_s=BEGAN_S + 1.0,
+            end_s=BEGAN_S + 4.0,
+            plan_time_ms=7.5,
+            path_ned_m=[(1.00049, 2.0, -4.0)],
+        ),
+        PlanRecord(time_s=BEGAN_S + 2.0),
     ]
     first, second = plan_paths(plans, BEGAN_S)
     assert first == {

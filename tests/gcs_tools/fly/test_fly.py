@@ -203,10 +203,10 @@ def test_the_autopilot_stops_the_vehicle_when_the_daemon_is_killed(
     assert "clearway-onboard ended (SIGKILL)" in result["reason"]
     assert result["collisions"] == 0
     assert result["clearance_min_m"] > 0.0
-    truth = read_log(out / "truth.mcap").topic("/truth")
+    truth = read_log(out / "truth.mcap").truths
     # It stopped short of the first obstacle, and came down there.
-    assert truth[-1]["position_ned_m"][0] < 11.0 - 0.3
-    assert truth[-1]["position_ned_m"][2] == pytest.approx(0.0, abs=0.1)
+    assert truth[-1].position_ned_m[0] < 11.0 - 0.3
+    assert truth[-1].position_ned_m[2] == pytest.approx(0.0, abs=0.1)
     assert not is_alive(started["sitl"])
 
 

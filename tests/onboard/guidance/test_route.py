@@ -9,6 +9,7 @@ from onboard.autonomy import Autonomy
 from onboard.files.models import Contract, Mission
 from onboard.guidance.phases import Phase
 from onboard.guidance.route import Route
+from onboard.recording.state import state_of
 from tests.onboard.test_autonomy import EPOCH_UNIX_S, OFFBOARD, POSCTL, Rig, box
 
 
@@ -158,8 +159,8 @@ def test_a_hold_is_not_left_for_another_mission(cruising: Rig) -> None:
 def test_a_malformed_mission_is_counted_and_changes_nothing(cruising: Rig, payload: bytes) -> None:
     cruising.autonomy.receive_mission(payload, cruising.now_s)
     cruising.run(0.1)
-    dropped = cruising.autonomy.snapshot(cruising.now_s)["dropped"]
-    assert dropped["missions_malformed"] == 1
+    dropped = state_of(cruising.autonomy, cruising.now_s).dropped
+    assert dropped.missions_malformed == 1
     assert cruising.velocity_ned_mps[0] == pytest.approx(2.8, abs=0.01)
     assert cruising.texts("violation") == []
 

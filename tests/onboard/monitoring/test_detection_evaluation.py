@@ -19,7 +19,8 @@ from onboard.monitoring.assumptions import Assumption, Violation
 from onboard.monitoring.detection_consistency import SETTLED_AFTER_S
 from onboard.planning.closed_form import brake_to_hover
 from onboard.planning.proximity import least_room_m
-from onboard.recording.journal import Journal
+from onboard.recording.messages import as_json
+from onboard.recording.state import state_of
 from tests.onboard.conftest import CONFIG
 from tests.onboard.test_autonomy import EPOCH_UNIX_S, OFFBOARD, POSCTL, Rig, box
 
@@ -224,7 +225,7 @@ def test_a_clock_set_after_the_start_is_named_and_can_be_read_anew_on_the_ground
     rig.armed, rig.mode, rig.landed_state = False, POSCTL, 1
     rig.run(0.2)
     assert autonomy.set_epoch(EPOCH_UNIX_S)
-    assert autonomy.snapshot(rig.now_s)["detection_age_s"] is None  # by which clock?
+    assert state_of(autonomy, rig.now_s).detection_age_s is None  # by which clock?
     rig.armed, rig.mode, rig.landed_state = True, OFFBOARD, 2
     rig.run(3.0)
     assert rig.phase is Phase.CRUISE
@@ -258,7 +259,7 @@ def test_a_sensor_that_renames_its_source_is_named_with_its_successor(cruising: 
     violation = cruising.texts("violation")[0]
     assert "detection_age (front)" in violation
     assert "source 'front' silent; 'front2' is new" in violation
-    sensors = cruising.autonomy.snapshot(cruising.now_s)["sensors"]
+    sensors = json.loads(as_json(state_of(cruising.autonomy, cruising.now_s)))["sensors"]
     assert sensors["front"]["heard_age_s"] > 0.3 > sensors["front2"]["heard_age_s"]
 
 
@@ -266,8 +267,7 @@ def test_what_is_said_of_sensors_is_json_before_any_frame_could_be_used(rig: Rig
     early = rig.frame(stamp_unix_s=EPOCH_UNIX_S + 99.0)
     rig.autonomy.receive_detection(early, 0.0)
     rig.autonomy.tick(0.0)
-    (state,) = (r for r in Journal(rig.autonomy, timed=False).collect(0.0) if r.topic == "state")
-    said = json.loads(json.dumps(state.payload, allow_nan=False))["sensors"]["front"]
+    said = json.loads(as_json(state_of(rig.autonomy, 0.0)))["sensors"]["front"]
     assert said == {"age_s": None, "heard_age_s": 0.0, "stamp_ahead_s": pytest.approx(99.0)}
 
 

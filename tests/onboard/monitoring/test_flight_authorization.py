@@ -12,6 +12,7 @@ from onboard.files.json_payload import MalformedPayloadError, parse
 from onboard.files.models import Contract, Mission
 from onboard.guidance.phases import Phase
 from onboard.monitoring.flight_authorization import FlightAuthorization, FlightAuthorizationGate
+from onboard.recording.state import state_of
 from tests.onboard.test_autonomy import EPOCH_UNIX_S, OFFBOARD, Rig
 
 AGE_MAX_S = 60.0
@@ -34,12 +35,12 @@ def clearance(contract: Contract, **changes: Any) -> bytes:
 def test_it_departs_once_it_is_cleared(guarded: Rig, contract: Contract) -> None:
     guarded.run(6.0)  # first there were no detections either, and refusals are 5 s apart
     assert guarded.texts("refused")[-1] == "not leaving standby: no pre-flight check"
-    assert guarded.autonomy.snapshot(guarded.now_s)["cleared"] is False
+    assert state_of(guarded.autonomy, guarded.now_s).cleared is False
     guarded.autonomy.receive_flight_authorization(clearance(contract), guarded.now_s)
     assert guarded.phase is Phase.STANDBY
     guarded.run(0.1)
     assert "cruise" in guarded.texts("phase")[-1]
-    assert guarded.autonomy.snapshot(guarded.now_s)["cleared"] is True
+    assert state_of(guarded.autonomy, guarded.now_s).cleared is True
 
 
 @pytest.mark.parametrize(

@@ -28,8 +28,8 @@ def test_a_reset_of_the_estimate_does_not_fly_the_vehicle_aside(tmp_path: Path) 
     scenario = load_scenario(next(path for path in SCENARIOS if path.stem == "estimator_reset"))
     flight = flight_of(scenario, time_limit_s=120.0)
     fly(flight, tmp_path)
-    truths = read_log(tmp_path / "truth.mcap").topic("/truth")
-    assert max(abs(truth["position_ned_m"][1]) for truth in truths) < 1.0
+    truths = read_log(tmp_path / "truth.mcap").truths
+    assert max(abs(truth.position_ned_m[1]) for truth in truths) < 1.0
 
 
 @pytest.mark.parametrize(
@@ -45,8 +45,8 @@ def test_what_breaks_no_assumption_is_said_once(
     scenario = load_scenario(next(path for path in SCENARIOS if path.stem == scenario_name))
     flight = flight_of(scenario, time_limit_s=30.0)
     fly(flight, tmp_path)
-    events = read_log(tmp_path / "flight.mcap").topic("/events")
-    assert [e["text"] for e in events if e["name"] == event] == texts
+    events = read_log(tmp_path / "flight.mcap").events
+    assert [e.text for e in events if e.name == event] == texts
 
 
 @pytest.mark.parametrize("path", SCENARIOS, ids=lambda path: path.stem)

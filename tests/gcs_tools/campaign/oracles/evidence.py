@@ -8,11 +8,12 @@ from typing import Any
 
 from gcs_tools.campaign.generator.case import FlightCase
 from gcs_tools.campaign.oracles.evidence import Evidence
-from gcs_tools.logs.flight_log import Log
+from gcs_tools.logs.flight_log import log_of
 from gcs_tools.logs.result import Result
 from gcs_tools.scenario import Scenario, load_scenario
 from onboard.contract.assessment import TICK_S
 from sitl.virtual.faults.schema import Fault
+from tests.gcs_tools.logs.raw_log import record, truth_record
 from tests.gcs_tools.running import CONFIG
 
 BEGAN_S = 1_790_000_000.0
@@ -105,16 +106,16 @@ def flown(
             {"position_ned_m": each["reference_position_ned_m"] or [0.0] * 3, "collisions": 0}
             for each in states
         ]
-    messages = {
-        "/state": states,
-        "/plan": [plan()] if plans is None else plans,
-        "/events": events or [],
-    }
+    flight = [
+        *(record("state", each) for each in states),
+        *(record("plan", each) for each in ([plan()] if plans is None else plans)),
+        *(record("events", each) for each in events or []),
+    ]
     return Evidence(
         FlightCase(replace(scenario(), faults=faults), seed=1, **case),
         ended or result(),
-        Log(messages, {}, complete=True),
-        Log({"/truth": truths}, {}, complete=True),
+        log_of(flight),
+        log_of(truth_record({"time_unix_s": BEGAN_S, **each}) for each in truths),
         at_rest,
     )
 
