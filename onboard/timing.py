@@ -32,7 +32,7 @@ _READING_MAX_S: Final = 0.002
 def elapsed_s() -> float:
     """Return a time that is never set and, where the kernel can tell, counts suspension too.
 
-    What was heard before the computer slept must not look fresh after it.
+    Telemetry received before the computer slept must not look fresh afterwards.
     """
     if hasattr(time, "CLOCK_BOOTTIME"):
         return time.clock_gettime(time.CLOCK_BOOTTIME)
@@ -89,7 +89,7 @@ class Clock:
         return self._elapsed_s() - self._start_s
 
     def follow(self, accept: Callable[[float], bool]) -> ClockStep | None:
-        """Look for a step of the system's clock; follow it if that is accepted.
+        """Detect a step of the system's clock, and follow it if ``accept`` agrees.
 
         Args:
             accept: takes the Unix time of zero by the clock as it is now; refuses it in flight.
