@@ -16,7 +16,8 @@ from pathlib import Path
 
 from onboard.autonomy import Autonomy
 from onboard.contract.assessment import TICK_S
-from onboard.files.models import Mission, load_contract
+from onboard.files.contract_file import load_contract
+from onboard.files.mission_file import Mission
 from onboard.files.obstacle_field import ObstacleField
 from onboard.files.yaml_file import load_yaml
 from onboard.guidance.phases import Phase

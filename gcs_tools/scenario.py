@@ -10,7 +10,9 @@ from typing import Annotated, Any, Final, Literal, TypeVar
 import numpy as np
 from pydantic import BaseModel, Discriminator, Field, Tag
 
-from onboard.files.models import Contract, FilePath, Mission
+from onboard.files.contract_file import Contract
+from onboard.files.daemon_config import FilePath
+from onboard.files.mission_file import Mission
 from onboard.files.obstacle_field import Obstacle, ObstacleField, ObstacleList, load_field
 from onboard.files.yaml_file import FileError, FileModel, load_yaml, read_mapping, validate
 from onboard.mavlink.profiles.registry import profile_named

@@ -14,7 +14,9 @@ import zenoh
 
 from onboard import daemon
 from onboard.contract.assessment import assess
-from onboard.files.models import Contract, DaemonConfig, Mission
+from onboard.files.contract_file import Contract
+from onboard.files.daemon_config import DaemonConfig
+from onboard.files.mission_file import Mission
 from onboard.files.yaml_file import FileError, load_yaml
 from onboard.log_format import configure_logging
 from onboard.mavlink.link_url import LinkError

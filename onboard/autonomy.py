@@ -16,8 +16,9 @@ from typing import Final
 
 from onboard.contract.assessment import Assessment, assess
 from onboard.events import Event, EventName, Severity
+from onboard.files.contract_file import Contract, InputSet
 from onboard.files.json_payload import MalformedPayloadError, parse
-from onboard.files.models import Contract, InputSet, Mission
+from onboard.files.mission_file import Mission
 from onboard.guidance.authority import ControlAuthority
 from onboard.guidance.navigator import Navigator
 from onboard.guidance.phases import Phase

@@ -19,7 +19,9 @@ import zenoh
 
 from onboard.autonomy import Autonomy
 from onboard.contract.assessment import TICK_S
-from onboard.files.models import Contract, DaemonConfig, Mission
+from onboard.files.contract_file import Contract
+from onboard.files.daemon_config import DaemonConfig
+from onboard.files.mission_file import Mission
 from onboard.mavlink.connections import Link, open_link
 from onboard.recording.event_log import EventLog
 from onboard.recording.journal import Journal
@@ -47,17 +49,7 @@ async def run(config: DaemonConfig, contract: Contract, mission: Mission, log_pa
     """
     request_realtime_priority()
     clock = Clock()
-    autonomy = Autonomy(
-        contract,
-        mission,
-        epoch_unix_s=clock.epoch_unix_s,
-        system_id=config.mavlink.system_id,
-        telemetry_timeout_s=config.mavlink.telemetry_timeout_s,
-        input_set=config.input_set,
-        fly_outside_contract=config.fly_outside_contract,
-        preflight_age_max_s=config.preflight_age_max_s if config.require_preflight else None,
-        stopwatch=time.perf_counter,
-    )
+    autonomy = _service(config, contract, mission, clock)
     recorder: FlightRecorder | None = None
 
     def receive(data: bytes) -> None:
@@ -73,7 +65,7 @@ async def run(config: DaemonConfig, contract: Contract, mission: Mission, log_pa
         # Last: a daemon that cannot start leaves no log behind.
         recorder = stack.enter_context(FlightRecorder(log_path, _metadata(contract, mission)))
         bus = Bus(session, config.vehicle, contract)
-        bus.subscribe(autonomy, clock, mission_changes=config.accept_mission_updates)
+        bus.subscribe(autonomy, clock, accept_mission_updates=config.accept_mission_updates)
         stop = _stop_on_signals()
         freeze_gc_heap()
         log.info(
@@ -84,6 +76,20 @@ async def run(config: DaemonConfig, contract: Contract, mission: Mission, log_pa
         )
         await _serve(autonomy, link, recorder, bus, clock, stop)
     log.info("stopped")
+
+
+def _service(config: DaemonConfig, contract: Contract, mission: Mission, clock: Clock) -> Autonomy:
+    return Autonomy(
+        contract,
+        mission,
+        epoch_unix_s=clock.epoch_unix_s,
+        system_id=config.mavlink.system_id,
+        telemetry_timeout_s=config.mavlink.telemetry_timeout_s,
+        input_set=config.input_set,
+        fly_outside_contract=config.fly_outside_contract,
+        preflight_age_max_s=config.preflight_age_max_s if config.require_preflight else None,
+        stopwatch=time.perf_counter,
+    )
 
 
 def _stop_on_signals() -> asyncio.Event:
@@ -159,11 +165,11 @@ class Bus:
         key = f"{self._prefix}/contract"
         session.declare_queryable(key, lambda query: query.reply(key, payload))
 
-    def subscribe(self, autonomy: Autonomy, clock: Clock, *, mission_changes: bool) -> None:
+    def subscribe(self, autonomy: Autonomy, clock: Clock, *, accept_mission_updates: bool) -> None:
         """Pass detections, clearances and, if allowed, other missions on to the service."""
         self._pass_on("obstacles", autonomy.receive_detection, clock)
         self._pass_on("clearance", autonomy.receive_flight_authorization, clock)
-        if mission_changes:
+        if accept_mission_updates:
             self._pass_on("mission", autonomy.receive_mission, clock)
 
     def _pass_on(self, key: str, take: Callable[[bytes, float], None], clock: Clock) -> None:

@@ -18,7 +18,9 @@ import zenoh
 from gcs_tools.preflight.finding import Verdict
 from gcs_tools.preflight.live.parameters import check_parameters
 from onboard.contract.assessment import assess
-from onboard.files.models import DaemonConfig, Mission, load_contract
+from onboard.files.contract_file import load_contract
+from onboard.files.daemon_config import DaemonConfig
+from onboard.files.mission_file import Mission
 from onboard.files.yaml_file import load_yaml
 from onboard.files.zenoh_endpoints import ZenohEndpoints
 from onboard.mavlink.profiles.parameter_rules import ReportedParameters

@@ -11,7 +11,7 @@ from collections.abc import Callable
 from typing import Final, NamedTuple
 
 from onboard.contract.assessment import TICK_S
-from onboard.files.models import Contract
+from onboard.files.contract_file import Contract
 from onboard.guidance.authority import AUTOPILOT_SILENCE_S
 from onboard.monitoring.loop_overrun import TICK_OVERRUN_S
 from sitl.virtual.faults.schema import Fault

@@ -21,7 +21,7 @@ from rich.progress import (
     TimeRemainingColumn,
 )
 
-from onboard.files.models import Mission
+from onboard.files.mission_file import Mission
 
 Item = TypeVar("Item")
 

@@ -10,7 +10,7 @@ from functools import cache
 from typing import Any
 
 from gcs_tools.console.errors import CommandError
-from onboard.files.models import Contract
+from onboard.files.contract_file import Contract
 from onboard.files.yaml_file import unit_of, validate
 
 _SUGGESTIONS_MAX = 3

@@ -11,7 +11,7 @@ from rich.table import Table
 from gcs_tools.console.output import Format, write_document
 from gcs_tools.contract.document import contract_document, derived_document
 from onboard.contract.assessment import Assessment, Clause, assess
-from onboard.files.models import InputSet, load_contract
+from onboard.files.contract_file import InputSet, load_contract
 
 _QUANTITIES = {
     "collision_set_depth_m": "collision set depth D (m)",

@@ -22,7 +22,7 @@ from gcs_tools.console.output import Format, write_document
 from gcs_tools.console.progress import tracked
 from gcs_tools.contract.keys import ContractKey, contract_key
 from onboard.contract.assessment import Clause, assess
-from onboard.files.models import Contract, InputSet, load_contract
+from onboard.files.contract_file import Contract, InputSet, load_contract
 from onboard.files.yaml_file import FileError
 
 Answer = Literal["largest", "smallest", "between", "several", "always", "never"]

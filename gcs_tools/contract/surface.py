@@ -17,7 +17,7 @@ from rich.table import Table
 from gcs_tools.console.errors import CommandError
 from gcs_tools.console.output import Format, write_document, write_text
 from gcs_tools.contract.surface_grid import MARGIN, Axis, Reading, Surface, evaluate
-from onboard.files.models import InputSet, load_contract
+from onboard.files.contract_file import InputSet, load_contract
 
 FigureNumber = Literal["11", "12", "13"]
 

@@ -19,7 +19,7 @@ from gcs_tools.console.progress import tracked
 from gcs_tools.contract.keys import ContractKey, contract_key, suggestion
 from onboard.contract.arithmetic import ARRAY
 from onboard.contract.assessment import Clause, Derived, Terms, clauses, derive
-from onboard.files.models import Contract, InputSet
+from onboard.files.contract_file import Contract, InputSet
 from onboard.geometry.frames import FloatArray
 
 Reading = Literal["nominal", "inflated"]

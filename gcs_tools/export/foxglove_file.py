@@ -12,7 +12,7 @@ from gcs_tools.console.errors import CommandError
 from gcs_tools.export.foxglove_channels import foxglove_channels
 from gcs_tools.export.scene import Scene
 from gcs_tools.logs.flight_log import Log, read_log
-from onboard.files.models import Mission
+from onboard.files.mission_file import Mission
 
 
 def write_foxglove(parts: Sequence[Path], path: Path) -> tuple[int, list[str]]:

@@ -31,7 +31,8 @@ from gcs_tools.flight_report.timeline import (
 )
 from gcs_tools.logs.flight_log import Log
 from gcs_tools.logs.result import MissingValueError, Result, result_of
-from onboard.files.models import Contract, Mission
+from onboard.files.contract_file import Contract
+from onboard.files.mission_file import Mission
 from onboard.recording.messages import StateRecord
 
 

@@ -110,7 +110,11 @@ def _fly_live(
 
     with _progress(scenario, "preparing") as report:
         aborted = fly_live(
-            scenario, seed=seed, out=directory, forced=fly_outside_contract, report=report
+            scenario,
+            seed=seed,
+            out=directory,
+            fly_outside_contract=fly_outside_contract,
+            report=report,
         )
     flight, truth = _logs(directory)
     return result_of(flight, truth, seed=seed, aborted=aborted), (flight, truth)

@@ -27,7 +27,8 @@ from gcs_tools.preflight.live.bus import BusCheck
 from gcs_tools.scenario import Scenario, obstacle_list
 from gcs_tools.vehicle.connection import connected_vehicle
 from gcs_tools.vehicle.operator import Vehicle, VehicleError
-from onboard.files.models import DaemonConfig, MavlinkLink, Mission
+from onboard.files.daemon_config import DaemonConfig, MavlinkLink
+from onboard.files.mission_file import Mission
 from onboard.files.yaml_file import dump_document
 from onboard.files.zenoh_endpoints import ZenohEndpoints
 from onboard.guidance.phases import Phase
@@ -80,7 +81,7 @@ class Endpoints:
 
 
 def fly_live(
-    scenario: Scenario, *, seed: int, out: Path, forced: bool, report: Report
+    scenario: Scenario, *, seed: int, out: Path, fly_outside_contract: bool, report: Report
 ) -> str | None:
     """Fly; return why the operator aborted the flight, None if the mission ended by itself.
 
@@ -92,7 +93,9 @@ def fly_live(
         Interrupted: Ctrl-C or SIGTERM.
     """
     endpoints = Endpoints(*free_ports(4))
-    write_configuration(scenario, endpoints, seed=seed, out=out, forced=forced)
+    write_configuration(
+        scenario, endpoints, seed=seed, out=out, fly_outside_contract=fly_outside_contract
+    )
     with interruptible() as interruption, Children() as children:
         report("starting the simulation and the daemon")
         sitl, onboard = out / "sitl.yaml", out / "onboard.yaml"
@@ -100,7 +103,7 @@ def fly_live(
         children.start(
             "clearway-onboard", "onboard", "--config", str(onboard), log_path=out / "onboard.log"
         )
-        flight = _Flight(scenario, endpoints, children, forced, report)
+        flight = _Flight(scenario, endpoints, children, fly_outside_contract, report)
         return asyncio.run(_operate(flight, interruption))
 
 
@@ -111,12 +114,12 @@ class _Flight:
     scenario: Scenario
     endpoints: Endpoints
     children: Children
-    forced: bool
+    fly_outside_contract: bool
     report: Report
 
 
 def write_configuration(
-    scenario: Scenario, endpoints: Endpoints, *, seed: int, out: Path, forced: bool
+    scenario: Scenario, endpoints: Endpoints, *, seed: int, out: Path, fly_outside_contract: bool
 ) -> None:
     """Write the configuration of both processes; it refers to nothing outside the directory.
 
@@ -126,7 +129,9 @@ def write_configuration(
     models: dict[str, BaseModel] = {
         "contract": scenario.contract,
         "mission": scenario.mission,
-        "onboard": _onboard_configuration(scenario, endpoints, forced=forced),
+        "onboard": _onboard_configuration(
+            scenario, endpoints, fly_outside_contract=fly_outside_contract
+        ),
         "sitl": _sitl_configuration(scenario, endpoints, seed),
     }
     documents: dict[str, Any] = {name: _plain(model) for name, model in models.items()}
@@ -140,7 +145,7 @@ def write_configuration(
 
 
 def _onboard_configuration(
-    scenario: Scenario, endpoints: Endpoints, *, forced: bool
+    scenario: Scenario, endpoints: Endpoints, *, fly_outside_contract: bool
 ) -> DaemonConfig:
     return DaemonConfig(
         vehicle=VEHICLE_NAME,
@@ -154,8 +159,8 @@ def _onboard_configuration(
         zenoh=ZenohEndpoints(connect=(endpoints.sitl_zenoh,), listen=(endpoints.daemon_zenoh,)),
         log_directory=Path(),
         log_file=Path("flight.mcap"),
-        fly_outside_contract=forced,
-        require_preflight=not forced,
+        fly_outside_contract=fly_outside_contract,
+        require_preflight=not fly_outside_contract,
     )
 
 
@@ -221,7 +226,7 @@ async def _operate(flight: _Flight, interruption: Interruption) -> str | None:
                     vehicle, status, children, flight.scenario.mission, flight.report
                 )
                 await operator.wait_ready()
-                if not flight.forced:
+                if not flight.fly_outside_contract:
                     await _check(flight, vehicle, BusCheck(session, VEHICLE_NAME))
                 return await operator.fly()
     except zenoh.ZError as error:

@@ -21,7 +21,7 @@ from gcs_tools.preflight.field_merging import PAIRS_MAX, intersecting_pairs, mer
 from onboard.contract.arithmetic import ARRAY
 from onboard.contract.assessment import Assessment, Terms, worst_encounter
 from onboard.contract.region import dimensions
-from onboard.files.models import Mission
+from onboard.files.mission_file import Mission
 from onboard.files.obstacle_field import ObstacleField
 from onboard.geometry.box import Box
 from onboard.geometry.frames import FloatArray, LegFrame

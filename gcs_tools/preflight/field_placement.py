@@ -8,7 +8,7 @@ from itertools import pairwise
 import numpy as np
 
 from gcs_tools.preflight.field_check import FieldRule
-from onboard.files.models import Mission
+from onboard.files.mission_file import Mission
 from onboard.files.obstacle_field import ObstacleField
 from onboard.geometry.frames import FloatArray
 

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 from gcs_tools.contract.keys import ContractKey, contract_key
 from onboard.contract.assessment import Assessment, assess
-from onboard.files.models import Contract, InputSet
+from onboard.files.contract_file import Contract, InputSet
 from onboard.files.yaml_file import FileError
 
 # Keys that an operator can influence, and the words for each.

@@ -6,7 +6,8 @@ from gcs_tools.contract.keys import contract_key
 from gcs_tools.contract.solve import LARGEST_TRIED, solve
 from gcs_tools.preflight.field_check import RULES_OF_SPEED, check_field, legs_of, regions_clear
 from onboard.contract.assessment import assess
-from onboard.files.models import Contract, InputSet, Mission
+from onboard.files.contract_file import Contract, InputSet
+from onboard.files.mission_file import Mission
 from onboard.files.obstacle_field import ObstacleField
 
 # Slowest speed tried, and the resolution of the result.

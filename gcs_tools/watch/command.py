@@ -15,7 +15,7 @@ from gcs_tools.console.interruption import Interruption, interruptible
 from gcs_tools.preflight.live.bus import BusConfig, load_bus
 from gcs_tools.watch.feed import Feed
 from gcs_tools.watch.server import serving
-from onboard.files.models import DaemonConfig
+from onboard.files.daemon_config import DaemonConfig
 from onboard.files.yaml_file import FileError, load_yaml
 from onboard.recording.messages import ZENOH_KEYS
 from onboard.zenoh_session import open_session

@@ -6,7 +6,7 @@ import math
 from typing import Final
 
 from onboard.events import Event, EventData, EventName, Severity
-from onboard.files.models import Mission
+from onboard.files.mission_file import Mission
 from onboard.geometry.frames import wrap_angle
 from onboard.guidance.cruise import Cruise
 from onboard.guidance.envelope import at_rest_speed_mps

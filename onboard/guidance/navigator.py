@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from onboard.contract.assessment import Assessment
-from onboard.files.models import Mission
+from onboard.files.mission_file import Mission
 from onboard.geometry.frames import LegFrame
 from onboard.guidance.adaptation_ladder import AdaptationLadder
 from onboard.guidance.avoidance_step import AvoidanceStep, InductionPlanner

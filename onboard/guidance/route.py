@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 
-from onboard.files.models import LEG_LENGTH_MIN_M, Leg, Mission
+from onboard.files.mission_file import LEG_LENGTH_MIN_M, Leg, Mission
 from onboard.geometry.frames import LegFrame
 
 

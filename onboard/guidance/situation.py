@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 from onboard.contract.assessment import Assessment
 from onboard.event_limiter import EventLimiter
 from onboard.events import Event, EventName, Severity
-from onboard.files.models import Mission
+from onboard.files.mission_file import Mission
 from onboard.geometry.frames import LegFrame
 from onboard.guidance.envelope import envelope_of
 from onboard.guidance.phases import FlightState, Trigger, next_state

@@ -64,6 +64,7 @@ class StateRecord:
     Attributes:
         time_s: of the tick.
         phase: of the automaton, as `onboard.guidance.phases.Phase` names it.
+        state: of the automaton, finer than the phase (`onboard.guidance.phases.FlightState`).
         mode: of the autopilot, as its firmware names it.
         armed, airborne: as the autopilot reports; None while unknown.
         position_ned_m, velocity_ned_mps, roll_rad, pitch_rad, yaw_rad: newest pose.
@@ -86,6 +87,7 @@ class StateRecord:
 
     time_s: UnixTime
     phase: str = ""
+    state: str = ""
     mode: str | None = None
     armed: bool | None = None
     airborne: bool | None = None

@@ -17,6 +17,7 @@ def state_of(autonomy: Autonomy, now_s: float) -> StateRecord:
     return StateRecord(
         time_s=unix_time_s(autonomy, now_s),
         phase=navigator.phase.value,
+        state=navigator.state.value,
         mode=status.mode,
         armed=status.armed,
         airborne=status.airborne,

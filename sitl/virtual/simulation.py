@@ -20,7 +20,8 @@ from typing import Final
 
 from onboard.autonomy import Autonomy
 from onboard.contract.assessment import TICK_S
-from onboard.files.models import Contract, InputSet, Mission
+from onboard.files.contract_file import Contract, InputSet
+from onboard.files.mission_file import Mission
 from onboard.files.obstacle_field import ObstacleField
 from onboard.guidance.phases import Phase
 from onboard.planning.planner import Planner

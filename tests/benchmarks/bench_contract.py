@@ -8,7 +8,7 @@ from gcs_tools.contract.surface_grid import Axis, evaluate
 from onboard.contract.agility import AccelerationLimits
 from onboard.contract.assessment import assess
 from onboard.contract.region import boundary_depth_at
-from onboard.files.models import load_contract
+from onboard.files.contract_file import load_contract
 from onboard.geometry.box import Box
 from tests.benchmarks.measurement import Measurement, Scale, seconds_of, sized
 from tests.gcs_tools.running import CONFIG

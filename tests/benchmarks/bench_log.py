@@ -13,7 +13,7 @@ from gcs_tools.flight_report.flight import read_flight
 from gcs_tools.scenario import load_scenario
 from onboard.autonomy import Autonomy
 from onboard.contract.assessment import TICK_S
-from onboard.files.models import Leg, Mission
+from onboard.files.mission_file import Leg, Mission
 from onboard.files.obstacle_field import Obstacle, ObstacleField
 from onboard.recording.flight_log import Direction, FlightLog
 from onboard.recording.journal import Journal

@@ -12,7 +12,8 @@ from pymavlink.dialects.v20 import common as mavlink
 from onboard.autonomy import Autonomy
 from onboard.contract.assessment import TICK_S
 from onboard.events import Event
-from onboard.files.models import Contract, Mission, Requirements
+from onboard.files.contract_file import Contract, Requirements
+from onboard.files.mission_file import Mission
 from onboard.guidance.phases import Phase
 from onboard.motion.trajectory import State
 from onboard.perception.detection import DetectionFrame

@@ -24,7 +24,9 @@ from gcs_tools.export.log_parts import log_metadata
 from gcs_tools.export.tlog import write_tlog
 from gcs_tools.logs.flight_log import read_log
 from onboard.daemon import run
-from onboard.files.models import Contract, DaemonConfig, Mission, load_contract
+from onboard.files.contract_file import Contract, load_contract
+from onboard.files.daemon_config import DaemonConfig
+from onboard.files.mission_file import Mission
 from onboard.files.yaml_file import load_yaml
 from onboard.files.zenoh_endpoints import ZenohEndpoints
 from onboard.recording.recorder import FlightRecorder, LogFileError

@@ -15,7 +15,8 @@ from onboard import timing
 from onboard.autonomy import Autonomy
 from onboard.daemon import _follow_clock
 from onboard.events import Severity
-from onboard.files.models import Mission, load_contract
+from onboard.files.contract_file import load_contract
+from onboard.files.mission_file import Mission
 from onboard.files.yaml_file import load_yaml
 from onboard.monitoring.detections import DetectionMonitor
 from onboard.recording.state import state_of

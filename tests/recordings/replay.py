@@ -28,7 +28,8 @@ import onboard.autonomy
 from onboard.autonomy import Autonomy
 from onboard.contract.assessment import TICK_S
 from onboard.events import Event
-from onboard.files.models import Contract, Mission
+from onboard.files.contract_file import Contract
+from onboard.files.mission_file import Mission
 from onboard.geometry.frames import Vector
 from onboard.guidance.navigator import Navigator
 from onboard.guidance.phases import Phase

@@ -7,7 +7,7 @@ from typing import Any, Final
 
 from gcs_tools.campaign.generator.case import Extent
 from onboard.contract.assessment import Assessment, assess
-from onboard.files.models import Contract
+from onboard.files.contract_file import Contract
 
 # Far more than any contract drawn here requires.
 _AMPLE_M: Final = 1000.0

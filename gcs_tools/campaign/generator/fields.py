@@ -11,7 +11,7 @@ import numpy as np
 
 from gcs_tools.scenario import Scenario
 from onboard.contract.assessment import assess
-from onboard.files.models import Contract
+from onboard.files.contract_file import Contract
 from onboard.files.obstacle_field import Obstacle, ObstacleField
 
 Breach = Literal["larger", "closer", "range", "speed"]

@@ -36,7 +36,7 @@ from gcs_tools.campaign.generator.scenarios import (
 )
 from gcs_tools.scenario import Outcome, Scenario
 from onboard.contract.assessment import assess
-from onboard.files.models import SensorTerms, VehicleTerms
+from onboard.files.contract_file import SensorTerms, VehicleTerms
 from onboard.files.obstacle_field import Obstacle, ObstacleField
 from onboard.geometry.frames import LegFrame
 from sitl.virtual.faults.schema import Fault, FaultKind

@@ -9,7 +9,7 @@ from typing import Any, Final
 from gcs_tools.campaign.generator.contracts import flies_as_in_the_field
 from gcs_tools.campaign.generator.fields import ned_m
 from gcs_tools.scenario import Plant
-from onboard.files.models import Contract
+from onboard.files.contract_file import Contract
 from onboard.perception.placement import POSE_TIMING_S
 
 _TUNED: Final = {"PSC_JERK_XY": 20.0, "WPNAV_ACCEL": 600.0}

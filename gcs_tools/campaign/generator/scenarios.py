@@ -13,7 +13,8 @@ from gcs_tools.campaign.generator.plants import matching_plant
 from gcs_tools.preflight.command import check
 from gcs_tools.scenario import Expectation, Scenario
 from onboard.contract.assessment import assess
-from onboard.files.models import Contract, Mission
+from onboard.files.contract_file import Contract
+from onboard.files.mission_file import Mission
 from onboard.files.obstacle_field import ObstacleField
 
 # Draws are repeated until contract and field comply; more than this many are a defect here.

@@ -11,7 +11,7 @@ import numpy as np
 from gcs_tools.campaign.oracles.evidence import ROUND_OFF, Evidence, in_leg
 from onboard.contract.agility import GRAVITY_MPS2
 from onboard.contract.assessment import TICK_S
-from onboard.files.models import Contract
+from onboard.files.contract_file import Contract
 from onboard.geometry.frames import FloatArray
 
 # The service's own tolerance at the border of a region.

@@ -22,7 +22,7 @@ from gcs_tools.preflight.live.daemon import (
 )
 from gcs_tools.preflight.live.detections import Sample, check_detections
 from onboard.contract.assessment import Assessment
-from onboard.files.models import Contract
+from onboard.files.contract_file import Contract
 from onboard.files.yaml_file import load_yaml
 from onboard.files.zenoh_endpoints import ZenohEndpoints
 from onboard.monitoring.flight_authorization import FlightAuthorization

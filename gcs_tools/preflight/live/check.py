@@ -18,7 +18,7 @@ from gcs_tools.vehicle.connection import CONNECT_TIMEOUT_S, UrlError, connected_
 from gcs_tools.vehicle.operator import Vehicle, VehicleError
 from gcs_tools.vehicle.survey import survey
 from onboard.contract.assessment import Assessment
-from onboard.files.models import Mission
+from onboard.files.mission_file import Mission
 from onboard.zenoh_session import open_session
 
 # Of a complete check: ten of `survey`, and connecting, the bus, authorizing the daemon.

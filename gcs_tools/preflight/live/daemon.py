@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 from gcs_tools.preflight.finding import Finding, Verdict
 from onboard.contract.assessment import Terms
-from onboard.files.models import Contract
+from onboard.files.contract_file import Contract
 
 # How long an answer may take.
 ANSWER_TIMEOUT_S = 3.0

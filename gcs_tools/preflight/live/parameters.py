@@ -8,7 +8,7 @@ from collections.abc import Iterable, Mapping
 from gcs_tools.preflight.finding import Finding, Verdict
 from onboard.contract.agility import GRAVITY_MPS2
 from onboard.contract.assessment import Assessment
-from onboard.files.models import Mission
+from onboard.files.mission_file import Mission
 from onboard.mavlink.profiles.parameter_rules import (
     ContractDemands,
     MissionDemands,

@@ -17,7 +17,7 @@ from gcs_tools.vehicle.operator import HEALTH_TIMEOUT_S
 from gcs_tools.vehicle.query import TRIES, WAIT_S
 from gcs_tools.vehicle.survey import COUNTED, LISTEN_S, VehicleFacts
 from onboard.contract.assessment import Assessment
-from onboard.files.models import Mission
+from onboard.files.mission_file import Mission
 from onboard.guidance.departure import START_TOLERANCE_M
 from onboard.mavlink.profiles.parameter_rules import ReportedParameters
 from onboard.mavlink.profiles.profile import CONSTANT_POSITION, NEEDED_ESTIMATOR_FLAGS

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Final
 
 from onboard.autonomy import Autonomy
-from onboard.files.models import Mission
+from onboard.files.mission_file import Mission
 from onboard.planning.plan import Plan
 from onboard.planning.problem import AvoidanceProblem
 from onboard.planning.qp.search import QpPlanner

@@ -13,7 +13,7 @@ from typing import Any
 import pytest
 
 from gcs_tools.console.progress import FlightProgress
-from onboard.files.models import Leg, Mission
+from onboard.files.mission_file import Leg, Mission
 from onboard.recording.flight_log import FlightLog
 from onboard.recording.messages import StateRecord
 from tests.gcs_tools.fly.test_fly import short_scenario

@@ -8,7 +8,7 @@ import pytest
 
 from gcs_tools.contract.document import clause_document, contract_document, derived_document
 from onboard.contract.assessment import assess
-from onboard.files.models import load_contract
+from onboard.files.contract_file import load_contract
 from tests.gcs_tools.running import CONFIG
 
 PATHS = (

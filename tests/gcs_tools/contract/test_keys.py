@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from gcs_tools.console.errors import CommandError
 from gcs_tools.contract.keys import contract_key, numeric_keys, suggestion
 from onboard.contract.assessment import Terms
-from onboard.files.models import load_contract
+from onboard.files.contract_file import load_contract
 from onboard.files.yaml_file import FileError
 from tests.gcs_tools.running import CONFIG
 

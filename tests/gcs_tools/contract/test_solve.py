@@ -15,7 +15,7 @@ from gcs_tools.contract import solve as contract_solve
 from gcs_tools.contract.keys import contract_key, numeric_keys
 from gcs_tools.contract.solve import Trial, solve
 from onboard.contract.assessment import assess
-from onboard.files.models import Contract, load_contract
+from onboard.files.contract_file import Contract, load_contract
 from tests.gcs_tools.running import CONTRACTS, Clearway
 
 EXAMPLE_PATH = CONTRACTS / "precise_vehicle.yaml"

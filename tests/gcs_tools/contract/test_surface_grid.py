@@ -9,7 +9,7 @@ from gcs_tools.console.errors import CommandError
 from gcs_tools.contract import surface_grid
 from gcs_tools.contract.surface_grid import Axis, evaluate, quantity_called
 from onboard.contract.assessment import assess
-from onboard.files.models import load_contract
+from onboard.files.contract_file import load_contract
 from tests.gcs_tools.running import CONFIG
 
 CONTRACT = load_contract(CONFIG / "paper_contract.yaml")

@@ -19,7 +19,7 @@ from gcs_tools.contract.surface import FIGURES, FigureNumber, SurfaceRequest, re
 from gcs_tools.contract.surface_grid import Axis, Surface, evaluate
 from onboard.contract.arithmetic import SCALAR
 from onboard.contract.assessment import assess, clauses, derive
-from onboard.files.models import InputSet, load_contract
+from onboard.files.contract_file import InputSet, load_contract
 from tests.gcs_tools.running import CONTRACTS, Clearway
 
 EXAMPLE_PATH = CONTRACTS / "precise_vehicle.yaml"

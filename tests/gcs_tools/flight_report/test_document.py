@@ -11,7 +11,8 @@ import pytest
 from gcs_tools.flight_report.document import document_of
 from gcs_tools.flight_report.flight import Document, Flight
 from gcs_tools.logs.flight_log import Log
-from onboard.files.models import Mission, load_contract
+from onboard.files.contract_file import load_contract
+from onboard.files.mission_file import Mission
 from onboard.files.yaml_file import load_yaml
 from tests.gcs_tools.campaign.oracles.evidence import result
 from tests.gcs_tools.logs.raw_log import json_log

@@ -16,7 +16,7 @@ from gcs_tools.fly import live_flight
 from gcs_tools.fly.live_flight import Endpoints, Operator, Status, write_configuration
 from gcs_tools.scenario import Scenario, load_scenario
 from gcs_tools.vehicle.operator import Vehicle, VehicleError
-from onboard.files.models import DaemonConfig
+from onboard.files.daemon_config import DaemonConfig
 from onboard.files.yaml_file import load_yaml
 from sitl.config import load_sitl_config
 from tests.gcs_tools.running import CONFIG
@@ -33,14 +33,19 @@ def scenario(request: pytest.FixtureRequest) -> Scenario:
     return load_scenario(SCENARIOS[request.param])
 
 
-@pytest.mark.parametrize("forced", [True, False])
+@pytest.mark.parametrize("fly_outside_contract", [True, False])
 def test_both_processes_can_read_what_is_written(
-    scenario: Scenario, tmp_path: Path, *, forced: bool
+    scenario: Scenario, tmp_path: Path, *, fly_outside_contract: bool
 ) -> None:
-    write_configuration(scenario, ENDPOINTS, seed=7, out=tmp_path, forced=forced)
+    write_configuration(
+        scenario, ENDPOINTS, seed=7, out=tmp_path, fly_outside_contract=fly_outside_contract
+    )
     onboard = load_yaml(tmp_path / "onboard.yaml", DaemonConfig)
     sitl = load_sitl_config(tmp_path / "sitl.yaml")
-    assert (onboard.fly_outside_contract, onboard.require_preflight) == (forced, not forced)
+    assert (onboard.fly_outside_contract, onboard.require_preflight) == (
+        fly_outside_contract,
+        not fly_outside_contract,
+    )
     assert onboard.mavlink.url == "udpin://127.0.0.1:14540"
     assert sitl.mavlink == ("udpout://127.0.0.1:14540", "udpout://127.0.0.1:14550")
     assert onboard.zenoh.connect == sitl.zenoh.listen == (ENDPOINTS.sitl_zenoh,)
@@ -50,7 +55,7 @@ def test_both_processes_can_read_what_is_written(
 
 
 def written_parameters(scenario: Scenario, out: Path) -> dict[str, float]:
-    write_configuration(scenario, ENDPOINTS, seed=1, out=out, forced=False)
+    write_configuration(scenario, ENDPOINTS, seed=1, out=out, fly_outside_contract=False)
     document = yaml.safe_load((out / "sitl.yaml").read_text(encoding="utf-8"))
     parameters: dict[str, float] = document["parameters"]
     return parameters
@@ -77,7 +82,9 @@ def test_parameters_of_the_scenario_come_first(tmp_path: Path) -> None:
 
 def test_what_cannot_be_written_is_one_error(scenario: Scenario, tmp_path: Path) -> None:
     with pytest.raises(CommandError, match="cannot be written: "):
-        write_configuration(scenario, ENDPOINTS, seed=1, out=tmp_path / "not there", forced=False)
+        write_configuration(
+            scenario, ENDPOINTS, seed=1, out=tmp_path / "not there", fly_outside_contract=False
+        )
 
 
 class ScriptedVehicle:

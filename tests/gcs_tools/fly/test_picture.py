@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -20,45 +19,56 @@ from gcs_tools.fly.picture import (
     _title,
     draw_flight,
 )
-from gcs_tools.logs.flight_log import Log
+from gcs_tools.logs.flight_log import log_of
 from gcs_tools.scenario import load_scenario
 from onboard.files.obstacle_field import Obstacle, ObstacleField
+from onboard.files.truth_record import TruthRecord
+from onboard.recording.messages import Obstacles, StateRecord
 from tests.gcs_tools.campaign.oracles.evidence import result
+from tests.gcs_tools.logs.raw_log import made, truth_record
 from tests.gcs_tools.running import CONFIG
 
 PAPER = load_scenario(CONFIG / "paper.yaml")
 BEGAN_S = 1_790_000_000.0
 
 
-def states(*phases: str) -> list[dict[str, Any]]:
+def states(*phases: str) -> list[StateRecord]:
     return [
-        {
-            "time_s": BEGAN_S + number,
-            "phase": phase,
-            "position_ned_m": [float(number), 0.0, -4.0],
-            "reference_position_ned_m": [float(number), 0.0, -4.0],
-            "tracking_error_m": 0.05,
-        }
+        StateRecord(
+            time_s=BEGAN_S + number,
+            phase=phase,
+            position_ned_m=(float(number), 0.0, -4.0),
+            reference_position_ned_m=(float(number), 0.0, -4.0),
+            tracking_error_m=0.05,
+        )
         for number, phase in enumerate(phases)
     ]
 
 
-def truths(count: int, clearance_m: float | None = 2.0) -> list[dict[str, Any]]:
+def truths(count: int, clearance_m: float | None = 2.0) -> list[TruthRecord]:
     return [
-        {
-            "time_unix_s": BEGAN_S + number,
-            "position_ned_m": [float(number), 0.1, -4.0],
-            "clearance_m": clearance_m,
-        }
+        truth_record(
+            {
+                "time_unix_s": BEGAN_S + number,
+                "position_ned_m": [float(number), 0.1, -4.0],
+                "clearance_m": clearance_m,
+            }
+        )
         for number in range(count)
     ]
 
 
-def drawn(path: Path, flight: list[dict[str, Any]], truth: list[dict[str, Any]]) -> int:
-    region = {"id": "1", "region_ned_m": [[5, -3], [9, -3], [9, 3], [5, 3]]}
-    obstacles = [{"time_s": BEGAN_S, "obstacles": [region]}]
-    log = Log({"/state": flight, "/obstacles": obstacles}, {}, complete=True)
-    draw_flight(PAPER, log, Log({"/truth": truth}, {}, complete=True), result(), path)
+def obstacles(**region_north_m: float) -> Obstacles:
+    known = [
+        {"id": name, "region_ned_m": [[north_m, -3.0], [north_m, 3.0], [9.0, 3.0]]}
+        for name, north_m in region_north_m.items()
+    ]
+    return made(Obstacles, {"time_s": BEGAN_S, "obstacles": known})
+
+
+def drawn(path: Path, flight: list[StateRecord], truth: list[TruthRecord]) -> int:
+    log = log_of([*flight, obstacles(a=5.0)])
+    draw_flight(PAPER, log, log_of(truth), result(), path)
     assert path.read_bytes().startswith(b"\x89PNG")
     return path.stat().st_size
 
@@ -73,12 +83,12 @@ def test_a_flight_is_a_picture(tmp_path: Path) -> None:
     [
         (states("standby", "standby"), []),
         (states("cruise", "cruise"), truths(2, None)),
-        ([{**state, "position_ned_m": None} for state in states("cruise", "cruise")], truths(3)),
-        ([{**state, "reference_position_ned_m": None} for state in states("hold", "hold")], []),
+        ([replace(state, position_ned_m=None) for state in states("cruise", "cruise")], truths(3)),
+        ([replace(state, reference_position_ned_m=None) for state in states("hold", "hold")], []),
     ],
 )
 def test_a_flight_that_hardly_took_place_is_still_a_picture(
-    tmp_path: Path, flight: list[dict[str, Any]], truth: list[dict[str, Any]]
+    tmp_path: Path, flight: list[StateRecord], truth: list[TruthRecord]
 ) -> None:
     assert drawn(tmp_path / "flight.png", flight, truth) > 5_000
 
@@ -110,13 +120,8 @@ def test_phases_are_shaded_and_named_where_there_is_room() -> None:
 
 
 def test_a_region_is_drawn_as_it_was_last_known() -> None:
-    def message(north_m: float, name: str) -> dict[str, Any]:
-        return {"obstacles": [{"id": name, "region_ned_m": [[north_m, 0.0]]}]}
-
-    log = Log(
-        {"/obstacles": [message(1, "a"), message(2, "b"), message(3, "a")]}, {}, complete=True
-    )
-    assert [region.tolist() for region in _regions(log)] == [[[3.0, 0.0]], [[2.0, 0.0]]]
+    log = log_of([obstacles(a=1.0), obstacles(b=2.0), obstacles(a=3.0)])
+    assert [region[0].tolist() for region in _regions(log)] == [[3.0, -3.0], [2.0, -3.0]]
 
 
 def test_an_obstacle_is_turned_about_its_centre() -> None:
@@ -127,7 +132,7 @@ def test_an_obstacle_is_turned_about_its_centre() -> None:
 
 
 def test_a_vector_that_is_missing_is_not_a_number() -> None:
-    column = _column([{"p": [1.0, 2.0, 3.0]}, {"p": None}], "p")
+    column = _column([(1.0, 2.0, 3.0), None])
     assert column[0].tolist() == [1.0, 2.0, 3.0]
     assert all(math.isnan(value) for value in column[1])
-    assert _column([], "p").shape == (0, 3)
+    assert _column([]).shape == (0, 3)

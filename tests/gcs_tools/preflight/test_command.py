@@ -20,7 +20,8 @@ from gcs_tools.preflight.field_merging import intersecting_pairs
 from gcs_tools.preflight.finding import Verdict
 from gcs_tools.preflight.live.check import LiveRequest, check_live
 from onboard.contract.assessment import assess
-from onboard.files.models import Mission, load_contract
+from onboard.files.contract_file import load_contract
+from onboard.files.mission_file import Mission
 from onboard.files.obstacle_field import Obstacle, ObstacleField
 from onboard.geometry.box import Box
 from tests.gcs_tools.running import CONFIG, Clearway

@@ -23,7 +23,8 @@ from gcs_tools.preflight.field_check import (
     regions_clear,
 )
 from onboard.contract.assessment import assess
-from onboard.files.models import Mission, load_contract
+from onboard.files.contract_file import load_contract
+from onboard.files.mission_file import Mission
 from onboard.files.obstacle_field import Obstacle, ObstacleField
 from onboard.geometry.box import Box
 from onboard.geometry.frames import LegFrame

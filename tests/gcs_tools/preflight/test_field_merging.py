@@ -15,7 +15,7 @@ from gcs_tools.preflight.command import check
 from gcs_tools.preflight.field_check import check_field, region_extents
 from gcs_tools.preflight.field_merging import PAIRS_MAX, Merged, merge
 from onboard.contract.assessment import assess
-from onboard.files.models import load_contract
+from onboard.files.contract_file import load_contract
 from onboard.files.obstacle_field import Obstacle, ObstacleField
 from onboard.geometry.frames import FloatArray, LegFrame
 from onboard.monitoring.assumptions import measured_size_max

@@ -13,7 +13,7 @@ from gcs_tools.preflight.command import Preflight, check, print_preflight
 from gcs_tools.preflight.field_check import FieldRule
 from gcs_tools.preflight.finding import VEHICLE_IDENTITY, Finding, Verdict
 from gcs_tools.preflight.remedy import Remedy
-from onboard.files.models import load_contract
+from onboard.files.contract_file import load_contract
 from tests.gcs_tools.running import CONFIG
 
 PAPER = CONFIG / "paper_contract.yaml"

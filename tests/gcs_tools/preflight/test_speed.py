@@ -9,7 +9,8 @@ from gcs_tools.preflight import speed
 from gcs_tools.preflight.command import check
 from gcs_tools.preflight.speed import fastest_speed_mps
 from onboard.contract.assessment import assess
-from onboard.files.models import Mission, load_contract
+from onboard.files.contract_file import load_contract
+from onboard.files.mission_file import Mission
 from onboard.files.obstacle_field import Obstacle, ObstacleField, load_field
 from onboard.files.yaml_file import load_yaml
 from tests.gcs_tools.running import CONFIG

@@ -20,7 +20,7 @@ from gcs_tools.vehicle.connection import AmbiguousVehicleError, connected_vehicl
 from gcs_tools.vehicle.operator import Vehicle, VehicleError
 from gcs_tools.vehicle.query import TRIES, answer
 from onboard.contract.assessment import assess
-from onboard.files.models import load_contract
+from onboard.files.contract_file import load_contract
 from tests.gcs_tools.running import CONFIG
 from tests.gcs_tools.vehicle.fake_autopilot import (
     Behaviour,

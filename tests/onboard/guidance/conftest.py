@@ -1,6 +1,6 @@
 import pytest
 
-from onboard.files.models import Contract
+from onboard.files.contract_file import Contract
 from tests.onboard.guidance.perfect_flight import PerfectFlight, mission_to
 
 

@@ -8,7 +8,8 @@ from typing import Final
 
 from onboard.contract.assessment import TICK_S, assess
 from onboard.events import Event
-from onboard.files.models import Contract, Mission
+from onboard.files.contract_file import Contract
+from onboard.files.mission_file import Mission
 from onboard.guidance.navigator import Navigator
 from onboard.guidance.phases import FlightState
 from onboard.monitoring.assumptions import Assumption, Violation

@@ -3,7 +3,7 @@
 import pytest
 
 from onboard.contract.assessment import assess
-from onboard.files.models import Contract
+from onboard.files.contract_file import Contract
 from onboard.guidance.phases import FlightState
 from onboard.monitoring.adaptation import adapt
 from onboard.monitoring.assumptions import Assumption, Violation

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from onboard.contract.assessment import TICK_S, Assessment, assess
 from onboard.events import Event
-from onboard.files.models import Contract, load_contract
+from onboard.files.contract_file import Contract, load_contract
 from onboard.guidance.authority import (
     AUTOPILOT_SILENCE_S,
     HANDOVER_AFTER_S,

@@ -5,7 +5,7 @@ from dataclasses import replace
 import pytest
 
 from onboard.contract.assessment import TICK_S
-from onboard.files.models import Contract
+from onboard.files.contract_file import Contract
 from onboard.guidance.clear_check import ClearCheck
 from onboard.guidance.phases import FlightState
 from onboard.guidance.situation import Avoidance

@@ -5,7 +5,7 @@ from typing import Any
 import pytest
 
 from onboard.contract.assessment import TICK_S
-from onboard.files.models import load_contract
+from onboard.files.contract_file import load_contract
 from onboard.guidance.cruise import Cruise
 from onboard.guidance.phases import FlightState
 from onboard.motion.trajectory import State

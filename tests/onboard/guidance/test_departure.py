@@ -2,7 +2,7 @@
 
 import pytest
 
-from onboard.files.models import Contract
+from onboard.files.contract_file import Contract
 from onboard.guidance.departure import (
     REFUSAL_PERIOD_S,
     START_TOLERANCE_M,

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from onboard.contract.assessment import Assessment, assess, assess_terms
-from onboard.files.models import Contract
+from onboard.files.contract_file import Contract
 from onboard.guidance.envelope import (
     AT_REST_MAX_MPS,
     AT_REST_MPS,

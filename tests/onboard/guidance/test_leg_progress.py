@@ -5,7 +5,7 @@ import math
 import pytest
 
 from onboard.contract.assessment import TICK_S
-from onboard.files.models import Contract
+from onboard.files.contract_file import Contract
 from onboard.guidance.envelope import at_rest_speed_mps
 from onboard.guidance.leg_progress import HEADING_TOLERANCE_RAD
 from onboard.guidance.phases import FlightState, IllegalTransitionError, Phase

@@ -7,7 +7,7 @@ import pytest
 
 from onboard.autonomy import Autonomy
 from onboard.contract.assessment import TICK_S
-from onboard.files.models import Contract
+from onboard.files.contract_file import Contract
 from onboard.guidance import navigator as module
 from onboard.guidance.avoidance_step import AvoidanceStep
 from onboard.guidance.cruise import Cruise
@@ -151,7 +151,7 @@ def test_the_same_flight_twice_is_the_same(contract: Contract) -> None:
         flight.see(25.0, 0.2)
         flight.depart()
         flown = list(flight.states_to_arrival())
-        tracks.append((flown, [event.as_json() for event in flight.events]))
+        tracks.append((flown, list(flight.events)))
     assert tracks[0] == tracks[1]
 
 

@@ -6,7 +6,8 @@ from itertools import pairwise
 import pytest
 
 from onboard.autonomy import Autonomy
-from onboard.files.models import Contract, Mission
+from onboard.files.contract_file import Contract
+from onboard.files.mission_file import Mission
 from onboard.guidance.phases import Phase
 from onboard.guidance.route import Route
 from onboard.recording.state import state_of

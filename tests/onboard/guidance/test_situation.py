@@ -6,7 +6,7 @@ import pytest
 
 from onboard.contract.assessment import assess_terms
 from onboard.event_limiter import EVENT_PERIOD_S
-from onboard.events import Event, Severity
+from onboard.events import Event, EventName, Severity
 from onboard.guidance.envelope import envelope_of
 from onboard.guidance.phases import FlightState, IllegalTransitionError, Trigger
 from onboard.guidance.situation import Situation
@@ -68,8 +68,10 @@ def test_an_illegal_transition_changes_and_reports_nothing(situation: Situation)
 
 def test_what_may_repeat_is_reported_once_in_a_while(situation: Situation) -> None:
     for tick in range(round(EVENT_PERIOD_S / 0.5) + 1):
-        situation.emit_rarely(Event(0.5 * tick, "plan_kept", Severity.NOTICE, f"{tick}"), "a")
-        situation.emit_rarely(Event(0.5 * tick, "plan_kept", Severity.NOTICE, "b"), "b")
+        situation.emit_rarely(
+            Event(0.5 * tick, EventName.PLAN_KEPT, Severity.NOTICE, f"{tick}"), "a"
+        )
+        situation.emit_rarely(Event(0.5 * tick, EventName.PLAN_KEPT, Severity.NOTICE, "b"), "b")
     assert [event.text for event in situation.events] == ["0", "b", "10", "b"]
 
 

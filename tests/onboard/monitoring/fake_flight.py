@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 from onboard.contract.assessment import Assessment, assess
-from onboard.files.models import Contract
+from onboard.files.contract_file import Contract
 from onboard.geometry.frames import LegFrame, Vector
 from onboard.monitoring.assumptions import Assumption, Violation
 from onboard.motion.trajectory import State

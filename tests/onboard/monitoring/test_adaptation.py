@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from onboard.contract.assessment import Assessment, assess, assess_terms
-from onboard.files.models import Contract
+from onboard.files.contract_file import Contract
 from onboard.guidance.envelope import envelope_of
 from onboard.monitoring.adaptation import (
     HEADROOM,

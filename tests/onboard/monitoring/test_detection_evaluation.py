@@ -10,7 +10,8 @@ import pytest
 
 from onboard.autonomy import Autonomy
 from onboard.contract.assessment import TICK_S, assess_terms
-from onboard.files.models import Contract, Mission, load_contract
+from onboard.files.contract_file import Contract, load_contract
+from onboard.files.mission_file import Mission
 from onboard.geometry.frames import heading_displacement_m
 from onboard.guidance.clear_check import ClearCheck
 from onboard.guidance.departure import REFUSAL_PERIOD_S, Refusal, RefusalKind, RefusalReport

@@ -8,8 +8,9 @@ from typing import Any
 import pytest
 
 from onboard.autonomy import Autonomy
+from onboard.files.contract_file import Contract
 from onboard.files.json_payload import MalformedPayloadError, parse
-from onboard.files.models import Contract, Mission
+from onboard.files.mission_file import Mission
 from onboard.guidance.phases import Phase
 from onboard.monitoring.flight_authorization import FlightAuthorization, FlightAuthorizationGate
 from onboard.recording.state import state_of

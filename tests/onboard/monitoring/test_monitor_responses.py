@@ -9,7 +9,8 @@ from pymavlink.dialects.v20 import common as mavlink
 
 from onboard.autonomy import Autonomy
 from onboard.contract.agility import GRAVITY_MPS2
-from onboard.files.models import Contract, Mission, load_contract
+from onboard.files.contract_file import Contract, load_contract
+from onboard.files.mission_file import Mission
 from onboard.geometry.frames import Vector
 from onboard.guidance.phases import Phase
 from onboard.mavlink.profiles.profile import TARGET_RATE_HZ

@@ -5,7 +5,8 @@ from dataclasses import dataclass
 import pytest
 
 from onboard.autonomy import Autonomy
-from onboard.files.models import Contract, Mission
+from onboard.files.contract_file import Contract
+from onboard.files.mission_file import Mission
 from onboard.guidance.phases import Phase
 from onboard.monitoring.assumptions import Assumption, Violation
 from onboard.monitoring.response.trim import LEARNING_TIME_S

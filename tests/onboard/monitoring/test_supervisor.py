@@ -9,7 +9,7 @@ from pymavlink.dialects.v20 import common as mavlink
 
 from onboard.contract.assessment import TICK_S
 from onboard.events import Event
-from onboard.files.models import Contract
+from onboard.files.contract_file import Contract
 from onboard.mavlink.endpoint import MavlinkEndpoint
 from onboard.monitoring.assumptions import Assumption
 from onboard.monitoring.estimator.heading import POINTING_CONFIRMATION_S

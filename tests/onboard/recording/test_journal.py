@@ -12,7 +12,8 @@ import pytest
 from gcs_tools.logs.flight_log import Log, log_of
 from onboard.autonomy import Autonomy
 from onboard.contract.assessment import TICK_S
-from onboard.files.models import Contract, Mission, load_contract
+from onboard.files.contract_file import Contract, load_contract
+from onboard.files.mission_file import Mission
 from onboard.files.yaml_file import load_yaml
 from onboard.geometry.frames import LegFrame
 from onboard.motion.axis_profile import Profile, Segment

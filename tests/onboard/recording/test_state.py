@@ -9,7 +9,8 @@ from pathlib import Path
 import pytest
 
 from onboard.autonomy import Autonomy
-from onboard.files.models import Mission, load_contract
+from onboard.files.contract_file import load_contract
+from onboard.files.mission_file import Mission
 from onboard.files.yaml_file import load_yaml
 from onboard.recording.messages import StateRecord, as_json, schema_of
 from onboard.recording.state import finite, state_of, unix_time_s

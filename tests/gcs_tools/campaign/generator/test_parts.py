@@ -34,7 +34,7 @@ from gcs_tools.campaign.generator.plants import noise_max_m
 from gcs_tools.campaign.generator.scenarios import compliant_scenario, straight_mission
 from gcs_tools.preflight.command import check
 from onboard.contract.assessment import assess
-from onboard.files.models import Contract
+from onboard.files.contract_file import Contract
 from sitl.virtual.faults.schema import Fault
 
 SCENARIO = generated("nominal", 1, 0).scenario

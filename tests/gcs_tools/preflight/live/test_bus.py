@@ -16,7 +16,7 @@ from gcs_tools.console.processes import free_ports
 from gcs_tools.preflight.finding import Finding, Verdict
 from gcs_tools.preflight.live.bus import BusCheck
 from onboard.contract.assessment import assess
-from onboard.files.models import load_contract
+from onboard.files.contract_file import load_contract
 from onboard.files.zenoh_endpoints import ZenohEndpoints
 from onboard.monitoring.flight_authorization import FlightAuthorizationGate
 from onboard.zenoh_session import open_session

@@ -29,7 +29,8 @@ from gcs_tools.vehicle.clock import (
 from gcs_tools.vehicle.geofence import FenceItem, GeographicOrigin
 from gcs_tools.vehicle.survey import EstimatorStatus, VehicleFacts, version_of
 from onboard.contract.assessment import assess
-from onboard.files.models import Mission, load_contract
+from onboard.files.contract_file import load_contract
+from onboard.files.mission_file import Mission
 from onboard.mavlink.profiles.ardupilot import ARDUPILOT
 from onboard.mavlink.profiles.parameter_rules import ParameterRule, at_least, at_most
 from onboard.mavlink.profiles.profile import (

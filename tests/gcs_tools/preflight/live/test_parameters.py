@@ -22,7 +22,8 @@ from gcs_tools.preflight.live.parameters import (
 )
 from onboard.contract.agility import GRAVITY_MPS2
 from onboard.contract.assessment import Assessment, assess
-from onboard.files.models import Mission, load_contract
+from onboard.files.contract_file import load_contract
+from onboard.files.mission_file import Mission
 from onboard.mavlink.profiles.parameter_rules import (
     ParameterRule,
     ReportedParameters,

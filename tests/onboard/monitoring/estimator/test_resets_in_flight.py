@@ -5,7 +5,8 @@ from typing import Any
 import pytest
 
 from onboard.autonomy import Autonomy
-from onboard.files.models import Contract, Mission
+from onboard.files.contract_file import Contract
+from onboard.files.mission_file import Mission
 from onboard.guidance.clear_check import ClearCheck
 from onboard.guidance.phases import Phase
 from onboard.planning.planner import NoPlan, Planner

@@ -6,7 +6,7 @@ import pytest
 from pymavlink.dialects.v20 import common as mavlink
 
 from onboard.contract.assessment import TICK_S
-from onboard.files.models import Contract
+from onboard.files.contract_file import Contract
 from onboard.mavlink.endpoint import MavlinkEndpoint
 from onboard.monitoring.assumptions import Assumption
 from onboard.monitoring.response.second_commander import CONFIRMATIONS, SPAN_MIN_S

@@ -8,7 +8,7 @@ import pytest
 from pymavlink.dialects.v20 import common as mavlink
 
 from gcs_tools.scenario import load_scenario
-from onboard.files.models import Mission
+from onboard.files.mission_file import Mission
 from sitl.virtual.faults.schedule import FaultSchedule
 from sitl.virtual.faults.schema import Fault, FaultKind
 from sitl.virtual.faults.service import ServiceFaults, turned
