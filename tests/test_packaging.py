@@ -142,7 +142,7 @@ def test_the_companion_gets_nothing_of_the_ground(
         canonicalize_name(Requirement(each).name) for each in (*extras["ground"], *extras["sitl"])
     }
     assert "mavsdk" in ground
-    assert not ground & requirements.keys()
+    assert not (ground - {"jinja2"}) & requirements.keys()  # OSQP itself depends on Jinja
     done = python(companion, "-c", "import mavsdk")
     assert "No module named 'mavsdk'" in done.stderr
 

@@ -93,7 +93,7 @@ def test_what_only_looks_at_a_detection_is_not_visited(walk: Walk) -> None:
 
 def test_the_architecture_page_tells_the_walk(walk: Walk) -> None:
     page = (ROOT / "docs" / "architecture.md").read_text(encoding="utf-8")
-    missing = [module for module in walk.visited if f"`{module}`" not in page]
+    missing = [module for module in (*walk.visited, *walk.dispatching) if f"`{module}`" not in page]
     assert missing == [], "docs/architecture.md, 'The walk of a detection', does not name these"
 
 

@@ -68,7 +68,7 @@ def _handler(feed: Feed, page_bytes: bytes, host: str) -> type[BaseHTTPRequestHa
             elif route is None:
                 self.send_error(HTTPStatus.NOT_FOUND)
             else:
-                # Whoever watched has gone: nothing to do.
+                # Any client that watched has gone: nothing to do.
                 with contextlib.suppress(ConnectionError):
                     route()
 

@@ -1,6 +1,6 @@
 """Finds MAVLink frames in a stream of bytes.
 
-It resynchronises at the next byte, so corruption never discards a valid frame: pymavlink's own
+It resynchronizes at the next byte, so corruption never discards a valid frame: pymavlink's own
 parser skips the whole length that a damaged frame claims, and with it the valid frames therein.
 Decoding is pymavlink's.
 """

@@ -112,7 +112,7 @@ class AvoidanceProblem:
         coast_time_s: time for which the autopilot keeps its velocity when the setpoint stream
             stops (passive safety); 0 without that clause.
         further_keep_outs: what to stay out of besides, and may move; a plan is certified against
-            it, but not optimised for it.
+            it, but not optimized for it.
     """
 
     start: State

@@ -1,12 +1,12 @@
 """Which modules a detection visits on its way from the Zenoh payload to the setpoint's bytes.
 
 A virtual flight is traced up to its first avoidance.  On the way, the detection becomes one thing
-after another: a frame, an obstacle, a certified plan, a setpoint, bytes.  *Visited* is a module if
-one of its functions is on the call stack when such a thing is made for the first time: it has been
-handed what the detection was before, and waits for what the detection becomes.  These are the files
-to read in order to follow a detection.  Not visited are those that only look at it (the monitors),
-what was called and has returned by then (the QP's matrices, the trajectory's polynomials), and the
-rooms of formats and mathematics that everything calls (`BASE_ROOMS`).
+after another: a frame, an obstacle, a certified plan, a setpoint, bytes.  *Visited* is a module that
+makes such a thing for the first time, or that calls its maker and takes the thing from it: the files
+to read in order to follow a detection.  Modules farther out on the call stack dispatch only
+(`Walk.dispatching`).  Not visited are those that only look at it (the monitors), what was called and
+has returned by then (the QP's matrices, the trajectory's polynomials), and the rooms of formats and
+mathematics that everything calls (`BASE_ROOMS`).
 """
 
 from __future__ import annotations
@@ -53,10 +53,22 @@ class Walk:
 
     @property
     def visited(self) -> list[str]:
-        """The modules of all stations, in the order in which they are visited."""
-        inside = [module for modules in self.stations.values() for module in modules]
-        passed_on = [module for module in inside if room_of(module) not in BASE_ROOMS]
-        return list(dict.fromkeys([DAEMON, *passed_on]))
+        """The makers of all stations and their callers, in the order in which they are visited."""
+        inside = [module for modules in self._counted for module in modules[-2:]]
+        return list(dict.fromkeys([DAEMON, *inside]))
+
+    @property
+    def dispatching(self) -> list[str]:
+        """The other modules on the call stacks: they pass the call on and do not see the thing."""
+        outside = [module for modules in self._counted for module in modules[:-2]]
+        return [module for module in dict.fromkeys(outside) if module not in self.visited]
+
+    @property
+    def _counted(self) -> list[list[str]]:
+        return [
+            [module for module in modules if room_of(module) not in BASE_ROOMS]
+            for modules in self.stations.values()
+        ]
 
     @property
     def lines(self) -> int:

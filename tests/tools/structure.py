@@ -148,6 +148,7 @@ def _print_walk() -> None:
     walk = walk_of_a_detection()
     print(f"modules that a detection visits: {len(walk.visited)} (at most {WALK_MODULES_MAX})")
     print(f"  {walk.lines} lines in {', '.join(walk.visited)}")
+    print(f"  dispatched by {len(walk.dispatching)}: {', '.join(walk.dispatching)}")
     for made, modules in walk.stations.items():
         print(f"  {made}: {', '.join(modules)}")
     print(f"modules that run at all in those ticks: {len(walk.executed)}")

@@ -179,7 +179,7 @@ class TaskBatch(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class AxisProgram:
-    """One QP: minimise ``z^T P z / 2 + gradient^T z`` with the rows between bounds.
+    """One QP: minimize ``z^T P z / 2 + gradient^T z`` with the rows between bounds.
 
     Attributes:
         ends: parameters of the spline, start and end (3,).

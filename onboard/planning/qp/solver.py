@@ -30,7 +30,7 @@ class Optimum(NamedTuple):
 
 
 class QpSolver(Protocol):
-    """Minimises ``z^T P z / 2 + q^T z`` subject to ``lower <= A z <= upper``, for fixed P and A."""
+    """Minimizes ``z^T P z / 2 + q^T z`` subject to ``lower <= A z <= upper``, for fixed P and A."""
 
     def __init__(self, hessian: FloatArray, rows: FloatArray) -> None:
         """Prepare for P, positive definite, (n, n), and A, (m, n)."""
