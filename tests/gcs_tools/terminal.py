@@ -31,7 +31,7 @@ class Terminal:
         self._thread.start()
 
     def _read(self) -> None:
-        # Linux ends a terminal that nobody writes to any more with an error.
+        # Linux ends a terminal without a writer with an error.
         while True:
             try:
                 data = os.read(self._ours, 1 << 16)

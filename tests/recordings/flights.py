@@ -1,7 +1,7 @@
 """The flights that were recorded: which contract and mission they flew, and what was in the way.
 
 The flights' own logs (MCAP) name contract and mission; where there is none, the legs are read off
-the set-points that the daemon sent.
+the setpoints that the daemon sent.
 """
 
 from __future__ import annotations

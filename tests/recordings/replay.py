@@ -1,6 +1,6 @@
 """Replays what a real autopilot said through the service, without I/O.
 
-The recorded vehicle followed the set-points that were sent to it then, not those of today's
+The recorded vehicle followed the setpoints that were sent to it then, not those of today's
 service.  So the replayed service takes the recorded ones as its own reference: its monitors compare
 the vehicle with what it was really asked for, while phases, plans and answers are today's.
 
@@ -48,7 +48,7 @@ from tests.recordings.sightings import (
 from tests.recordings.synthetic import with_ardupilot_gps
 from tests.recordings.tlog import Decoder, Entry, read_tlog
 
-# A set-point older than this was the last before the stream paused.
+# A setpoint older than this was the last before the stream paused.
 _SETPOINT_AGE_MAX_S = 0.1
 _FRAME_PERIOD_S = 0.05
 # How far off each face of a box may be, as the recorded sensor declared.
@@ -57,7 +57,7 @@ _UNCERTAINTY_M = 0.1
 
 @dataclass(frozen=True)
 class Sent:
-    """A set-point as the recorded daemon sent it."""
+    """A setpoint as the recorded daemon sent it."""
 
     time_s: float
     setpoint: Setpoint
@@ -71,7 +71,7 @@ class Recording:
         epoch_unix_s: Unix time of the first entry.
         duration_s: until the last one.
         received: what reached the daemon, and when.
-        sent: the set-points that it sent.
+        sent: the setpoints that it sent.
         texts: what it said, and when.
         heard: what was received, decoded.
     """
@@ -287,7 +287,7 @@ def replay(
         sightings: what the sensor measured, if that is known.
         placed: boxes that are measured exactly, at any time.
         body: report in the body frame.
-        following: take the recorded set-points for the service's own.
+        following: take the recorded setpoints for the service's own.
     """
     with mock.patch.object(
         onboard.autonomy, "Navigator", FollowingNavigator if following else Navigator

@@ -198,7 +198,7 @@ def test_there_is_no_excerpt_that_no_test_knows() -> None:
 
 @pytest.mark.parametrize("name", FLIGHTS)
 def test_the_recorded_set_points_are_the_services_own(name: str) -> None:
-    """Each recorded set-point is found again at its time, and half way to the next."""
+    """Each recorded setpoint is found again at its time, and half way to the next."""
     recording, _ = replayed(name)
     for one, other in list(pairwise(recording.sent))[::25]:
         found = recording.setpoint_at(one.time_s)

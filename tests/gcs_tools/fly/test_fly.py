@@ -149,7 +149,7 @@ def test_live_flight_of_the_paper(tmp_path: Path) -> None:
         started = processes_of(flight)
         out, _ = flight.communicate(timeout=120.0)
     assert flight.returncode == 0, (out, screen.lines[-5:])
-    # What somebody at a terminal saw of it, and nothing else was said.
+    # What an operator at a terminal saw of it, and nothing else.
     assert screen.shares == sorted(screen.shares)
     assert max(screen.shares) > 90
     assert len(screen.estimates) > 20

@@ -57,7 +57,7 @@ WRITERS: dict[str, Callable[[Path], Path]] = {
     "copter46.BIN": centimetres,
     "flight.mcap": mcap,
 }
-# Poses every tenth of a second, and set-points of every tenth, leave this much open.
+# Poses every tenth of a second, and setpoints of every tenth, leave this much open.
 COARSE = {"echo.tlog", "copter.BIN", "copter46.BIN"}
 
 

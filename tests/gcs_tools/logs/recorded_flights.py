@@ -81,11 +81,11 @@ class Tlog:
         Args:
             system: its id.
             autopilot, mode: as its heartbeat says.
-            mask: what the set-points ignore.
-            told: whether the set-points are in the log.
+            mask: what the setpoints ignore.
+            told: whether the setpoints are in the log.
             echo_every: ticks between the autopilot's own words on them; 0 for none.
             offset_m: how far north of the others it flies.
-            target: system that the set-points are for; it itself without.
+            target: system that the setpoints are for; it itself without.
         """
         for tick, time_s in enumerate(TIMES_S.tolist()):
             if tick % 50 == 0:

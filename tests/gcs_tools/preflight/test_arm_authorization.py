@@ -22,7 +22,7 @@ CHECKED, OTHER = 1, 2
 
 
 def asks_every_second(once: list[str]) -> Callable[[FakeAutopilot], None]:
-    """Ask from the moment on that the authoriser has said that it answers."""
+    """Ask from the moment on that the authorizer has said that it answers."""
     due_s = [0.0]
 
     def stream(autopilot: FakeAutopilot) -> None:

@@ -701,7 +701,7 @@ class LostStream:
     gain_s: float
 
     def run_m(self, speed_mps: FloatArray, acceleration_mps2: FloatArray) -> FloatArray:
-        """Way made after the last set-point had this speed and forward acceleration."""
+        """Way made after the last setpoint had this speed and forward acceleration."""
         v, a, b = speed_mps, acceleration_mps2, self.brake_mps2
         if self.kind == "flies on to the last position":
             return self.gain_s * v + self.gain_s * self.held_s * a / 4.0

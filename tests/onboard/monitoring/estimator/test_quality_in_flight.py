@@ -93,7 +93,7 @@ def test_position_that_comes_back_is_hovered_at_where_the_autopilot_has_left_the
 
 
 def test_position_that_flickers_is_left_to_the_autopilot_once(rig: Rig) -> None:
-    """Neither a storm of events, nor a stream of set-points that stutters."""
+    """Neither a storm of events, nor a stream of setpoints that stutters."""
     cruising(rig)
     rig.estimator_flags = GOOD & ~0x18
     rig.run(0.2)

@@ -1,4 +1,4 @@
-"""Echoes as the two autopilots send them: ArduPilot's set-point, PX4's controller output."""
+"""Echoes as the two autopilots send them: ArduPilot's setpoint, PX4's controller output."""
 
 import math
 from collections.abc import Callable

@@ -78,8 +78,8 @@ def test_after_its_end_nothing_changes_any_more(kind: FaultKind) -> None:
     fault = Fault(kind=kind, duration_s=STEP_S * 10)
     assert frames_through(fault)[-20:] == frames_through()[-20:]
     received = zip(bytes_through(fault)[-5:], bytes_through()[-5:], strict=True)
-    for (down, up, rival), (plain_down, plain_up, _) in received:
+    for (down, up, foreign), (plain_down, plain_up, _) in received:
         # A misreported position takes longer to drift back.
         assert len(down) == len(plain_down)
         assert up == plain_up
-        assert rival == b""
+        assert foreign == b""
