@@ -11,7 +11,12 @@ import pytest
 
 ROOT = Path(__file__).parents[1]
 PACKAGES = ("onboard", "sitl", "gcs_tools", "examples")
-PAGES = (ROOT / "README.md", ROOT / "CHANGELOG.md", *(ROOT / "docs").glob("*.md"))
+PAGES = (
+    ROOT / "README.md",
+    ROOT / "CHANGELOG.md",
+    ROOT / "tests" / "recordings" / "README.md",
+    *(ROOT / "docs").glob("*.md"),
+)
 # British with -ize, as the Oxford dictionary spells.
 STEMS = (
     *("author", "discret", "final", "general", "initial", "linear", "maxim", "minim", "normal"),
@@ -22,6 +27,9 @@ RULED_OUT = {
     "write 'fix', 'satisfy'": r"\bmend(?:s|ed|ing)?\b",
     "one word: setpoint": r"\bset-points?\b",
     "spell with -ize": rf"(?<!--)\b(?:un|re)?(?:{'|'.join(STEMS)})is(?:e|ed|es|ing|ation|ations)\b",
+    "write 'of that time', 'present'": r"\bof (?:then|now)\b",
+    "write 'unusable'": r"\bas good as (?:no|not|none)\b",
+    "write 'again', 'recent'": r"\b(?:anew|of late)\b",
     "check X against Y": r"\bhold\w* (?:it|ours?|them|\w+ \w+) against\b",
 }
 
@@ -52,6 +60,9 @@ def test_nothing_ruled_out_is_written(rule: str) -> None:
         ("one word: setpoint", "the set-points end"),
         ("spell with -ize", "an uninitialised target"),
         ("spell with -ize", "arm authorisation"),
+        ("write 'of that time', 'present'", "the box of then under the terms of now"),
+        ("write 'unusable'", "as good as not seen"),
+        ("write 'again', 'recent'", "the setpoints of late"),
         ("check X against Y", "to hold ours against"),
     ],
 )

@@ -7,7 +7,8 @@ from pathlib import Path
 from typing import Literal
 
 from gcs_tools.console.errors import CommandError
-from gcs_tools.export.log_parts import FOXGLOVE_SUFFIX, log_parts
+from gcs_tools.export.log_parts import log_parts
+from gcs_tools.logs.flight_log import FOXGLOVE_SUFFIX
 
 Form = Literal["tlog", "foxglove"]
 

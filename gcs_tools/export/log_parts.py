@@ -11,10 +11,7 @@ from mcap.records import Message, Metadata
 from mcap.stream_reader import StreamReader
 
 from gcs_tools.console.errors import CommandError
-from gcs_tools.logs.flight_log import DAMAGED
-
-# What `clearway export --foxglove` writes beside a log.
-FOXGLOVE_SUFFIX: Final = ".foxglove.mcap"
+from gcs_tools.logs.flight_log import DAMAGED, FOXGLOVE_SUFFIX
 
 # ``flight.mcap``, ``flight.2.mcap``, ``flight.3.mcap``.
 _PART: Final = re.compile(r"(?P<log>.+?)(?:\.(?P<number>[0-9]+))?\.mcap")

@@ -111,7 +111,8 @@ def write_tlog(parts: Sequence[Path], path: Path) -> tuple[int, list[str]]:
     first = next(entries, None)
     if first is None:
         raise CommandError(
-            f"{parts[0]}: has no MAVLink traffic: a daemon's log has, a simulated flight's has not"
+            f"{parts[0]}: has no MAVLink traffic, expected the log of a daemon:"
+            " a flight in virtual time records none"
         )
     try:
         with path.open("wb") as file:

@@ -16,16 +16,18 @@ from gcs_tools.console.progress import FlightProgress, Report, progress_bar
 from gcs_tools.flight_report.command import write_report
 from gcs_tools.flight_report.document import document_of
 from gcs_tools.flight_report.flight import Flight
-from gcs_tools.logs.flight_log import Log, read_log
+from gcs_tools.logs.flight_log import FOXGLOVE_SUFFIX, Log, read_log
 from gcs_tools.logs.result import Result, result_of
 from gcs_tools.preflight import command as preflight
 from gcs_tools.preflight.command import Preflight
 from gcs_tools.scenario import Scenario, load_scenario
 
 DEFAULT_SCENARIO = Path(__file__).parents[2] / "config" / "paper.yaml"
+# Of a flight, and what `clearway export` has made of it.
 _OUTPUT_FILES = (
     "flight.mcap",
     "flight.tlog",
+    f"flight{FOXGLOVE_SUFFIX}",
     "truth.mcap",
     "result.json",
     "flight.png",
@@ -41,7 +43,7 @@ def fly(
 
     The scenario's expectation is reported but does not affect the return value: an expected hold is
     not an arrival.  Writes ``flight.mcap``, ``truth.mcap``, ``result.json``, ``flight.png`` and
-    ``report.html`` to the output directory; a live flight writes ``flight.tlog``, too.
+    ``report.html`` to the output directory, in place of those of an earlier flight.
 
     Args:
         path: the scenario; None for the paper's example.

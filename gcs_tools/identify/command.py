@@ -15,6 +15,7 @@ from gcs_tools.console.errors import CommandError
 from gcs_tools.console.output import Format, write_document
 from gcs_tools.identify.logs import NotALogError, read_recording
 from gcs_tools.identify.recording import Measured, measure
+from gcs_tools.logs.flight_log import FOXGLOVE_SUFFIX
 
 # Declared values are rounded up to a multiple of this.
 _RESOLUTION = 0.01
@@ -62,13 +63,17 @@ def identify(
 def _measure_directory(
     path: Path, system_id: int | None, flights: list[Measured], skipped: list[str]
 ) -> None:
-    """Measure every flight in a directory and below; files that are not logs are skipped.
+    """Measure every flight in a directory and below, once.
+
+    Files that are not logs are skipped, and so are scenes for viewers exported from a log.
 
     Raises:
         CommandError: the directory has no log with a flight.
     """
     measured, unusable = len(flights), len(skipped)
     for file in sorted(each for each in path.rglob("*") if each.is_file()):
+        if _is_exported(file):
+            continue
         try:
             flights.append(measure(read_recording(file, system_id)))
         except NotALogError:
@@ -78,6 +83,12 @@ def _measure_directory(
     if len(flights) == measured:
         first = f", first {skipped[unusable]}" if len(skipped) > unusable else ""
         raise CommandError(f"{path}: no flight log in this directory can be used{first}")
+
+
+def _is_exported(path: Path) -> bool:
+    """Tell whether a file repeats the records of the log beside it."""
+    log, suffix, _ = path.name.rpartition(FOXGLOVE_SUFFIX)
+    return bool(suffix) and path.with_name(f"{log}.mcap").exists()
 
 
 def contract_values(flights: list[Measured], margin: float) -> dict[str, float | None]:

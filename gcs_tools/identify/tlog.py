@@ -18,7 +18,7 @@ from gcs_tools.console.errors import CommandError
 from gcs_tools.identify.streams import POSES_MIN, Streams, Timeline, in_order, reference_in_order
 from onboard.files.mavlink_frames import frame_length
 from onboard.geometry.frames import FloatArray
-from onboard.mavlink.profiles.registry import OTHER, profile_of
+from onboard.mavlink.profiles.registry import OTHER, known_profiles, profile_of
 
 _STAMP: Final = struct.Struct(">Q")
 _MARKERS: Final = (mavlink.PROTOCOL_MARKER_V1, mavlink.PROTOCOL_MARKER_V2)
@@ -59,7 +59,8 @@ def streams_of_tlog(data: bytearray, source: str, system_id: int | None) -> Stre
     """
     vehicles = _vehicles(data)
     if not vehicles:
-        raise CommandError(f"{source}: no flight to measure: no HEARTBEAT of PX4 or ArduPilot")
+        known = " or ".join(each.name for each in known_profiles())
+        raise CommandError(f"{source}: no flight to measure: no HEARTBEAT of {known}")
     if system_id is not None and system_id not in vehicles:
         raise CommandError(f"{source}: no vehicle {system_id}, only {_listed(vehicles)}")
     if system_id is None:

@@ -1,1 +1,1 @@
-"""Reads the logs of a flight, and says what came of it."""
+"""Reads the logs of a flight, and derives its result."""

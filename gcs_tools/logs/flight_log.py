@@ -35,6 +35,8 @@ _OURS: Final = "clearway"
 
 # What a reader of MCAP raises on a file that is damaged or cut.
 DAMAGED: Final = (McapError, ZstdError, struct.error, ValueError, KeyError)
+# What `clearway export --foxglove` writes beside a log.
+FOXGLOVE_SUFFIX: Final = ".foxglove.mcap"
 
 # Attribute of `Log` by the type of its records.
 _ATTRIBUTES: Final[dict[type[Any], str]] = {

@@ -34,7 +34,7 @@ class Result:
     """``result.json``, key by key.
 
     Attributes:
-        outcome: ``collided`` takes precedence; ``aborted`` if the mission came to no end.
+        outcome: ``collided`` takes precedence; ``aborted`` if the mission did not end.
         reason: of the outcome.
         collisions: how often contact with an obstacle began.
         clearance_min_m: vehicle centre to nearest face, less the radius; null in open space.
@@ -162,7 +162,7 @@ def _outcome(flight: Log, collisions: int, aborted: str | None) -> tuple[Outcome
     if "arrived" in phases:
         return "arrived", "mission flown"
     reasons = filter(None, (aborted, *_texts(flight, EventName.REFUSED)))
-    return "aborted", "; ".join(reasons) or "the mission came to no end"
+    return "aborted", "; ".join(reasons) or "the mission did not end"
 
 
 def _texts(flight: Log, name: EventName) -> list[str]:

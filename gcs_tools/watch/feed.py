@@ -22,7 +22,7 @@ from onboard.recording.messages import (
 
 TRAIL_POINTS: Final = 5000
 EVENTS_KEPT: Final = 200
-# A listener that is further behind starts anew with a snapshot.
+# A listener that is further behind starts again with a snapshot.
 _BACKLOG: Final = 500
 _TYPES: Final[dict[str, type[Record]]] = {key: kind for kind, key in ZENOH_KEYS.items()}
 

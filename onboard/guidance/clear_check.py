@@ -40,7 +40,7 @@ class ClearCheck:
         planned = situation.avoidance.obstacle
         if not obstacle.confirms(planned, situation.assessment.face_error_m):
             return obstacle
-        # The box of then under the terms of now: an adapted contract may inflate it more.
+        # The planned box under the present terms: an adapted contract may inflate it more.
         region = situation.assessment.region_around(planned.measured, planned.position_error_m)
         return replace(planned, region=region)
 

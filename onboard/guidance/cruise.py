@@ -58,7 +58,7 @@ class Cruise:
             self._fallback.report_and_hold(rejected, start_s)
 
     def replan(self, state: State, now_s: float) -> None:
-        """Cruise anew from a state, since the estimate or the contract has changed."""
+        """Plan the cruise again from a state, since the estimate or the contract has changed."""
         self._situation.fire(Trigger.CRUISE_REPLANNED, now_s)
         self.fly_from(state, now_s)
 

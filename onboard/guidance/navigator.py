@@ -121,7 +121,7 @@ class Navigator:
         return departure_refusals(self.situation, pose)
 
     def fly_on_after_shift(self, violation: Violation, now_s: float) -> None:
-        """Certify anew what is flown after a `shift`; hold for the violation if that fails."""
+        """Certify again what is flown after a `shift`; hold for the violation if that fails."""
         current = self.situation.reference.current
         if self.cruising_freely and current is not None:  # aim again at the leg's end and height
             self._cruise.replan(current.sample(now_s), now_s)

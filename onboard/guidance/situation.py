@@ -127,10 +127,10 @@ class Situation:
         self.obstacles.rebuild(self.leg, self.assessment.region_around, self._merged_size_max_m)
 
     def shift(self, shift_ned_m: Vector) -> None:
-        """State everything remembered in the local frame of now, which the estimator has moved.
+        """State everything remembered in the present local frame, which the estimator has moved.
 
         What is flown and what it has been certified against move alike, so that certificates keep
-        holding.  The leg stays: it is what the mission says in the frame of now.
+        holding.  The leg stays: the mission states it in the present frame.
         """
         shift_leg_m = self.leg.vector_leg(shift_ned_m)
         self.obstacles.shift(*shift_ned_m)

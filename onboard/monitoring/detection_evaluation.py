@@ -76,7 +76,7 @@ class DetectionEvaluator:
         pose = self._poses.at(stamp_s)
         blur_by_track_m = None if frame.frame == "local_ned" else self._blurs_m(frame, stamp_s)
         if blur_by_track_m is not None and (pose is None or self._is_blurred(blur_by_track_m)):
-            # Seen, but from an unknown place: as good as not seen.
+            # Seen from an unknown place, the boxes cannot be used.
             self._counters.unplaced_frames += 1
             return
         terms = self._flight.assessment.terms
@@ -159,7 +159,7 @@ class DetectionEvaluator:
 
         What is hardly blurred counts as sharp.  Of the rest, what is known already has been seen
         better, and what is far, or seen at rest before the departure, will be: only what is new
-        and near has to be taken as it is, or makes the frame as good as none.
+        and near has to be taken as it is, or makes the frame unusable.
         """
         sharp_m = SHARP_SHARE * self._flight.assessment.terms.position_error_m
         return blurs_m(frame, self._poses.yaw_rate_radps(stamp_s), sharp_m, self._must_be_known)

@@ -72,7 +72,7 @@ class SupervisedFlight(Protocol):
         ...
 
     def fly_on_after_shift(self, violation: Violation, now_s: float) -> None:
-        """Certify anew what is flown after a `shift`; stop for the violation if that fails."""
+        """Certify again what is flown after a `shift`; stop for the violation if that fails."""
         ...
 
     def hover_at(self, pose: Pose, now_s: float) -> None:

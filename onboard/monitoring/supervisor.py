@@ -136,7 +136,8 @@ class MonitorSupervisor:
     def _respond_to_reset(self, reset: EstimatorReset, now_s: float) -> None:
         """Move what is remembered, then fly on if the contract declares the reset.
 
-        After a silence the vector is unknown: the vehicle stops, or hovers, where it is said to be.
+        After a silence the vector is unknown: the vehicle stops, or hovers, where the estimator
+        places it.
         """
         flight, pose = self._flight, self._link.pose
         assert pose is not None  # noqa: S101  a reset is seen on one

@@ -22,7 +22,7 @@ class ViolationLog:
         self._limiter = EventLimiter()
 
     def begin_flight(self) -> None:
-        """Say everything anew."""
+        """Report everything again: a flight departs."""
         self._reported.clear()
 
     def report(self, violation: Violation, now_s: float) -> None:

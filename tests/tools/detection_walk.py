@@ -1,12 +1,12 @@
 """Which modules a detection visits on its way from the Zenoh payload to the setpoint's bytes.
 
 A virtual flight is traced up to its first avoidance.  On the way, the detection becomes one thing
-after another: a frame, an obstacle, a certified plan, a setpoint, bytes.  *Visited* is a module
-that makes such a thing for the first time, or that calls its maker and takes the thing from it: the
-files to read in order to follow a detection.  Modules farther out on the call stack dispatch only
-(`Walk.dispatching`).  Not visited are those that only look at it (the monitors), what was called
-and has returned by then (the QP's matrices, the trajectory's polynomials), and the rooms of formats
-and mathematics that everything calls (`BASE_ROOMS`).
+after another: a frame, an obstacle, a certified plan, a setpoint, bytes.  A module is *visited* if
+it makes such a thing for the first time, or calls the maker and takes the thing from it: these are
+the files to read in order to follow a detection.  Modules farther out on the call stack dispatch
+only (`Walk.dispatching`).  Not visited are modules that only look at it (the monitors), modules
+that were called and have returned by then (the QP's matrices, the trajectory's polynomials), and
+the rooms of formats and mathematics that everything calls (`BASE_ROOMS`).
 """
 
 from __future__ import annotations

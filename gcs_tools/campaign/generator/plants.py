@@ -1,4 +1,4 @@
-"""Random vehicles and sensors that are as good as their contract says, in some wind."""
+"""Random vehicles and sensors that keep their contract, in some wind."""
 
 from __future__ import annotations
 

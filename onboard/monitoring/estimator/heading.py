@@ -1,4 +1,4 @@
-"""Check that the nose points where it is told to, and that the estimated heading can be believed.
+"""Check that the nose points along its command, and that the estimated heading is plausible.
 
 Nothing on board measures the true heading.  Four things contradict a wrong one: the estimate
 itself, if it differs from the commanded heading; the magnetometer, if the estimator rejects it; the
@@ -126,7 +126,7 @@ class HeadingMonitor:
     ) -> Violation | None:
         """Take the residuals of the well-known tracks in one frame from the body.
 
-        A heading that is wrong turns all of them alike, so their mean counts.  The heading of now
+        A heading that is wrong turns all of them alike, so their mean counts.  The present heading
         and the one with which the tracks were placed may each be off by the contract's error.
         """
         if not residuals:

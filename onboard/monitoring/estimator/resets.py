@@ -181,7 +181,7 @@ class ResetLedger:
         return Event(now_s, EventName.ESTIMATOR_RESET, Severity.NOTICE, text, data)
 
     def placements_m(self, stamp_s: float) -> list[tuple[float, float]]:
-        """Return what moves boxes stated in the local frame at a time into the frame of now.
+        """Return what moves boxes stated in the local frame at a time into the present one.
 
         Returns:
             Vectors north and east: one, or several where it is open which resets the

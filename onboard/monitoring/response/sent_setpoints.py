@@ -1,4 +1,4 @@
-"""The setpoints of late: what the vehicle's response is compared with."""
+"""The most recent setpoints: what the vehicle's response is compared with."""
 
 from __future__ import annotations
 

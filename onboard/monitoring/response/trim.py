@@ -36,7 +36,7 @@ class TrimEstimator:
     """Learns the trim from poses.
 
     Attributes:
-        trim_mps2: tilt as acceleration, north and east, that balances the drag of late.
+        trim_mps2: tilt as acceleration, north and east, that balances the recent drag.
         velocity_mps: over the ground, averaged like the trim.
         learnt_s: time over which it has learnt.
     """
@@ -45,7 +45,7 @@ class TrimEstimator:
         self.forget()
 
     def forget(self) -> None:
-        """Begin anew, as on the ground, whose slope is not wind."""
+        """Start again, as on the ground, where a slope must not count as wind."""
         self.trim_mps2: Horizontal = (0.0, 0.0)
         self.velocity_mps: Horizontal = (0.0, 0.0)
         self.learnt_s = 0.0

@@ -27,7 +27,7 @@ class VehicleResponse:
         link: what the autopilot reports.
 
     Attributes:
-        sent: the setpoints of late, kept up to date by what sends them.
+        sent: the most recent setpoints, kept up to date by what sends them.
         tracking_monitor: how well the vehicle follows its reference.
     """
 

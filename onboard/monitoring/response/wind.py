@@ -20,7 +20,7 @@ class WindMonitor:
     """Compares the trim, less the drag of flying, with the drag of the declared wind.
 
     Args:
-        trim: the tilt that balances the drag of late.
+        trim: the tilt that balances the recent drag.
     """
 
     def __init__(self, trim: TrimEstimator) -> None:

@@ -67,7 +67,9 @@ def test_faults_need_virtual_time(tmp_path: Path) -> None:
 
 
 def test_only_the_files_of_an_earlier_flight_are_removed(tmp_path: Path) -> None:
-    for name in ("flight.mcap", "result.json", "report.html", "notes.txt"):
+    written = ("flight.mcap", "result.json", "report.html")
+    exported = ("flight.tlog", "flight.foxglove.mcap")
+    for name in (*written, *exported, "notes.txt"):
         (tmp_path / name).touch()
     assert _prepared(tmp_path) == tmp_path
     assert [each.name for each in tmp_path.iterdir()] == ["notes.txt"]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import shutil
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -504,6 +505,17 @@ def test_every_log_of_a_directory_is_measured(clearway: Clearway, tmp_path: Path
     (skipped,) = document["skipped"]
     assert "loiter.tlog" in skipped
     assert "skipped: " in clearway("identify", tmp_path).out
+
+
+def test_an_exported_scene_is_not_measured_beside_its_log(
+    clearway: Clearway, tmp_path: Path
+) -> None:
+    log = mcap(tmp_path / "flight.mcap")
+    shutil.copy(log, tmp_path / "flight.foxglove.mcap")
+    shutil.copy(log, tmp_path / "alone.foxglove.mcap")
+    ran = clearway("identify", tmp_path, "--format", "json")
+    sources = [Path(flight["source"]).name for flight in json.loads(ran.out)["flights"]]
+    assert sources == ["alone.foxglove.mcap", "flight.mcap"]
 
 
 @pytest.mark.parametrize("loitered", [False, True])

@@ -89,6 +89,9 @@ async def viewed(
         return [found[number] for number in range(len(topics))]
     finally:
         connection.close()
+        # The socket is closed once the server has answered; what is still under way comes before.
+        while await asyncio.wait_for(connection.read_message(), _TIMEOUT_S) is not None:
+            pass
 
 
 def test_a_viewer_reads_the_scene() -> None:
