@@ -232,8 +232,9 @@ class SeenFree:
 
     def _centres(self, rows: slice, columns: slice) -> tuple[FloatArray, FloatArray]:
         size = 2 * self._half
-        xs: FloatArray = (np.arange(size)[rows] + (self._corner[0] + 0.5)) * self._cell_m
-        ys: FloatArray = (np.arange(size)[columns] + (self._corner[1] + 0.5)) * self._cell_m
+        middles = np.arange(size, dtype=np.float64) + 0.5
+        xs = (middles[rows] + self._corner[0]) * self._cell_m
+        ys = (middles[columns] + self._corner[1]) * self._cell_m
         return xs, ys
 
     def _window(self, view: View) -> tuple[slice, slice] | None:
@@ -318,7 +319,9 @@ class _Profile:
         last = np.floor((to_rad + math.pi) * scale).astype(int) + self._count
         level = np.log2(np.maximum(last - first + 1, 1)).astype(int)
         level = np.minimum(level, len(self._levels) - 1)
-        return np.minimum(self._levels[level, first], self._levels[level, last - (1 << level) + 1])
+        one, other = self._levels[level, first], self._levels[level, last - (1 << level) + 1]
+        least: FloatArray = np.minimum(one, other)
+        return least
 
 
 def _depth_profile(view: View) -> _Profile:

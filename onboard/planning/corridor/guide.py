@@ -142,8 +142,8 @@ class Guide:
         return exits
 
     def _axes(self) -> tuple[FloatArray, FloatArray]:
-        xs: FloatArray = self._corner_m[0] + CELL_M * np.arange(self._shape[0])
-        ys: FloatArray = self._corner_m[1] + CELL_M * np.arange(self._shape[1])
+        xs = self._corner_m[0] + CELL_M * np.arange(self._shape[0], dtype=np.float64)
+        ys = self._corner_m[1] + CELL_M * np.arange(self._shape[1], dtype=np.float64)
         return xs, ys
 
     def _point(self, i: int, j: int) -> tuple[float, float]:

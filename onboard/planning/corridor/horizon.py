@@ -126,15 +126,12 @@ class JerkMaps:
         nodes, free = _node_maps()
         position, velocity, acceleration = _bernstein_maps(nodes, free)
         blocks = [_points_after_start(position)]
-        blocks += [
-            _points_after_start(
-                tuple(
-                    p + k * v + c * a
-                    for p, v, a in zip(position, velocity, acceleration, strict=True)
-                )
+        for k, c in run_on.gains:
+            runs = (
+                position[0] + k * velocity[0] + c * acceleration[0],
+                position[1] + k * velocity[1] + c * acceleration[1],
             )
-            for k, c in run_on.gains
-        ]
+            blocks.append(_points_after_start(runs))
         self._speeds, self._speeds_free = _speeds_of(nodes), _speeds_of(free)
         blocks.append((self._speeds, self._speeds_free))
         blocks.append((nodes[1:-1, 2], free[1:-1, 2]))
@@ -198,8 +195,8 @@ _Maps = tuple["FloatArray", "FloatArray"]
 
 def _bernstein_maps(nodes: FloatArray, free: FloatArray) -> tuple[_Maps, _Maps, _Maps]:
     """Return the maps (n, 4, k) to the Bernstein points of position, velocity, acceleration."""
-    from_jerks, from_start = _bernstein(nodes), _bernstein(free)
-    return tuple(zip(from_jerks, from_start, strict=True))  # type: ignore[return-value]
+    (p, v, a), (p0, v0, a0) = _bernstein(nodes), _bernstein(free)
+    return (p, p0), (v, v0), (a, a0)
 
 
 def _points_after_start(maps: _Maps) -> _Maps:

@@ -236,7 +236,7 @@ class _Search:
         return self._certified(plan, "improved" if seed is not None else "guide")
 
     def along_guide(self, timed: _Timed) -> HorizonPlan | None:
-        """Plan along the guide itself, as far as it is free: perhaps another side becomes better."""
+        """Plan along the guide itself, as far as it is free: another side may be better."""
         found = self._rectangles_of(timed.points_m)
         if found is None:
             return None
