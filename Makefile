@@ -1,18 +1,18 @@
-# Two commands matter: `make fly` and `make test`. Both start from a fresh checkout.
+# The two main commands, `make fly` and `make test`, start from a fresh checkout.
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 PIP_INSTALL = $(BIN)/python -m pip install --quiet --disable-pip-version-check --no-compile --constraint constraints.txt
 
-# Dozens of processes import the same: what one of them has compiled is kept for the others.
+# Dozens of processes import the same modules: keep the bytecode that one of them compiles.
 export PYTHONDONTWRITEBYTECODE :=
 
-.PHONY: fly test test-in-any-time lint bench clean
+.PHONY: fly test test-in-any-time lint docs bench companion clean
 
 fly: $(VENV)/.ground
 	$(BIN)/clearway fly
 
-# Flights in real time need the machine to themselves; all else goes on at once before them.
+# Flights in real time need the machine to themselves; everything else runs before them, in parallel.
 test: $(VENV)/.dev
 	$(MAKE) --jobs 2 --keep-going lint test-in-any-time
 	$(BIN)/pytest -m real_time $$(grep -rl real_time tests --include='test_*.py')
@@ -23,11 +23,29 @@ test-in-any-time: $(VENV)/.dev
 lint: $(VENV)/.dev
 	$(BIN)/ruff format --check .
 	$(BIN)/ruff check .
+	$(BIN)/lint-imports --no-logo
 	$(BIN)/mypy
-	$(BIN)/mypy tests
+	$(BIN)/mypy tests examples docs/hooks.py
 
 bench: $(VENV)/.dev
 	$(BIN)/python -m tests.benchmarks $(if $(ONLY),--only $(ONLY)) --output build/bench.json
+
+# The API pages and all of docs/, for a browser, in build/site.
+docs: $(VENV)/.dev
+	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict
+
+# What the vehicle's computer needs and nothing else: the package without extras, without pip, the
+# libraries' own tests and the dialects of MAVLink 1.  Run this on the vehicle's computer.
+COMPANION ?= build/companion
+companion: | $(VENV)/bin/python
+	rm -rf build/lib build/bdist.* $(COMPANION)
+	$(PYTHON) -m venv --without-pip $(COMPANION)
+	$(BIN)/python -m pip --python $(COMPANION) install --quiet --disable-pip-version-check --no-compile \
+	    --constraint constraints.txt .
+	find $(COMPANION)/lib -type d -name tests -prune -exec rm -r {} +
+	rm -r $(COMPANION)/lib/python3*/site-packages/pymavlink/dialects/v10
+	$(COMPANION)/bin/clearway-onboard --help >/dev/null
+	du -sm $(COMPANION)
 
 $(VENV)/bin/python:
 	$(PYTHON) -m venv $(VENV)
@@ -36,8 +54,8 @@ $(VENV)/.ground: pyproject.toml constraints.txt | $(VENV)/bin/python
 	$(PIP_INSTALL) --editable '.[ground,sitl]'
 	touch $@
 
-# Packages are unpacked by two processes; what is then left to pip is little, and leaves time to
-# compile the simulator, once instead of in every test process.
+# Two processes unpack the packages; pip then has little left to do, which leaves time to compile
+# the simulator, once instead of in every test process.
 $(VENV)/.dev: pyproject.toml constraints.txt | $(VENV)/bin/python
 	grep -v '^#' constraints.txt | xargs -P 2 -n 12 $(PIP_INSTALL) --no-deps
 	$(BIN)/python -c 'from sitl.vehicle.vehicle import warm_up; warm_up()' & \
@@ -45,4 +63,4 @@ $(VENV)/.dev: pyproject.toml constraints.txt | $(VENV)/bin/python
 	touch $@ $(VENV)/.ground
 
 clean:
-	rm -rf $(VENV) build flights .pytest_cache .mypy_cache .ruff_cache .hypothesis
+	rm -rf $(VENV) build flights .pytest_cache .mypy_cache .ruff_cache .hypothesis .import_linter_cache

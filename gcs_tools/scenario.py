@@ -1,20 +1,27 @@
-"""Scenario file: all that one flight against the bundled SITL needs, and what is expected of it."""
+"""Scenario file: what one flight against the bundled SITL needs, and its expected outcome."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any, Literal, TypeVar
+from types import MappingProxyType
+from typing import Annotated, Any, Final, Literal, TypeVar
 
 import numpy as np
 from pydantic import BaseModel, Discriminator, Field, Tag
 
-from onboard.files.models import Contract, FilePath, Mission
+from onboard.files.contract_file import Contract
+from onboard.files.daemon_config import FilePath
+from onboard.files.mission_file import Mission
 from onboard.files.obstacle_field import Obstacle, ObstacleField, ObstacleList, load_field
-from onboard.files.yaml_file import FileError, FileModel, load_yaml
+from onboard.files.yaml_file import FileError, FileModel, load_yaml, read_mapping, validate
+from onboard.mavlink.profiles.registry import profile_named
 from sitl.config import SitlConfig, VehicleConfig
 from sitl.environment.sensor import SensorConfig
-from sitl.virtual.faults.schedule import Fault
+from sitl.virtual.faults.schema import Fault
+
+# Keys of an earlier version, with the keys that replaced them.
+_RENAMED_KEYS: Final = MappingProxyType({"force": "fly_outside_contract"})
 
 Outcome = Literal["arrived", "held", "collided", "aborted"]
 
@@ -49,7 +56,7 @@ class Plant(VehicleConfig):
 
 
 class Expectation(FileModel):
-    """How the flight should come out; what is null is not held against it."""
+    """The outcome that a scenario expects; keys that are null are not checked."""
 
     outcome: Outcome = "arrived"
     reason: str | None = Field(None, description="occurs in the reason of the result")
@@ -58,33 +65,35 @@ class Expectation(FileModel):
 
 
 class ScenarioFile(FileModel):
-    """A scenario as it is written (scenario.yaml)."""
+    """The content of a scenario file (scenario.yaml)."""
 
     contract: AnyContract = Field(description="contract file, or its content")
     field: AnyField = Field(description="obstacle field file (YAML or CSV), or its content")
     mission: AnyMission = Field(description="mission file, or its content")
     sitl: Plant = Field(default_factory=Plant, description="what is simulated")
     faults: Annotated[tuple[Fault, ...], Field(strict=False)] = Field(
-        (), description="what goes wrong, in virtual time"
+        (), description="faults to inject, in virtual time"
     )
     field_known: bool = Field(True, description="the pre-flight check knows the field")
-    force: bool = Field(False, description="fly although the pre-flight check refuses; for tests")
+    fly_outside_contract: bool = Field(
+        False, description="fly even if the pre-flight check refuses; for tests"
+    )
     expect: Expectation = Field(default_factory=lambda: Expectation.model_validate({}))
 
 
 @dataclass(frozen=True)
 class Scenario:
-    """A scenario with everything that it refers to.
+    """A scenario with the content of every file that it names.
 
     Attributes:
         name: of the file, without its suffix.
         contract, mission: what the daemon is given.
-        obstacles: what stands in the way.
+        obstacles: the field.
         plant: what is simulated.
-        faults: what goes wrong.
+        faults: injected in virtual time.
         field_known: whether the pre-flight check knows the field.
-        force: fly although the pre-flight check refuses.
-        expect: how the flight should come out.
+        fly_outside_contract: fly even if the pre-flight check refuses.
+        expect: the expected outcome.
     """
 
     name: str
@@ -94,7 +103,7 @@ class Scenario:
     plant: Plant
     faults: tuple[Fault, ...]
     field_known: bool
-    force: bool
+    fly_outside_contract: bool
     expect: Expectation
 
     def sitl_config(self, **live: Any) -> SitlConfig:
@@ -105,11 +114,13 @@ class Scenario:
         where it is pinned, is the contract's.
         """
         plant = self.plant.model_dump()
-        timeout_s = self.contract.vehicle.setpoint_loss_timeout_s
-        parameters = {"GUID_TIMEOUT": timeout_s}
-        if self.plant.flavour == "px4":
-            altitude_m = self.mission.altitude_m
-            parameters = {"MIS_TAKEOFF_ALT": altitude_m, "COM_OF_LOSS_T": timeout_s}
+        profile = profile_named(self.plant.flavour)
+        parameters: dict[str, float] = {}
+        if (height_parameter := profile.take_off.height_parameter) is not None:
+            parameters[height_parameter] = self.mission.altitude_m
+        if profile.parameters is not None:
+            timeout_s = self.contract.vehicle.setpoint_loss_timeout_s
+            parameters[profile.parameters.setpoint_timeout] = timeout_s
         plant["parameters"] = parameters | self.plant.parameters
         if plant["tracking"]["error_m"] is None:
             plant["tracking"]["error_m"] = self.contract.vehicle.tracking_error_m
@@ -122,7 +133,11 @@ def load_scenario(path: Path) -> Scenario:
     Raises:
         FileError: one of the files is missing or not usable.
     """
-    written = load_yaml(path, ScenarioFile)
+    document = read_mapping(path)
+    for old, new in _RENAMED_KEYS.items():
+        if old in document:
+            raise FileError(f"{path}: {old} was renamed: use {new}")
+    written = validate(document, ScenarioFile, source=str(path))
     base = path.parent
     scenario = Scenario(
         name=path.stem,
@@ -132,7 +147,7 @@ def load_scenario(path: Path) -> Scenario:
         plant=written.sitl,
         faults=written.faults,
         field_known=written.field_known,
-        force=written.force,
+        fly_outside_contract=written.fly_outside_contract,
         expect=written.expect,
     )
     _require_mission_start(scenario, path)

@@ -1,4 +1,4 @@
-"""``clearway schema``: JSON Schemas, so that editors complete and check Clearway's files."""
+"""``clearway schema``: writes JSON Schemas, with which editors complete and check the files."""
 
 from __future__ import annotations
 
@@ -12,7 +12,9 @@ from pydantic.json_schema import GenerateJsonSchema
 from gcs_tools.console.errors import CommandError
 from gcs_tools.preflight.live.bus import BusConfig
 from gcs_tools.scenario import ScenarioFile
-from onboard.files.models import Contract, DaemonConfig, Mission
+from onboard.files.contract_file import Contract
+from onboard.files.daemon_config import DaemonConfig
+from onboard.files.mission_file import Mission
 from onboard.files.obstacle_field import ObstacleList
 from sitl.config import SitlConfig
 

@@ -7,17 +7,20 @@ import asyncio
 import logging
 import sys
 import time
+from importlib.metadata import version
 from pathlib import Path
 
 import zenoh
 
 from onboard import daemon
 from onboard.contract.assessment import assess
-from onboard.files.models import Contract, DaemonConfig, Mission
+from onboard.files.contract_file import Contract
+from onboard.files.daemon_config import DaemonConfig
+from onboard.files.mission_file import Mission
 from onboard.files.yaml_file import FileError, load_yaml
 from onboard.log_format import configure_logging
 from onboard.mavlink.link_url import LinkError
-from onboard.recording.flight_logs import LogFileError
+from onboard.recording.recorder import LogFileError
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -27,6 +30,7 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument(
         "--log-format", choices=("text", "json"), help="of messages; default: the file's log_format"
     )
+    parser.add_argument("--version", action="version", version=f"%(prog)s {version('clearway')}")
     options = parser.parse_args(arguments)
     try:
         config = load_yaml(options.config, DaemonConfig)

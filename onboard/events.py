@@ -1,15 +1,16 @@
-"""What the service tells the operator, the log and Zenoh."""
+"""What the service reports to the operator, the log and Zenoh."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, field
-from enum import IntEnum
-from typing import Any
+from enum import IntEnum, StrEnum
+
+from pydantic import JsonValue
+from typing_extensions import TypedDict  # pydantic refuses that of `typing` before Python 3.12
 
 
 class Severity(IntEnum):
-    """MAV_SEVERITY, as far as it is used."""
+    """MAV_SEVERITY, the levels in use (https://mavlink.io/en/messages/common.html)."""
 
     CRITICAL = 2
     ERROR = 3
@@ -18,29 +19,82 @@ class Severity(IntEnum):
     INFO = 6
 
 
+class EventName(StrEnum):
+    """Every kind of event; the value is its name in the log and on Zenoh."""
+
+    ADAPTED = "adapted"
+    CERTIFICATE = "certificate"
+    CLOCK_STEP = "clock_step"
+    ESTIMATOR_RESET = "estimator_reset"
+    FAILSAFE = "failsafe"
+    HANDED_OVER = "handed_over"
+    HOLD_REPLANNED = "hold_replanned"
+    LOG_ENDED = "log_ended"
+    MERGED = "merged"
+    MISSION_CHANGED = "mission_changed"
+    MISSION_REFUSED = "mission_refused"
+    PHASE = "phase"
+    PLAN_KEPT = "plan_kept"
+    POST_CONDITION = "post_condition"
+    PRE_CONDITION = "pre_condition"
+    REFUSED = "refused"
+    REPLANNED = "replanned"
+    SUSPICION = "suspicion"
+    VIOLATION = "violation"
+
+
+class RefusalReason(TypedDict):
+    """One reason for not leaving STANDBY."""
+
+    kind: str
+    subject: str
+    text: str
+
+
+# The numbers behind an event; which keys it has depends on its name.  Functional, since ``from`` is
+# a keyword.
+EventData = TypedDict(
+    "EventData",
+    {
+        # violation
+        "assumption": str,
+        "measured": float | None,
+        "limit": float,
+        "unit": str,
+        "subject": str,
+        # phase
+        "from": str,
+        "to": str,
+        "trigger": str,
+        # estimator_reset
+        "shift_ned_m": tuple[float, float, float],
+        "flight_m": float,
+        # mission_changed
+        "mission": dict[str, JsonValue],
+        # refused
+        "reasons": list[RefusalReason],
+        # clock_step
+        "step_s": float,
+        "followed": bool,
+    },
+    total=False,
+)
+
+
 @dataclass(frozen=True)
 class Event:
-    """Something that an operator should be able to read about afterwards.
+    """One event.
 
     Attributes:
-        time_s: when, on the service's clock.
-        name: what kind, for machines.
+        time_s: on the service's clock.
+        name: what kind, for programs.
         severity: how bad.
-        text: one line for people.
-        data: the numbers behind it; JSON values only.
+        text: one line for the operator.
+        data: the numbers behind it.
     """
 
     time_s: float
-    name: str
+    name: EventName
     severity: Severity
     text: str
-    data: Mapping[str, Any] = field(default_factory=dict)
-
-    def as_json(self) -> dict[str, Any]:
-        """Return the event as it is published and logged, but for its time."""
-        return {
-            "name": self.name,
-            "severity": self.severity.name.lower(),
-            "text": self.text,
-            "data": dict(self.data),
-        }
+    data: EventData = field(default_factory=EventData)

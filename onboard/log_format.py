@@ -1,4 +1,4 @@
-"""How the daemon's own messages look: lines for people, or JSON for programs that collect them."""
+"""Formats the daemon's own messages: as lines for people, or as JSON for log collectors."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ from onboard.message_thread import MessageThread
 
 LogFormat = Literal["text", "json"]
 
-# What comes from outside, such as an obstacle's id, must not begin a line of its own.
+# Text from outside, such as an obstacle's id, must not begin a line of its own.
 _CONTROL: Final = {
     code: f"\\u{code:04x}" for code in (*range(0x20), *range(0x7F, 0xA0), 0x2028, 0x2029)
 }
 
 
 class TextFormatter(logging.Formatter):
-    """One line for people; a traceback, if there is one, below it."""
+    """Formats one line for people, with a traceback below it if there is one."""
 
     def __init__(self) -> None:
         super().__init__("%(asctime)s %(levelname)s %(name)s: %(message)s")
@@ -29,7 +29,7 @@ class TextFormatter(logging.Formatter):
 
 
 class JsonFormatter(logging.Formatter):
-    """One JSON object a line."""
+    """Formats one JSON object per line."""
 
     def format(self, record: logging.LogRecord) -> str:
         """Return ``time_unix_s``, ``level``, ``logger``, ``message``.
@@ -51,7 +51,7 @@ class JsonFormatter(logging.Formatter):
 
 
 def configure_logging(level: str, form: LogFormat) -> None:
-    """Send messages from ``level`` on to standard error, without waiting for it."""
+    """Send messages of ``level`` and above to standard error without blocking on it."""
     handler = MessageThread(sys.stderr)
     handler.setFormatter(JsonFormatter() if form == "json" else TextFormatter())
     logging.basicConfig(level=level.upper(), handlers=[handler])

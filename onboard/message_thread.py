@@ -1,4 +1,4 @@
-"""Writes messages in a thread of its own: a terminal that has stopped must not stop a tick."""
+"""Writes messages in a thread of its own, so that a stopped terminal does not stop a tick."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import queue
 import threading
 from typing import Final, TextIO
 
-# Messages that may wait to be written; what comes while they do is dropped and counted.
+# Messages that may wait to be written; further ones are dropped and counted.
 CAPACITY: Final = 1000
 # How long the end of the process waits for the last of them.
 FLUSH_S: Final = 1.0
@@ -18,11 +18,11 @@ class MessageThread(logging.Handler):
     """Formats messages at once and writes them when the stream takes them.
 
     Args:
-        stream: where lines go; if it is gone or full, they are lost.
+        stream: where lines go; they are lost if it is closed.
         capacity: how many lines may wait.
 
     Attributes:
-        dropped: lines that found no room.
+        dropped: lines dropped because too many were waiting.
     """
 
     def __init__(self, stream: TextIO, capacity: int = CAPACITY) -> None:
@@ -40,7 +40,7 @@ class MessageThread(logging.Handler):
             self.dropped += 1
 
     def flush(self) -> None:
-        """Wait until everything queued is written, but not for ever."""
+        """Wait until everything queued is written, at most `FLUSH_S`."""
         done = threading.Event()
         with contextlib.suppress(queue.Full):
             self._waiting.put_nowait(done)

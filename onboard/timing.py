@@ -8,13 +8,20 @@ apart.
 
 from __future__ import annotations
 
+import gc
+import logging
+import os
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Final
 
-from onboard.events import Event, Severity
+from onboard.events import Event, EventData, EventName, Severity
 
+log = logging.getLogger(__name__)
+
+# The lowest real-time priority: ahead of every ordinary process, behind the kernel's own threads.
+REALTIME_PRIORITY: Final = 1
 # Less than the time in which a frame's stamp and the vehicle's pose have to agree.  A slow
 # adjustment by NTP moves both clocks alike: not a step.
 STEP_MIN_S: Final = 0.01
@@ -25,7 +32,7 @@ _READING_MAX_S: Final = 0.002
 def elapsed_s() -> float:
     """Return a time that is never set and, where the kernel can tell, counts suspension too.
 
-    What was heard before the computer slept must not look fresh after it.
+    Telemetry received before the computer slept must not look fresh afterwards.
     """
     if hasattr(time, "CLOCK_BOOTTIME"):
         return time.clock_gettime(time.CLOCK_BOOTTIME)
@@ -52,8 +59,8 @@ class ClockStep:
             severity, rest = Severity.NOTICE, "stamps are read by the new time"
         else:
             severity, rest = Severity.WARNING, "in flight: stamps are read by the old time"
-        data = {"step_s": round(self.step_s, 6), "followed": self.followed}
-        return Event(now_s, "clock_step", severity, f"{text}; {rest}", data)
+        data: EventData = {"step_s": round(self.step_s, 6), "followed": self.followed}
+        return Event(now_s, EventName.CLOCK_STEP, severity, f"{text}; {rest}", data)
 
 
 class Clock:
@@ -82,7 +89,7 @@ class Clock:
         return self._elapsed_s() - self._start_s
 
     def follow(self, accept: Callable[[float], bool]) -> ClockStep | None:
-        """Look for a step of the system's clock; follow it if that is accepted.
+        """Detect a step of the system's clock, and follow it if ``accept`` agrees.
 
         Args:
             accept: takes the Unix time of zero by the clock as it is now; refuses it in flight.
@@ -108,3 +115,25 @@ class Clock:
             return None
         self._reported_s = step_s
         return ClockStep(step_s, followed=False)
+
+
+def request_realtime_priority() -> None:
+    """Ask Linux to run this process, with all its threads, before ordinary ones.
+
+    A tick that waits for another process is late, and a late tick ends in a hover.
+    """
+    if not hasattr(os, "sched_setscheduler"):
+        return
+    try:
+        os.sched_setscheduler(0, os.SCHED_RR, os.sched_param(REALTIME_PRIORITY))
+    except PermissionError:
+        log.info("cannot set real-time priority (needs CAP_SYS_NICE)")
+
+
+def freeze_gc_heap() -> None:
+    """Exclude everything allocated so far from later garbage collections.
+
+    A collection that visits every imported module takes several ticks on a small computer.
+    """
+    gc.collect()
+    gc.freeze()

@@ -1,4 +1,4 @@
-"""What is known and asked of the vehicle: pose, status, setpoint."""
+"""State and commands of the vehicle: pose, status, setpoint."""
 
 from __future__ import annotations
 
@@ -45,21 +45,19 @@ class Pose(NamedTuple):
 
 @dataclass(frozen=True)
 class VehicleStatus:
-    """What the autopilot says of itself.
+    """What the autopilot reports of itself.
 
     Attributes:
         heard_s: time of its last heartbeat.
         armed: motors armed.
-        ardupilot: it is ArduPilot; else it is taken for PX4.
-        external_control: its mode obeys our setpoints (OFFBOARD, GUIDED).
-        mode: name for people.
+        external_control: its mode obeys our setpoints, as its profile knows.
+        mode: name of its mode, for people.
         airborne: from EXTENDED_SYS_STATE; None until known.
-        failsafe: whether a failsafe of its own acts (system status CRITICAL or EMERGENCY).
+        failsafe: whether one of its failsafes acts (system status CRITICAL or EMERGENCY).
     """
 
     heard_s: float = -math.inf
     armed: bool = False
-    ardupilot: bool = False
     external_control: bool = False
     mode: str = "unknown"
     airborne: bool | None = None

@@ -1,4 +1,4 @@
-"""Opens Zenoh sessions, for the daemon, the simulation and the operator's tools alike."""
+"""Opens Zenoh sessions for the daemon, the simulation and the operator's tools."""
 
 from __future__ import annotations
 
@@ -12,23 +12,23 @@ import zenoh
 from onboard.files.yaml_file import FileError
 from onboard.files.zenoh_endpoints import ZenohEndpoints
 
-# Peers that only connect never meet each other, not through a router either: each needs a listener
-# by which the others can be told of it.  This one is for processes of this computer.
+# Peers that only connect never reach each other, even through a router: each needs a listener whose
+# address the others can learn.  This one serves processes of this computer.
 _LOOPBACK: Final = "tcp/127.0.0.1:0"
-# How long a client waits for its router; a peer waits for ever, in the background.
+# How long a client waits for its router; a peer waits in the background, without limit.
 _CLIENT_PATIENCE_MS: Final = 5000
 
 
 @contextlib.contextmanager
 def open_session(endpoints: ZenohEndpoints) -> Iterator[zenoh.Session]:
-    """Open a Zenoh session, and close it whatever happens: an open one keeps the process alive.
+    """Open a Zenoh session, and always close it: an open one keeps the process alive.
 
     Args:
         endpoints: how to join.
 
     Raises:
         FileError: the ``config_file`` cannot be used.
-        zenoh.ZError: an endpoint is malformed or taken, or a client finds no router.
+        zenoh.ZError: an endpoint is malformed or in use, or a client finds no router.
     """
     session = zenoh.open(_configuration(endpoints))
     try:
@@ -43,7 +43,7 @@ def _configuration(endpoints: ZenohEndpoints) -> zenoh.Config:
         try:
             return zenoh.Config.from_file(str(path))
         except zenoh.ZError as error:
-            # Zenoh adds where in its own source it noticed.
+            # Zenoh appends a position in its own source.
             reason = " ".join(str(error).partition(" at /")[0].split())
             raise FileError(f"{path}: not a Zenoh configuration: {reason}") from error
     config = zenoh.Config()

@@ -1,21 +1,15 @@
 """A simulated vehicle that speaks MAVLink: plant, controller, autopilot, world and sensors.
 
-Read it from the inside out:
+Rooms, from the inside out; each imports only those before it:
 
-1. ``multirotor``: the rigid body and its rotors; ``wind``, ``battery``: what acts on it;
-2. ``controller``: from a setpoint to rotor speeds by dynamic inversion;
-3. ``navigator``, ``auto_flight``, ``mission``, ``offboard``, ``guided_reference``: where setpoints
-   come from;
-   ``commander``, ``failsafe``, ``failures``: modes, arming, and what goes wrong;
-   ``flavour``, ``px4``, ``ardupilot``: whose names, numbers and habits;
-4. ``parameters``, ``commands``, ``mission_transfer``, ``fence``, ``arm_authorisation``,
-   ``telemetry``, ``signing``, ``mavlink_link``, ``autopilot``: MAVLink bytes;
-5. ``vehicle``: all of that as one object in virtual time;
-6. ``field``, ``world``, ``sensor``, ``scanner``: obstacles, the truth about them, and what is seen
-   of them;
-7. ``scene``: vehicle, world and sensors together; ``link``: an imperfect radio;
-8. ``config``, ``transport``, ``__main__``: the same live, over sockets, in real time.
+1. ``plant``: rigid body, rotors and controller (compiled), estimator, battery, wind;
+2. ``environment``: obstacles, sensors, an imperfect radio, truth log; ``config`` reads the file;
+3. ``autopilot``: modes, arming, failsafes, missions, and the motion of the autonomous modes;
+   ``autopilot.flavours``: PX4 and ArduPilot; ``autopilot.protocol``: MAVLink bytes;
+4. ``vehicle``: one vehicle, and the scene of vehicle, world and sensors, in virtual time;
+5. ``live``: the same in real time, over sockets and Zenoh; ``virtual``: flights from one seed,
+   with faults.
 
-Only the last item touches sockets and clocks.  The package shares no mathematics with ``onboard``,
-so that an error there cannot cancel here.
+Only ``live`` touches sockets and clocks.  Only ``virtual`` imports the daemon's flight code; the
+rest shares no mathematics with ``onboard``, so that an error there cannot cancel here.
 """

@@ -6,6 +6,7 @@ import argparse
 import asyncio
 import logging
 import sys
+from importlib.metadata import version
 from pathlib import Path
 
 from onboard.files.yaml_file import FileError
@@ -19,6 +20,7 @@ def main(arguments: list[str] | None = None) -> int:
     """Run until interrupted; 0 after a clean stop, 2 if it could not start."""
     parser = argparse.ArgumentParser(prog="clearway-sitl", description="A simulated vehicle.")
     parser.add_argument("--config", type=Path, required=True, metavar="F", help="YAML file")
+    parser.add_argument("--version", action="version", version=f"%(prog)s {version('clearway')}")
     options = parser.parse_args(arguments)
     logging.basicConfig(level=logging.INFO, format="%(asctime)s %(name)s: %(message)s")
     try:

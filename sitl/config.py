@@ -91,7 +91,7 @@ class TrackingConfig(FileModel):
 
 
 class EstimatorConfig(FileModel):
-    """By how much the estimate wanders at most; what is null is as ``realism`` has it.
+    """Greatest errors of the estimate; null leaves the value of ``realism``.
 
     Attributes:
         position_m, velocity_mps: along each horizontal axis.
@@ -120,7 +120,8 @@ class VehicleConfig(FileModel):
         system_id: MAVLink system id.
         flavour: which autopilot it behaves like.
         parameters: autopilot parameters that differ from the defaults, by the flavour's names.
-        signing_passphrase: sign every message with the key made of it, and obey no others.
+        signing_passphrase: makes the key that signs every message; only messages signed alike
+            are accepted.
         realism: ``field`` as measured on real autopilots, or ``ideal``: exact estimates and echoes.
         estimator: how the autopilot's estimate deviates from the truth.
         tracking: how the plant deviates from its reference.
@@ -143,13 +144,13 @@ class VehicleConfig(FileModel):
 
 
 class SitlEndpoints(ZenohEndpoints):
-    """How the simulator joins Zenoh; by itself it listens where the daemon looks for a sensor."""
+    """How the simulator joins Zenoh; by default it listens where the daemon connects."""
 
     listen: Endpoints = ("tcp/127.0.0.1:7447",)
 
 
 class FleetMember(FileModel):
-    """One more vehicle: what it does not share with the file's own."""
+    """One more vehicle: the keys in which it differs from the file's own."""
 
     vehicle: VehicleName
     system_id: Annotated[int, Field(ge=1, le=255)]
@@ -205,7 +206,7 @@ class SitlConfig(VehicleConfig):
         return self
 
     def each(self) -> tuple[SitlConfig, ...]:
-        """Return one configuration for every vehicle, the file's own first."""
+        """Return one configuration for each vehicle, the file's own first."""
         return (self.model_copy(update={"fleet": ()}), *map(self._member, self.fleet))
 
     def _member(self, member: FleetMember) -> SitlConfig:

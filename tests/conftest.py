@@ -1,8 +1,8 @@
 from hypothesis import Phase, settings
 
-# A loaded machine must not fail a test: nothing here is timed but the benchmarks.
+# A loaded machine must not fail a test: only the benchmarks measure time.
 settings.register_profile("clearway", deadline=None)
-# A mutant that was noticed need not be noticed at its simplest.
+# Shrinking a failure that detects a mutant would only take time.
 settings.register_profile(
     "mutation", deadline=None, max_examples=40, phases=(Phase.explicit, Phase.generate)
 )

@@ -1,4 +1,4 @@
-"""constraints.txt pins what the tests need, all of it, and nothing else."""
+"""constraints.txt pins exactly what the tests need."""
 
 from importlib import metadata
 from pathlib import Path

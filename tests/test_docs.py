@@ -1,4 +1,4 @@
-"""What the documentation tells people to type: it runs, and does what it says."""
+"""The commands and programs of the documentation run, and do what it says."""
 
 import ast
 import math
@@ -16,12 +16,16 @@ import yaml
 import zenoh
 
 from gcs_tools.preflight.finding import Verdict
-from gcs_tools.preflight.live.parameters import ReportedParameters, check_parameters
+from gcs_tools.preflight.live.parameters import check_parameters
 from onboard.contract.assessment import assess
-from onboard.files.models import DaemonConfig, Mission, load_contract
+from onboard.files.contract_file import load_contract
+from onboard.files.daemon_config import DaemonConfig
+from onboard.files.mission_file import Mission
 from onboard.files.yaml_file import load_yaml
 from onboard.files.zenoh_endpoints import ZenohEndpoints
-from onboard.perception.obstacle_map import parse_frame
+from onboard.mavlink.profiles.parameter_rules import ReportedParameters
+from onboard.mavlink.profiles.registry import profile_named
+from onboard.perception.sources.json_v1 import parse_frame
 from onboard.zenoh_session import open_session
 from sitl.config import load_sitl_config
 from sitl.vehicle.vehicle import SimulatedVehicle
@@ -68,7 +72,7 @@ def test_contracts_to_start_from_comply(vehicle: str) -> None:
 
 @pytest.mark.parametrize("path", sorted((ROOT / "config").glob("*_contract.yaml")), ids=str)
 def test_shipped_contracts_keep_clear_of_what_the_readme_names(path: Path) -> None:
-    """There is room to stop, a wide view, and passive safety; the paper's own is the exception."""
+    """They have room to stop, a wide view and passive safety, except the paper's own."""
     assessment = assess(load_contract(path), mission_altitude_m=4.0)
     assert assessment.compliant
     assert math.degrees(assessment.terms.sure_view_rad) > 60.0
@@ -96,12 +100,11 @@ def test_the_shipped_vehicles_are_set_up_for_the_contract_that_they_name(
     assert sensor.field_of_view_deg >= terms.sensor.field_of_view_deg
     assert sensor.uncertainty_m <= terms.sensor.position_error_m
     parameters = SimulatedVehicle(vehicle).autopilot.parameters
-    reported = ReportedParameters(
-        vehicle.flavour, {name: parameters[name] for name in parameters.names()}, None,
-        complete=True,
-    )  # fmt: skip
+    reported = ReportedParameters({name: parameters[name] for name in parameters.names()})
+    facts = profile_named(vehicle.flavour).parameters
+    assert facts is not None
     mission = load_yaml(ROOT / "config" / "default_mission.yaml", Mission)
-    findings = check_parameters(reported, assess(terms), mission)
+    findings = check_parameters(facts, reported, assess(terms), mission)
     broken = [each for each in findings if each.verdict is Verdict.BROKEN]
     assert not broken
 
@@ -139,17 +142,17 @@ def test_mavproxy_flies_as_the_readme_says(tmp_path: Path) -> None:
             if is_typed:
                 console.expect(f"{prompt}> ")
                 console.say(command)
-                if command.startswith("param set"):  # it goes out a little later
+                if command.startswith("param set"):  # MAVProxy sends it a little later
                     observer.wait_for("PARAM_VALUE", "PARAM_VALUE.param_id == 'GUID_TIMEOUT'")
             else:
                 console.expect(line)
-            if "Takeoff" in line:  # what MAVProxy does not tell
+            if "Takeoff" in line:  # MAVProxy does not report the height
                 observer.wait_for("LOCAL_POSITION_NED", "abs(LOCAL_POSITION_NED.z + 5) < 0.1")
         observer.wait_for("HEARTBEAT", "not HEARTBEAT.base_mode & 128")
 
 
 def test_the_preflight_page_shows_what_is_printed(tmp_path: Path) -> None:
-    """Of its transcripts the one that needs no vehicle."""
+    """Checks the one transcript that needs no vehicle."""
     (tmp_path / "config").symlink_to(ROOT / "config")
     page = ROOT / "docs" / "preflight.md"
     (block,) = (each for each in blocks(page, "console") if "cruise_speed_mps=6" in each)
@@ -160,7 +163,7 @@ def test_the_preflight_page_shows_what_is_printed(tmp_path: Path) -> None:
 def test_the_sensor_of_the_vehicle_page_meets_the_shipped_daemon_and_its_operator() -> None:
     (program,) = blocks(ROOT / "docs" / "vehicles.md", "python")
     shipped = load_yaml(ROOT / "config" / "onboard.yaml", DaemonConfig)
-    # The same on ports that are free.
+    # The same program on free ports.
     ports = {"7447": str(free_port(socket.SOCK_STREAM)), "7448": str(free_port(socket.SOCK_STREAM))}
     key = f"clearway/{shipped.vehicle}/obstacles"
 
@@ -211,3 +214,40 @@ def test_every_finding_has_its_test_or_is_said_to_be_open() -> None:
     assert len(re.findall(r"::test_", FINDINGS)) == len(
         re.findall(r"`[\w/]+\.py::test_\w+(?:\[\w+\])?`", FINDINGS)
     )
+
+
+CONTRIBUTORS_PAGES = [
+    *(ROOT / name for name in ("README.md", "CONTRIBUTING.md", "CHANGELOG.md")),
+    *(ROOT / "docs" / name for name in ("architecture.md", "glossary.md")),
+]
+
+
+@pytest.mark.parametrize("page", CONTRIBUTORS_PAGES, ids=lambda page: page.name)
+def test_files_and_modules_that_a_page_names_exist(page: Path) -> None:
+    quoted = re.findall(
+        r"`((?:onboard|sitl|gcs_tools|tests|config|docs|examples)[/.][\w/.]*)`", page.read_text()
+    )
+    for name in (each for each in quoted if not re.fullmatch(r"\w+\.yaml", each)):
+        dotted = "/" not in name
+        path = ROOT / (name.replace(".", "/") if dotted else name)
+        is_there = path.exists() or (dotted and path.with_suffix(".py").is_file())
+        is_attribute = dotted and path.parent.with_suffix(".py").is_file()
+        assert is_there or is_attribute, name
+
+
+@pytest.mark.parametrize("page", [*PAGES, ROOT / "CONTRIBUTING.md"], ids=lambda page: page.name)
+def test_links_between_pages_lead_somewhere(page: Path) -> None:
+    """Files and headings; `mkdocs build --strict` checks only what the site shows."""
+    for target, anchor in re.findall(
+        r"\]\((?!https?:)([^)#\s]*)(?:#([\w-]+))?\)", page.read_text()
+    ):
+        file = page.parent / target if target else page
+        assert file.exists(), target
+        if anchor:
+            headings = re.findall(r"^#+ (.+)$", file.read_text(), re.MULTILINE)
+            slugs = [re.sub(r"[^\w\- ]", "", each.lower()).replace(" ", "-") for each in headings]
+            assert anchor in slugs, f"{target}#{anchor}"
+
+
+def test_the_readme_stays_an_entrance() -> None:
+    assert len((ROOT / "README.md").read_text(encoding="utf-8").splitlines()) < 350

@@ -1,8 +1,8 @@
-"""``clearway campaign``: many seeded flights in virtual time, judged by oracles and counted.
+"""``clearway campaign``: many seeded flights in virtual time, checked by oracles and counted.
 
-A flight is determined by where it comes from (a generator or a scenario file), the campaign's seed
-and its own number; how many flights there are, which process flies them and in which order changes
-nothing.  So a campaign that was interrupted goes on where it was, and a finding replays alone.
+Its source (a generator or a scenario file), the campaign's seed and its own number determine a
+flight; the number of flights, the process and the order do not matter.  An interrupted campaign
+therefore continues where it stopped, and each finding replays alone.
 """
 
 from __future__ import annotations
@@ -20,14 +20,15 @@ from rich.markup import escape
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
-from gcs_tools.campaign.flight import FileSource, FlightRow, GeneratedSource, Source
+from gcs_tools.campaign.flight import FlightRow, replay_command
 from gcs_tools.campaign.forest import ForestSource
-from gcs_tools.campaign.generator.scenarios import GENERATORS
+from gcs_tools.campaign.generator.generators import GENERATORS
 from gcs_tools.campaign.report import write_report
 from gcs_tools.campaign.shrink import shrink
-from gcs_tools.campaign.statistics import CONFIDENCE, ClassSummary, summarise, total
+from gcs_tools.campaign.sources import FileSource, GeneratedSource, Source
+from gcs_tools.campaign.statistics import CONFIDENCE, ClassSummary, summarize, total
 from gcs_tools.campaign.table import read_table, write_table
-from gcs_tools.campaign.workers import Order, fly_locally, fly_on_cluster
+from gcs_tools.campaign.workers import FlightJob, fly_locally, fly_on_cluster
 from gcs_tools.console.errors import CommandError
 from gcs_tools.console.output import write_text
 from gcs_tools.scenario import Scenario, load_scenario, obstacle_list
@@ -36,26 +37,26 @@ from onboard.files.yaml_file import dump_document
 
 # A campaign that is killed loses at most this many flights.
 _ROWS_BETWEEN_WRITES: Final = 200
-# Tables keep this width where there is no terminal to fit.
+# Width of tables where the output is not a terminal.
 _FILE_WIDTH: Final = 130
-# Shrinking a flight ends after this many.
+# Shrinking one flight takes at most this many.
 _FLIGHTS_PER_SHRINKING: Final = 60
-# Named on the terminal; the table has them all.
+# Failures printed on the terminal; the table has them all.
 _FAILURES_SHOWN: Final = 20
 
 
 @dataclass(frozen=True)
 class CampaignRequest:
-    """What the command line asks for.
+    """Arguments of the command.
 
     Attributes:
         scenarios: names of generators, or scenario files.
-        flights: how many in all, shared out evenly over the scenarios.
+        flights: in all, divided evenly among the scenarios.
         seed: of the campaign.
-        only: fly this number of every scenario and nothing else.
-        jobs: processes; ignored on a cluster.
+        only: fly only this number of every scenario.
+        processes: None for all cores; ignored on a cluster.
         dask: address of a Dask scheduler.
-        out: directory for what the campaign leaves behind.
+        out: directory for the results.
         shrink: reduce this many of the failing flights to minimal scenarios.
     """
 
@@ -63,32 +64,32 @@ class CampaignRequest:
     flights: int
     seed: int
     only: int | None = None
-    jobs: int | None = None
+    processes: int | None = None
     dask: str | None = None
     out: Path | None = None
     shrink: int = 3
 
 
 def run_campaign(request: CampaignRequest) -> bool:
-    """Fly a campaign; return whether every flight met its expectation.
+    """Fly a campaign; return whether no oracle has a finding in any flight.
 
-    Leaves ``flights.parquet``, ``summary.html`` and a scenario file of every failed flight in the
-    output directory.  Flights that are in the table there already are not flown again.
+    Writes ``flights.parquet``, ``summary.html`` and a scenario file of every failed flight to the
+    output directory.  Skips flights that the table there already has.
 
     Raises:
-        FileError: a scenario is not usable.
+        FileError: a scenario cannot be used.
         CommandError: the output cannot be written, a worker died, or no scheduler answers.
     """
     sources = [_source(name) for name in request.scenarios]
     directory = _prepared(request)
-    orders = _orders(sources, request)
+    jobs = _jobs(sources, request)
     table = directory / "flights.parquet"
-    rows = _flown_before(table, orders)
+    rows = _flown_before(table, jobs)
     known = {(row.source, row.number) for row in rows}
-    missing = [order for order in orders if (order.source.name, order.number) not in known]
+    missing = [job for job in jobs if (job.source.name, job.number) not in known]
     console = Console(width=None if sys.stdout.isatty() else _FILE_WIDTH, highlight=False)
     if rows:
-        console.print(f"{len(rows)} flights are in {table} already", soft_wrap=True)
+        console.print(f"{len(rows)} flights are already in {table}", soft_wrap=True)
     try:
         for row in _with_progress(_flown(missing, request), len(missing), console):
             rows.append(row)
@@ -96,7 +97,7 @@ def run_campaign(request: CampaignRequest) -> bool:
                 write_table(rows, table)
                 if not console.is_terminal:
                     bad = sum(not each.good for each in rows)
-                    console.print(f"{len(rows)} of {len(orders)} flights, {bad} failed")
+                    console.print(f"{len(rows)} of {len(jobs)} flights, {bad} failed")
     finally:
         write_table(rows, table)
     write_report(rows, directory / "summary.html")
@@ -109,7 +110,7 @@ def run_campaign(request: CampaignRequest) -> bool:
     return not failed
 
 
-# ------------------------------------------------------------------ what is to be flown
+# ------------------------------------------------------------------ the flights
 
 
 def _source(name: str) -> Source:
@@ -120,7 +121,8 @@ def _source(name: str) -> Source:
         return ForestSource(name)
     if not Path(name).suffix:
         raise CommandError(
-            f"{name}: neither a scenario file, a stem map (CSV) nor one of {', '.join(GENERATORS)}"
+            f"{name}: unknown scenario; expected a scenario file, a stem map (CSV) or one of "
+            f"{', '.join(GENERATORS)}"
         )
     return FileSource(name, load_scenario(Path(name)))
 
@@ -136,31 +138,31 @@ def _prepared(request: CampaignRequest) -> Path:
     return directory
 
 
-def _orders(sources: Sequence[Source], request: CampaignRequest) -> list[Order]:
+def _jobs(sources: Sequence[Source], request: CampaignRequest) -> list[FlightJob]:
     if request.only is not None:
-        return [Order(source, request.seed, request.only) for source in sources]
+        return [FlightJob(source, request.seed, request.only) for source in sources]
     return [
-        Order(sources[index % len(sources)], request.seed, index // len(sources))
+        FlightJob(sources[index % len(sources)], request.seed, index // len(sources))
         for index in range(request.flights)
     ]
 
 
-def _flown_before(table: Path, orders: Sequence[Order]) -> list[FlightRow]:
-    """Return the rows of an earlier run of this campaign, as far as they are asked for."""
+def _flown_before(table: Path, jobs: Sequence[FlightJob]) -> list[FlightRow]:
+    """Return the requested rows that an earlier run of this campaign left."""
     if not table.exists():
         return []
-    asked = {(order.source.name, order.campaign_seed, order.number) for order in orders}
+    requested = {(job.source.name, job.campaign_seed, job.number) for job in jobs}
     before = read_table(table)
-    rows = [row for row in before if (row.source, row.campaign_seed, row.number) in asked]
+    rows = [row for row in before if (row.source, row.campaign_seed, row.number) in requested]
     if len(rows) < len(before):
-        raise CommandError(f"{table}: holds flights of another campaign: use another --out")
+        raise CommandError(f"{table}: has flights of another campaign: use another --out")
     return rows
 
 
-def _flown(orders: Iterable[Order], request: CampaignRequest) -> Iterator[FlightRow]:
+def _flown(jobs: Iterable[FlightJob], request: CampaignRequest) -> Iterator[FlightRow]:
     if request.dask is not None:
-        return fly_on_cluster(orders, request.dask)
-    return fly_locally(orders, request.jobs or os.cpu_count() or 1)
+        return fly_on_cluster(jobs, request.dask)
+    return fly_locally(jobs, request.processes or os.cpu_count() or 1)
 
 
 def _with_progress(rows: Iterator[FlightRow], count: int, console: Console) -> Iterator[FlightRow]:
@@ -180,7 +182,7 @@ def _with_progress(rows: Iterator[FlightRow], count: int, console: Console) -> I
             yield row
 
 
-# ------------------------------------------------------------------ what came of it
+# ------------------------------------------------------------------ the results
 
 
 def _keep_scenarios(failed: Iterable[FlightRow], sources: Sequence[Source], place: Path) -> None:
@@ -217,7 +219,7 @@ def _shrink_failures(
 
 
 def scenario_document(scenario: Scenario) -> dict[str, Any]:
-    """Return a scenario as it would be written in YAML, everything in one file."""
+    """Return a scenario as the content of one YAML file, which names no other files."""
     return {
         "contract": scenario.contract.model_dump(mode="json"),
         "field": [each.model_dump(mode="json") for each in obstacle_list(scenario.obstacles)],
@@ -225,17 +227,9 @@ def scenario_document(scenario: Scenario) -> dict[str, Any]:
         "sitl": scenario.plant.model_dump(mode="json", exclude_defaults=True),
         "faults": [fault.model_dump(mode="json", exclude_none=True) for fault in scenario.faults],
         "field_known": scenario.field_known,
-        "force": scenario.force,
+        "fly_outside_contract": scenario.fly_outside_contract,
         "expect": scenario.expect.model_dump(mode="json", exclude_none=True),
     }
-
-
-def replay_command(row: FlightRow) -> str:
-    """Return the command that flies one flight of a campaign again, exactly."""
-    return (
-        f"clearway campaign {shlex.quote(row.source)} --seed {row.campaign_seed} "
-        f"--only {row.number}"
-    )
 
 
 def _print_summary(rows: Sequence[FlightRow], console: Console) -> None:
@@ -246,7 +240,7 @@ def _print_summary(rows: Sequence[FlightRow], console: Console) -> None:
         table.add_column(column, justify="right")
     table.add_column("collision rate", justify="right")
     table.add_column("clearance", justify="right")
-    for each in (*summarise(rows), total(rows)):
+    for each in (*summarize(rows), total(rows)):
         table.add_row(*_cells(each), style="bold red" if each.failed else "")
     console.print(table)
 

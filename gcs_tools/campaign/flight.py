@@ -1,21 +1,25 @@
-"""One flight of a campaign: flown in memory, judged by every oracle, boiled down to one row."""
+"""Flies one flight of a campaign in memory, checks it with every oracle, returns one table row."""
 
 from __future__ import annotations
 
+import shlex
 import time
 import traceback
-from collections import defaultdict
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, Final, Protocol
+from typing import Any, Final
 
-from gcs_tools.campaign.generator.scenarios import Case, generated
-from gcs_tools.campaign.oracles import Evidence, findings
-from gcs_tools.logs.flight_log import Log
+from gcs_tools.campaign.generator.case import FlightCase
+from gcs_tools.campaign.oracles.evidence import Evidence
+from gcs_tools.campaign.oracles.registry import findings
+from gcs_tools.campaign.sources import Source
+from gcs_tools.logs.flight_log import Log, log_of
 from gcs_tools.logs.result import Result, result_of
 from gcs_tools.preflight.command import Preflight, check
 from gcs_tools.scenario import Scenario
 from onboard.contract.assessment import Assessment
+from onboard.files.truth_record import TruthRecord
+from onboard.recording.messages import EventRecord, PlanRecord, Record, StateRecord
 from sitl.environment.truth_log import truth_record
 from sitl.virtual.scripted_operator import Step
 from sitl.virtual.simulation import (
@@ -26,73 +30,33 @@ from sitl.virtual.simulation import (
     without_cycle_collection,
 )
 
-# Take-off and alignment, and then the leg at this share of the cruise speed.
+# A flight may take this long for take-off and alignment, and then fly the leg at this share of the
+# cruise speed.
 _OVERHEAD_S: Final = 90.0
 _PACE_MIN: Final = 0.25
 _AT_REST_MPS: Final = 0.1
-# What results and oracles are made of; the rest of the flight log is for people.
-_TOPICS: Final = frozenset({"state", "events", "plan"})
-
-
-class Source(Protocol):
-    """Where the flights of a campaign come from; travels to worker processes."""
-
-    @property
-    def name(self) -> str:
-        """What the command line calls it."""
-
-    def case(self, campaign_seed: int, number: int) -> Case:
-        """Return flight ``number``: the same for the same arguments, on every machine."""
-
-
-@dataclass(frozen=True)
-class GeneratedSource:
-    """Scenarios drawn by a generator."""
-
-    name: str
-
-    def case(self, campaign_seed: int, number: int) -> Case:
-        """Draw one."""
-        return generated(self.name, campaign_seed, number)
-
-
-@dataclass(frozen=True)
-class FileSource:
-    """One scenario file, flown with one seed after another."""
-
-    name: str
-    scenario: Scenario
-
-    def case(self, campaign_seed: int, number: int) -> Case:
-        """Return the scenario with a seed of its own, held to what it expects."""
-        expected, scenario = self.scenario.expect, self.scenario
-        return Case(
-            scenario,
-            seed=campaign_seed + number,
-            variant=scenario.faults[0].kind if scenario.faults else "none",
-            outcomes=(expected.outcome,),
-            covered=expected.collisions == 0,
-            expectation=True,
-        )
+# Records that results and oracles read; the rest of the flight log is for people.
+_USED: Final = (StateRecord, EventRecord, PlanRecord)
 
 
 @dataclass(frozen=True)
 class FlightRow:
-    """One line of the campaign's table; every number of the contract that was drawn with it.
+    """One row of the campaign's table.
 
     Attributes:
-        source, campaign_seed, number: which flight; these three replay it.
+        source, campaign_seed, number: identify the flight; these three replay it.
         seed: of its simulation.
         variant, trigger: breach or kind of fault, and when it began.
-        covered: whether the contract promises that nothing is hit.
+        covered: whether the contract promises that the flight has no collision.
         refused: the pre-flight check refused, so it was not flown.
         outcome, reason, collisions, clearance_min_m, obstacles_avoided: as in ``result.json``.
         true_tracking_error_m: from ground truth, against the reference.
         tracking_share: of the declared tracking error that was used.
-        plans_qp, plans_vertex, plans_brake: how many plans of each kind.
-        violations: assumptions that were seen to fail, one a line.
-        findings: what the oracles found, one a line; empty for a good flight.
+        plans_qp, plans_vertex, plans_brake: number of plans of each kind.
+        violations: assumptions that the service reported as violated, one per line.
+        findings: what the oracles found, one per line; empty for a good flight.
         csb_shape: of the collision set boundary, ``flat`` or ``pointed``.
+        cruise_speed_mps ... passive_safety: of the drawn contract.
         virtual_s, wall_s: simulated time, and the processor time that it took.
     """
 
@@ -129,13 +93,21 @@ class FlightRow:
 
     @property
     def fell_back(self) -> bool:
-        """Whether it took more than the plan: an assumption's failure answered, or a brake."""
+        """Whether the service used a fallback: a violation, a hold or a brake plan."""
         return bool(self.violations) or self.outcome == "held" or self.plans_brake > 0
 
     @property
     def good(self) -> bool:
-        """Whether no oracle found anything."""
+        """Whether no oracle has a finding."""
         return not self.findings
+
+
+def replay_command(row: FlightRow) -> str:
+    """Return the command that repeats one flight of a campaign exactly."""
+    return (
+        f"clearway campaign {shlex.quote(row.source)} --seed {row.campaign_seed} "
+        f"--only {row.number}"
+    )
 
 
 @without_cycle_collection()
@@ -145,16 +117,16 @@ def fly_numbered(source: Source, campaign_seed: int, number: int) -> FlightRow:
     case = source.case(campaign_seed, number)
     checked = _checked(case.scenario)
     which = {"source": source.name, "campaign_seed": campaign_seed, "number": number}
-    if not (checked.compliant or case.scenario.force):
+    if not (checked.compliant or case.scenario.fly_outside_contract):
         return _row(which, case, checked.assessment, _refused(case, checked), time_s=(0.0, 0.0))
     try:
         evidence = fly_case(case)
         found = findings(evidence)
-    except Exception:  # noqa: BLE001  whatever it is, it is what campaigns are for
+    except Exception:  # noqa: BLE001  campaigns exist to find exceptions of any kind
         crashed = _aborted(case, traceback.format_exc().strip().splitlines()[-1])
         found = {"exception": "\n".join(traceback.format_exc().strip().splitlines()[-5:])}
         return _row(which, case, checked.assessment, crashed, found=found, time_s=(0.0, 0.0))
-    virtual_s = evidence.states[-1]["time_s"] - EPOCH_UNIX_S
+    virtual_s = evidence.states[-1].time_s - EPOCH_UNIX_S
     return _row(
         which,
         case,
@@ -166,8 +138,8 @@ def fly_numbered(source: Source, campaign_seed: int, number: int) -> FlightRow:
     )
 
 
-def fly_case(case: Case) -> Evidence:
-    """Fly until the vehicle is at rest after its mission and about to land."""
+def fly_case(case: FlightCase) -> Evidence:
+    """Fly until the vehicle is at rest after its mission and landing, or the time limit."""
     scenario = case.scenario
     simulation = Simulation(
         SimulatedFlight(
@@ -177,25 +149,23 @@ def fly_case(case: Case) -> Evidence:
             obstacles=scenario.obstacles,
             seed=case.seed,
             faults=scenario.faults,
-            fly_outside_contract=scenario.force,
+            fly_outside_contract=scenario.fly_outside_contract,
             time_limit_s=_time_limit_s(scenario),
         )
     )
     vehicle, world = simulation.scene.vehicle, simulation.scene.world
-    messages: defaultdict[str, list[dict[str, Any]]] = defaultdict(list)
-    truths: list[dict[str, Any]] = []
+    flown: list[Record] = []
+    truths: list[TruthRecord] = []
     at_rest = False
     for records in ticks(simulation, shown=False):
-        for record in records:
-            if record.topic in _TOPICS:
-                messages[f"/{record.topic}"].append(record.payload)
+        flown += [record for record in records if isinstance(record, _USED)]
         truths.append(truth_record(vehicle.truth, world, EPOCH_UNIX_S))
         landing = simulation.operator.step in (Step.LAND, Step.DONE)
         at_rest = landing and vehicle.truth.ground_speed_mps < _AT_REST_MPS
         if at_rest:
             break
     metadata = {"clearway": {"contract_sha256": scenario.contract.sha256}}
-    flight, truth = Log(messages, metadata, True), Log({"/truth": truths}, {}, True)
+    flight, truth = log_of(flown, metadata=metadata), log_of(truths)
     aborted = simulation.operator.gave_up
     if not at_rest:
         aborted = "the vehicle did not come to rest within the time limit"
@@ -217,19 +187,19 @@ def _time_limit_s(scenario: Scenario) -> float:
     return _OVERHEAD_S + way_m / (_PACE_MIN * scenario.contract.vehicle.cruise_speed_mps)
 
 
-def _refused(case: Case, checked: Preflight) -> Result:
+def _refused(case: FlightCase, checked: Preflight) -> Result:
     return _aborted(case, f"refused: {'; '.join(checked.refusals)}")
 
 
-def _aborted(case: Case, reason: str) -> Result:
-    """Return the result of a flight of which there is no log."""
-    nothing = Log({}, {}, True)
+def _aborted(case: FlightCase, reason: str) -> Result:
+    """Return the result of a flight without a log."""
+    nothing = Log()
     return result_of(nothing, nothing, seed=case.seed, aborted=reason)
 
 
 def _row(
     which: Mapping[str, Any],
-    case: Case,
+    case: FlightCase,
     assessment: Assessment,
     result: Result,
     *,

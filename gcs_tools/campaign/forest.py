@@ -1,7 +1,7 @@
 """Flights through a real stem map: a leg anywhere in the forest, in any direction.
 
-Half of them with the map known to the pre-flight check, which refuses nearly all of them; half with
-nobody knowing it, so that the service has to find out in flight.
+The pre-flight check knows the map for half of the flights, and refuses nearly all of those; in the
+other half only the flight itself can show what does not comply.
 """
 
 from __future__ import annotations
@@ -15,20 +15,21 @@ from typing import Final
 
 import numpy as np
 
-from gcs_tools.campaign.generator.scenarios import Case, Extent, field_case
+from gcs_tools.campaign.generator.case import Extent, FlightCase
+from gcs_tools.campaign.generator.generators import field_case
 from onboard.files.obstacle_field import ObstacleField, load_field
 
-# Short legs find gaps that the contract covers; long ones are refused nearly always.
+# Short legs fit into gaps that the contract covers; long ones are refused nearly always.
 _LENGTH_M: Final = (10.0, 40.0)
 _SPEED_MPS: Final = (1.0, 2.5)
 _OPEN_M: Final = 3.0
-# Stems farther from the leg than this are not flown past, and are left out.
+# Stems farther from the leg than this do not affect the flight and are left out.
 _BESIDE_M: Final = 25.0
 
 
 @dataclass(frozen=True)
 class ForestSource:
-    """A field file of stems, flown on a new leg every time.
+    """A field file of stems, flown through on a new leg each time.
 
     Attributes:
         name: path of the CSV file.
@@ -36,7 +37,7 @@ class ForestSource:
 
     name: str
 
-    def case(self, campaign_seed: int, number: int) -> Case:
+    def case(self, campaign_seed: int, number: int) -> FlightCase:
         """Return a leg, with the stems around it and a contract for the largest of them.
 
         Raises:
@@ -46,7 +47,7 @@ class ForestSource:
         stems = _stems(self.name)
         heading_rad, length_m = draw.uniform(-math.pi, math.pi), draw.uniform(*_LENGTH_M)
         low_m, high_m = stems.center_ned_m.min(axis=0), stems.center_ned_m.max(axis=0)
-        while True:  # the vehicle stands on open ground
+        while True:  # until the vehicle starts on open ground
             start_m = np.array([draw.uniform(low_m[axis], high_m[axis]) for axis in (0, 1)])
             if np.hypot(*(stems.center_ned_m - start_m).T).min() > _OPEN_M:
                 break
@@ -61,7 +62,7 @@ class ForestSource:
             case,
             scenario=scenario,
             variant="mapped" if known else "unmapped",
-            # Stems nearer to one another than the contract assumes end in a hold, or before it.
+            # Stems closer together than the contract assumes cause a hold, or no departure.
             outcomes=("arrived",) if known else ("arrived", "held", "aborted"),
         )
 
@@ -74,7 +75,7 @@ def _stems(name: str) -> ObstacleField:
 def _near(
     stems: ObstacleField, start_m: np.ndarray, heading_rad: float, length_m: float
 ) -> ObstacleField:
-    """Return the stems around a leg, which starts at the origin of their new frame."""
+    """Return the stems around a leg, in a frame whose origin is its start."""
     along = np.array([math.cos(heading_rad), math.sin(heading_rad)])
     offset_m = stems.center_ned_m - start_m
     nearest_m = offset_m - np.clip(offset_m @ along, 0.0, length_m)[:, None] * along

@@ -1,8 +1,7 @@
-"""Shrinks a failing flight: fewer obstacles and faults, a shorter way, rounder numbers.
+"""Shrinks a failing flight: fewer obstacles and faults, a shorter leg, rounder numbers.
 
-Works on the scenario as it is written in a file, so that what is left replays exactly as it was
-judged.  Greedy and deterministic: every simplification is flown, and kept if any oracle that found
-something before still does.
+Works on the content of a scenario file, so that the result replays exactly.  Greedy and
+deterministic: flies every simplification, and keeps it if an oracle with a finding still has one.
 """
 
 from __future__ import annotations
@@ -13,7 +12,8 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any, NamedTuple
 
-from gcs_tools.campaign.flight import FileSource, fly_numbered
+from gcs_tools.campaign.flight import fly_numbered
+from gcs_tools.campaign.sources import FileSource
 from gcs_tools.scenario import load_scenario
 from onboard.files.yaml_file import FileError, dump_document
 
@@ -21,12 +21,12 @@ Document = dict[str, Any]
 
 
 class Shrunk(NamedTuple):
-    """What is left of a failing flight.
+    """A failing flight, shrunk.
 
     Attributes:
         document: the scenario, ready for YAML.
-        findings: what the oracles find in it.
-        flights: how many it took.
+        findings: of the oracles, one per line.
+        flights: flown to find it.
     """
 
     document: Document
@@ -37,13 +37,13 @@ class Shrunk(NamedTuple):
 def shrink(
     document: Document, oracles: frozenset[str], seed: int, flights_max: int
 ) -> Shrunk | None:
-    """Return the smallest scenario found; None if the document does not fail the same way alone.
+    """Return the smallest scenario found; None if the document alone does not fail the same way.
 
     Args:
-        document: the failing scenario, everything in one file.
-        oracles: names of those that found something.
+        document: content of the failing scenario's file.
+        oracles: names of those with a finding.
         seed: of the simulation.
-        flights_max: give up simplifying after this many.
+        flights_max: stop simplifying after this many.
     """
     findings = _findings(document, seed)
     if not _names(findings) & oracles:
@@ -63,7 +63,7 @@ def shrink(
 
 
 def _findings(document: Document, seed: int) -> str:
-    """Fly a document as its replay will; what is no scenario, or is refused, finds nothing."""
+    """Fly a document as its replay will; empty if it is refused or not a scenario."""
     with TemporaryDirectory() as directory:
         path = Path(directory) / "candidate.yaml"
         path.write_text(dump_document(document), encoding="utf-8")
@@ -80,7 +80,7 @@ def _names(findings: str) -> set[str]:
 
 
 def _simpler(document: Document) -> Iterator[Document]:
-    """Yield one simplification after another, those that take away the most first."""
+    """Yield simplifications, those that remove the most first."""
     for key in ("faults", "field"):
         for index in range(len(document[key])):
             if key == "faults" or len(document[key]) > 1:
@@ -93,7 +93,7 @@ def _simpler(document: Document) -> Iterator[Document]:
 
 
 def _calmer(document: Document) -> Iterator[Document]:
-    """Yield the same without wind, without noise, on one level, and on a shorter way."""
+    """Yield the scenario without wind, without noise, without climbs, and with a shorter leg."""
     if "wind" in document["sitl"]:
         yield _changed(document, ("sitl", "wind"), None)
     for index, sensor in enumerate(document["sitl"].get("sensors", ())):
@@ -112,7 +112,7 @@ def _without(document: Document, key: str, index: int) -> Document:
 
 
 def _changed(document: Document, path: tuple[str | int, ...], value: Any) -> Document:
-    """Return a copy with one value changed; None takes the key away."""
+    """Return a copy with one value changed; None removes the key."""
     changed = copy.deepcopy(document)
     place: Any = changed
     for key in path[:-1]:
@@ -125,7 +125,7 @@ def _changed(document: Document, path: tuple[str | int, ...], value: Any) -> Doc
 
 
 def _rounded(value: Any) -> Any:
-    """Return the same with every number to one decimal, or to two where one leaves nothing."""
+    """Return a copy with every number rounded to one decimal, or to two where one gives 0."""
     match value:
         case float():
             return round(value, 1) or round(value, 2)

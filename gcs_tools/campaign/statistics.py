@@ -1,4 +1,4 @@
-"""How much a campaign shows: flights counted per class, with exact bounds on failure rates."""
+"""Counts the flights of a campaign per class, with exact bounds on failure rates."""
 
 from __future__ import annotations
 
@@ -16,16 +16,16 @@ CONFIDENCE: Final = 0.95
 def failure_rate_bounds(
     failures: int, trials: int, confidence: float = CONFIDENCE
 ) -> tuple[float, float]:
-    """Return the two-sided Clopper-Pearson interval of a rate; one-sided where nothing failed.
+    """Return the Clopper-Pearson interval of a rate: two-sided, or one-sided if none or all failed.
 
     Without a failure in n trials, all of the error probability goes to the upper bound, which is
     then 1 - 0.05^(1/n), about 3/n: the rule of three.
 
     Raises:
-        ValueError: more failures than trials, or less than none.
+        ValueError: ``failures`` is negative or exceeds ``trials``.
     """
     if not 0 <= failures <= trials:
-        raise ValueError(f"{failures} failures in {trials} trials")
+        raise ValueError(f"{failures} failures in {trials} trials: expected 0 to {trials}")
     if trials == 0:
         return 0.0, 1.0
     tail = 1.0 - confidence if failures in (0, trials) else (1.0 - confidence) / 2.0
@@ -41,15 +41,16 @@ class ClassSummary:
     """The flights of one source and variant.
 
     Attributes:
-        source, variant: which class; the variant is a breach or a kind of fault.
-        covered: whether the contract promises that nothing is hit.
-        flights: how many, refused ones included.
-        refused, arrived, held: how they came out.
-        fell_back: flights that took more than the plan to come to their end.
-        collided: flights that hit something.
-        failed: flights of which an oracle found something.
-        collision_rate, failure_rate: bounds, over the flights that flew, and over all.
-        clearance_min_m: the smallest of the class; None where nothing stood.
+        source, variant: of the class; the variant is a breach or a kind of fault.
+        covered: whether the contract promises that its flights have no collision.
+        flights: number of flights, refused ones included.
+        refused, arrived, held: number of flights with that outcome.
+        fell_back: flights in which the service used a fallback.
+        collided: flights with a collision.
+        failed: flights in which an oracle has a finding.
+        collision_rate: bounds, of the flights that flew.
+        failure_rate: bounds, of all flights.
+        clearance_min_m: smallest of the class; None without obstacles.
     """
 
     source: str
@@ -67,7 +68,7 @@ class ClassSummary:
     clearance_min_m: float | None
 
 
-def summarise(rows: Iterable[FlightRow]) -> list[ClassSummary]:
+def summarize(rows: Iterable[FlightRow]) -> list[ClassSummary]:
     """Return one summary per source, variant and coverage, in alphabetical order."""
     classes: dict[tuple[str, str, bool], list[FlightRow]] = {}
     for row in rows:
@@ -76,7 +77,7 @@ def summarise(rows: Iterable[FlightRow]) -> list[ClassSummary]:
 
 
 def total(rows: Sequence[FlightRow]) -> ClassSummary:
-    """Return the summary of all flights on which a promise was made."""
+    """Return the summary of all covered flights."""
     return _summary(("all", "covered", True), [row for row in rows if row.covered])
 
 

@@ -1,4 +1,4 @@
-"""The table of a campaign: one Parquet file, one row per flight, rewritten whole as it grows."""
+"""The table of a campaign: one Parquet file with one row per flight, rewritten as it grows."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ SCHEMA: Final = _schema()
 
 
 def write_table(rows: Sequence[FlightRow], path: Path) -> None:
-    """Write the rows in their order of flight; a crash leaves the table of before.
+    """Write the rows in the order of their numbers; after a crash the previous table is left.
 
     Raises:
         CommandError: the file cannot be written.
@@ -54,12 +54,14 @@ def read_table(path: Path) -> list[FlightRow]:
     """Return the rows of a table.
 
     Raises:
-        CommandError: the file is no table of a campaign of this version.
+        CommandError: the file cannot be read, or an incompatible version wrote it.
     """
     try:
         table = parquet.read_table(path)
     except (OSError, pa.ArrowException) as error:
         raise CommandError(f"{path}: cannot be read: {error}") from error
     if table.schema.names != SCHEMA.names:
-        raise CommandError(f"{path}: is no table of this version's campaigns: use another --out")
+        raise CommandError(
+            f"{path}: was written by an incompatible Clearway version: use another --out"
+        )
     return [FlightRow(**row) for row in table.to_pylist()]

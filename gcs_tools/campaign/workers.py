@@ -1,7 +1,7 @@
-"""Where the flights of a campaign are flown: in this process, in several, or on a Dask cluster.
+"""Runs the flights of a campaign: in this process, in several, or on a Dask cluster.
 
-Every pool takes flights one by one and keeps only a few of them waiting, so that memory does not
-grow with the campaign.  Results arrive in any order; each is determined by its own numbers alone.
+Each pool queues only a few flights at a time, so that memory does not grow with the campaign.
+Results arrive in any order; each depends on its own job alone.
 """
 
 from __future__ import annotations
@@ -15,54 +15,57 @@ from itertools import islice
 from multiprocessing import get_context, parent_process
 from typing import Final, NamedTuple
 
-from gcs_tools.campaign.flight import FlightRow, Source, fly_numbered
+from gcs_tools.campaign.flight import FlightRow, fly_numbered
+from gcs_tools.campaign.sources import Source
 from gcs_tools.console.errors import CommandError
 
-# Flights that wait for each worker: enough that none is ever idle.
+# Queued flights per worker: enough that none is ever idle.
 _WAITING_PER_WORKER: Final = 4
 _CONNECT_TIMEOUT_S: Final = 20.0
 
 
-class Order(NamedTuple):
-    """One flight to be flown."""
+class FlightJob(NamedTuple):
+    """One flight to fly: arguments of `fly_numbered`."""
 
     source: Source
     campaign_seed: int
     number: int
 
 
-def fly_locally(orders: Iterable[Order], jobs: int) -> Iterator[FlightRow]:
-    """Yield the rows of all flights, as they are finished by ``jobs`` processes.
+def fly_locally(jobs: Iterable[FlightJob], processes: int) -> Iterator[FlightRow]:
+    """Yield the row of each flight as one of ``processes`` finishes it.
 
     Raises:
         CommandError: a process died.
     """
-    if jobs == 1:
-        for order in orders:
-            yield fly_numbered(*order)
+    if processes == 1:
+        for job in jobs:
+            yield fly_numbered(*job)
         return
-    remaining = iter(orders)
-    # Fresh interpreters: a forked one would inherit locks of threads that it does not have.
+    remaining = iter(jobs)
+    # A forked interpreter would inherit locks of threads that it does not have.
     spawn = get_context("spawn")
-    with ProcessPoolExecutor(jobs, mp_context=spawn, initializer=_end_with_parent) as pool:
+    with ProcessPoolExecutor(processes, mp_context=spawn, initializer=_end_with_parent) as pool:
         waiting = {
-            pool.submit(fly_numbered, *order)
-            for order in islice(remaining, jobs * _WAITING_PER_WORKER)
+            pool.submit(fly_numbered, *job)
+            for job in islice(remaining, processes * _WAITING_PER_WORKER)
         }
         try:
             while waiting:
                 done, waiting = wait(waiting, return_when=FIRST_COMPLETED)
-                waiting |= {pool.submit(fly_numbered, *o) for o in islice(remaining, len(done))}
+                waiting |= {pool.submit(fly_numbered, *job) for job in islice(remaining, len(done))}
                 for future in done:
                     yield future.result()
         except BrokenProcessPool as error:
-            raise CommandError("a worker process died: start again to go on from here") from error
+            raise CommandError(
+                "a worker process died: repeat the command to continue from here"
+            ) from error
         finally:
             pool.shutdown(wait=False, cancel_futures=True)
 
 
 def _end_with_parent() -> None:
-    """Have this worker end when the campaign does, even if that was killed and cannot say so."""
+    """End this worker when the campaign's process ends, even if that was killed."""
 
     def wait_for_it() -> None:
         parent = parent_process()
@@ -73,13 +76,13 @@ def _end_with_parent() -> None:
     threading.Thread(target=wait_for_it, daemon=True).start()
 
 
-def fly_on_cluster(orders: Iterable[Order], address: str) -> Iterator[FlightRow]:
-    """Yield the rows of all flights, as they are finished by the workers of a Dask cluster.
+def fly_on_cluster(jobs: Iterable[FlightJob], address: str) -> Iterator[FlightRow]:
+    """Yield the row of each flight as a worker of a Dask cluster finishes it.
 
-    The workers need this package; flights of a worker that dies are flown by the others.
+    The workers need this package installed; the others repeat the flights of a worker that dies.
 
     Raises:
-        CommandError: there is no scheduler at the address, or flights keep killing workers.
+        CommandError: no scheduler answers at the address, or flights keep killing workers.
     """
     # Dask takes a second to import, and most campaigns fly without it.
     from distributed import Client, as_completed  # noqa: PLC0415
@@ -90,19 +93,19 @@ def fly_on_cluster(orders: Iterable[Order], address: str) -> Iterator[FlightRow]
     except (OSError, ValueError) as error:
         raise CommandError(f"--dask {address}: no scheduler answers: {error}") from error
     with client:
-        remaining = iter(orders)
+        remaining = iter(jobs)
         workers = max(1, sum(client.nthreads().values()))
         waiting = [
-            client.submit(fly_numbered, *order, pure=False)
-            for order in islice(remaining, workers * _WAITING_PER_WORKER)
+            client.submit(fly_numbered, *job, pure=False)
+            for job in islice(remaining, workers * _WAITING_PER_WORKER)
         ]
         flying = as_completed(waiting, loop=client.loop)
-        waiting.clear()  # a future that is held keeps its result on the cluster
+        waiting.clear()  # the cluster keeps the result of a future as long as we refer to it
         try:
             for future in flying:
                 row = future.result()
-                for order in islice(remaining, 1):
-                    flying.add(client.submit(fly_numbered, *order, pure=False))
+                for job in islice(remaining, 1):
+                    flying.add(client.submit(fly_numbered, *job, pure=False))
                 yield row
         except KilledWorker as error:
             raise CommandError(f"--dask {address}: {error}") from error

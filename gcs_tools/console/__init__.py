@@ -1,1 +1,1 @@
-"""What every command shares with its terminal: output, progress, errors, child processes."""
+"""Shared by all commands: arguments, output, progress, errors, child processes."""

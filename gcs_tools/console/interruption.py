@@ -1,4 +1,4 @@
-"""Ctrl-C and its kin as a request that is noticed at the next wait, not an exception anywhere."""
+"""Turns Ctrl-C and stop signals into a request that a command checks at its next wait."""
 
 from __future__ import annotations
 
@@ -12,33 +12,33 @@ _SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
 
 class Interruption:
-    """Whether somebody has asked to stop."""
+    """A request to stop, from a signal."""
 
     def __init__(self) -> None:
         self._signal_number: int | None = None
 
     @property
     def requested(self) -> bool:
-        """Whether somebody has."""
+        """Whether a stop was requested."""
         return self._signal_number is not None
 
     def check(self) -> None:
-        """Go on if nobody has.
+        """Return unless a stop was requested.
 
         Raises:
-            Interrupted: somebody has.
+            Interrupted: a stop was requested.
         """
         if self._signal_number is not None:
             raise Interrupted(self._signal_number)
 
     def request(self, signal_number: int) -> None:
-        """Ask to stop."""
+        """Request a stop."""
         self._signal_number = signal_number
 
 
 @contextmanager
 def interruptible() -> Iterator[Interruption]:
-    """Turn SIGINT, SIGTERM and SIGHUP into a request, and have the old answers back afterwards."""
+    """Turn SIGINT, SIGTERM and SIGHUP into a request; restore the old handlers afterwards."""
     interruption = Interruption()
     before = {
         number: signal.signal(number, lambda received, _: interruption.request(received))

@@ -1,4 +1,4 @@
-"""Where a command's document goes: a table for people, JSON and CSV for programs."""
+"""Writes a command's document: as a table for people, as JSON or CSV for programs."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from gcs_tools.console.errors import CommandError
 
 Format = Literal["table", "json", "csv"]
 
-# Tables keep this width where there is no terminal to fit, so that files come out alike.
+# Width of tables where the output is not a terminal, so that files are the same everywhere.
 _FILE_WIDTH = 110
 
 
@@ -30,10 +30,10 @@ def write_document(
     """Write a document to ``path``, or to standard output without one.
 
     Args:
-        document: what ``json`` and ``csv`` write.
-        table: draws the same for people.
-        form: which of them is wanted.
-        path: the file to write.
+        document: content for ``json`` and ``csv``.
+        table: prints the same content for people.
+        form: of the output.
+        path: file to write; None for standard output.
 
     Raises:
         CommandError: the file cannot be written.
@@ -80,9 +80,9 @@ def _rendered(
 
 
 def _flattened(value: Any, prefix: str = "") -> Iterator[tuple[str, Any]]:
-    """Yield (dotted key, value); items of a list are called by their ``name`` where they have one.
+    """Yield (dotted key, value); items of a list are named by their ``name``, or numbered.
 
-    Values are written as JSON writes them, so that one key reads alike in both forms.
+    Values are formatted as in JSON, so that a key has the same value in both forms.
     """
     if isinstance(value, dict):
         for key, item in value.items():

@@ -1,4 +1,4 @@
-"""Starts other programs and always stops them again."""
+"""Starts child programs and makes sure to stop them."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ from typing import Self
 
 from gcs_tools.console.errors import CommandError
 
-# From a request to an order: how long each signal is given before the next.
+# Signals from polite to forced, and how long to wait after each.
 _STOP_SIGNALS = ((signal.SIGINT, 5.0), (signal.SIGTERM, 2.0), (signal.SIGKILL, 5.0))
 
 
 class ProcessEndedError(CommandError):
-    """A program that should still be running is not."""
+    """A child program ended too early."""
 
 
 @dataclass(frozen=True)
@@ -31,10 +31,10 @@ class _Child:
 
 
 class Children:
-    """Programs that live no longer than the ``with`` block around them.
+    """Child programs that end with the ``with`` block around them.
 
-    Each gets a session of its own, so that a Ctrl-C in the terminal reaches only us, and whatever
-    it starts itself is stopped with it.
+    Each gets its own session: a Ctrl-C in the terminal reaches only us, and stopping the session
+    stops the child's own children, too.
     """
 
     def __init__(self) -> None:
@@ -65,10 +65,10 @@ class Children:
         self._children.append(_Child(name, process, log_path))
 
     def check(self) -> None:
-        """Make sure that everything is still running.
+        """Check that every child is still running.
 
         Raises:
-            ProcessEndedError: names the program and its last words.
+            ProcessEndedError: names the child, how it ended, and its last line of output.
         """
         for child in self._children:
             code = child.process.poll()
@@ -76,14 +76,14 @@ class Children:
                 raise ProcessEndedError(f"{child.name} ended ({_ending(code)}){_last_words(child)}")
 
     def stop(self) -> None:
-        """Stop what is running, last started first."""
+        """Stop every running child, last started first."""
         while self._children:
             _stop(self._children.pop().process)
 
 
 def _stop(process: subprocess.Popen[bytes]) -> None:
     for number, patience_s in _STOP_SIGNALS:
-        # The group outlives its leader if that left children behind.
+        # The group outlives its leader while the leader's children run.
         with contextlib.suppress(ProcessLookupError):
             os.killpg(process.pid, number)
         with contextlib.suppress(subprocess.TimeoutExpired):
@@ -105,7 +105,7 @@ def _last_words(child: _Child) -> str:
 def free_ports(count: int) -> list[int]:
     """Return loopback ports that are free for both UDP and TCP.
 
-    They are free now, not reserved: who opens them may still find that somebody was faster.
+    They are not reserved: another program may still take one before the caller opens it.
     """
     with contextlib.ExitStack() as stack:
         ports: list[int] = []

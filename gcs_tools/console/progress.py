@@ -1,4 +1,4 @@
-"""Progress bars with an estimate of what is left, where somebody watches; silent elsewhere."""
+"""Progress bars with an estimate of the time left; without a terminal they show nothing."""
 
 from __future__ import annotations
 
@@ -21,29 +21,29 @@ from rich.progress import (
     TimeRemainingColumn,
 )
 
-from onboard.files.models import Mission
+from onboard.files.mission_file import Mission
 
 Item = TypeVar("Item")
 
-# Eyes follow no faster, and drawing costs time.
+# Faster updates cannot be followed, and drawing takes time.
 _PERIOD_S: Final = 0.1
-# Leaves room for words in a terminal of 80 columns.
+# Leaves room for a text in a terminal of 80 columns.
 _BAR_WIDTH: Final = 16
 
 
 class Report(Protocol):
-    """Takes what is being done, and where the vehicle is once it flies."""
+    """Takes the current activity, and the vehicle's position once it flies."""
 
     def __call__(self, text: str, position_ned_m: Sequence[float] | None = None) -> None:
         """Show it."""
 
 
 class Bar:
-    """One line that changes: what is being done, how far it is, how long it will take.
+    """One line that changes: activity, progress and time left.
 
     Args:
-        progress: draws it; None where nobody watches.
-        task: which of its lines.
+        progress: draws the bar; None without a terminal.
+        task: its line of ``progress``.
     """
 
     def __init__(self, progress: Progress | None, task: TaskID) -> None:
@@ -52,11 +52,11 @@ class Bar:
 
     @property
     def due(self) -> bool:
-        """Whether somebody would see a change: worth working out what to show."""
+        """Whether a new value is worth computing: a terminal shows it, and the last one is old."""
         return self._progress is not None and time.monotonic() >= self._due_s
 
     def show(self, done: float | None = None, text: str | None = None) -> None:
-        """Show that so much is done, and what is being done; None leaves either as it was."""
+        """Show the amount done and the activity; None leaves either unchanged."""
         if self._progress is None:
             return
         self._due_s = time.monotonic() + _PERIOD_S
@@ -66,13 +66,13 @@ class Bar:
 
 @contextmanager
 def progress_bar(text: str, total: float | None) -> Iterator[Bar]:
-    """Show a bar on standard error while the context lasts, and leave nothing of it behind.
+    """Show a bar on standard error while the context lasts, and remove it afterwards.
 
     Args:
-        text: what is being done.
-        total: how much there is to do; None where nobody knows.
+        text: the activity.
+        total: amount of work; None if unknown.
     """
-    # Not the console's own opinion: environment variables may talk it into colours in a file.
+    # rich's own test is not reliable: environment variables can make it write colours to a file.
     if not sys.stderr.isatty():
         yield Bar(None, TaskID(0))
         return
@@ -92,9 +92,9 @@ def tracked(items: Iterable[Item], total: int, text: str) -> Iterator[Item]:
     """Yield items, and show how many of them are done.
 
     Args:
-        items: what there is to do.
-        total: how many they are.
-        text: what is being done.
+        items: the work.
+        total: number of items.
+        text: the activity.
     """
     with progress_bar(text, total) as bar:
         for done, item in enumerate(items, start=1):
@@ -105,13 +105,13 @@ def tracked(items: Iterable[Item], total: int, text: str) -> Iterator[Item]:
 
 
 class FlightProgress:
-    """How far a flight has come, in metres of its way: up, along the legs, and down.
+    """Progress of a flight in metres flown: up, along the legs, and down.
 
     Args:
-        mission: what is flown.
+        mission: that is flown.
 
     Attributes:
-        total_m: all of its way.
+        total_m: of the whole flight.
     """
 
     def __init__(self, mission: Mission) -> None:
@@ -126,13 +126,13 @@ class FlightProgress:
         self._climbed_m = 0.0
 
     def travelled_m(self, position_ned_m: Sequence[float]) -> float:
-        """Return how much of the way lies behind the vehicle; never less than before."""
+        """Return the distance flown [m]; never less than before."""
         north_m, east_m, down_m = position_ned_m
         if not all(map(math.isfinite, position_ned_m)):
             return self._travelled_m
         height_m = min(max(-down_m, 0.0), self._height_m)
         self._climbed_m = max(self._climbed_m, height_m)
-        # Whoever has come down again has nothing before them but the ground.
+        # A vehicle that has descended again is landing.
         came_down_m = self._climbed_m - height_m
         landing = self._climbed_m > 0.9 * self._height_m and came_down_m > 0.2 * self._height_m
         flown_m = self._length_m + came_down_m if landing else self._along_m(north_m, east_m)
@@ -149,7 +149,7 @@ class FlightProgress:
             (north_m - start_north_m) * along[0] + (east_m - start_east_m) * along[1]
         ) / length_m
         along_m = min(max(flown_m, 0.0), length_m)
-        # A turn is flown at the end of its leg.
+        # The vehicle turns at the end of a leg.
         if along_m > length_m - 0.5 and self._leg + 1 < len(self._legs):
             self._leg += 1
             self._before_m += length_m

@@ -1,4 +1,4 @@
-"""Standard output that may be closed, full, or unable to hold a character."""
+"""Handles standard output that is closed, full, or cannot encode a character."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from typing import Final
 
 from gcs_tools.console.errors import CommandError
 
-# What a shell reports of a program that a closed pipe has ended.  Neither yes (0) nor no (1).
+# Exit code of a program that a closed pipe has ended; differs from yes (0) and no (1).
 CLOSED_PIPE: Final = 128 + signal.SIGPIPE
 
 
@@ -23,18 +23,18 @@ class OutputError(CommandError):
 
 
 def with_output(run: Callable[[], int]) -> int:
-    """Run a command to the last byte of its output; return its exit code.
+    """Run a command, write all of its output, and return its exit code.
 
     Characters that standard output cannot encode become question marks.  If the reader of a pipe
     has gone, the exit code is `CLOSED_PIPE`.
 
     Raises:
-        OutputError: the output is full, closed or broken in some other way.
+        OutputError: the output cannot be written, for instance because it is full or closed.
     """
     _prepare()
     try:
         code = run()
-        # Now, and not when the interpreter ends, which would only change the exit code.
+        # At the interpreter's end an error would only change the exit code.
         sys.stdout.flush()
     except BrokenPipeError:
         _abandon_output()
@@ -44,7 +44,7 @@ def with_output(run: Callable[[], int]) -> int:
         where = error.filename or "standard output"
         raise OutputError(f"{where}: cannot be used: {error.strerror or error}") from error
     except SystemExit as ending:
-        # argparse ends with 0 or 2; 1 is rich, when a pipe that it writes to has closed.
+        # argparse exits with 0 or 2; rich exits with 1 after writing to a closed pipe.
         if ending.code == 1:
             return CLOSED_PIPE
         _flush_or_abandon()
@@ -63,7 +63,7 @@ def _flush_or_abandon() -> None:
 
 
 def _prepare() -> None:
-    # Python has none where the descriptor was closed before the start.
+    # Python sets them to None if the descriptor was closed before the start.
     if sys.stdout is None:
         sys.stdout = _ClosedOutput()
     if sys.stderr is None:
@@ -73,14 +73,14 @@ def _prepare() -> None:
 
 
 class _ClosedOutput(io.TextIOBase):
-    """Fails when something is written, as the closed descriptor would."""
+    """Raises on every write, as a closed descriptor does."""
 
     def write(self, _: str) -> int:
         raise OSError(errno.EBADF, os.strerror(errno.EBADF))
 
 
 def _abandon_output() -> None:
-    """Let what is still buffered go nowhere, or the interpreter would complain at its end."""
+    """Discard what is still buffered; otherwise the interpreter reports an error at its end."""
     if sys.stdout is sys.__stdout__ and isinstance(sys.stdout, io.TextIOWrapper):
         with contextlib.suppress(OSError):
             nowhere = os.open(os.devnull, os.O_WRONLY)

@@ -1,4 +1,4 @@
-"""An assessed contract as the JSON document that every command shares."""
+"""An assessed contract as the JSON document that several commands write."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from onboard.contract.assessment import Assessment, Clause, Derived
 
 
 def contract_document(assessment: Assessment) -> dict[str, Any]:
-    """Return everything that was derived from a contract, with the published keys."""
+    """Return everything derived from a contract; the keys are a published interface."""
     return {
         "contract_sha256": assessment.contract.sha256,
         "input_set": assessment.terms.input_set,

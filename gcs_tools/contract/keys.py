@@ -1,17 +1,19 @@
-"""The numeric keys of a contract file: their units, the values they admit, how to change them."""
+"""The numeric keys of a contract file: units, admissible values, and how to change them."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
+from difflib import get_close_matches
 from functools import cache
 from typing import Any
 
 from gcs_tools.console.errors import CommandError
-from onboard.files.models import Contract
+from onboard.files.contract_file import Contract
 from onboard.files.yaml_file import unit_of, validate
 
+_SUGGESTIONS_MAX = 3
 _ITEM_TERMS = {
     "velocity_error_mps.0": "velocity_error_x_mps",
     "velocity_error_mps.1": "velocity_error_y_mps",
@@ -24,7 +26,7 @@ class ContractKey:
 
     Attributes:
         path: dotted key, as for ``--set``; list items are numbered from 0.
-        lower, upper: bounds of the admissible values; infinite where there is none.
+        lower, upper: bounds of the admissible values; infinite without one.
         lower_admitted, upper_admitted: whether the bounds themselves are admissible.
     """
 
@@ -51,7 +53,7 @@ class ContractKey:
         return math.radians(1.0) if self.unit == "°" else 1.0
 
     def value_in(self, contract: Contract) -> float | None:
-        """Return what a contract states; None where it states nothing."""
+        """Return the value that a contract states; None if it states none."""
         value: Any = contract.model_dump()
         for part in self.path.split("."):
             value = value[int(part)] if part.isdecimal() else value[part]
@@ -80,18 +82,31 @@ def contract_key(path: str) -> ContractKey:
     """Look up a dotted key.
 
     Raises:
-        CommandError: there is no such numeric key.
+        CommandError: the key is unknown or not numeric.
     """
     try:
         return numeric_keys()[path]
     except KeyError:
-        known = ", ".join(numeric_keys())
-        raise CommandError(f"{path} is no numeric key of a contract; there are {known}") from None
+        raise CommandError(
+            f"unknown numeric contract key {path!r}; {suggestion(path, numeric_keys())}"
+        ) from None
+
+
+def suggestion(unknown: str, known: Iterable[str]) -> str:
+    """Return "did you mean …?" with the names most like an unknown one; without any, list all."""
+    names = list(known)
+    # Sections are left out: every key of a section is like every other one with a short name.
+    short = {name.partition(".")[2] or name: name for name in names}
+    wanted = unknown.partition(".")[2] or unknown.strip(".")
+    close = [key for key in short if wanted in key] or get_close_matches(wanted, short)
+    if wanted and close:
+        return f"did you mean {' or '.join(short[key] for key in close[:_SUGGESTIONS_MAX])}?"
+    return f"expected one of {', '.join(names)}"
 
 
 @cache
 def numeric_keys() -> dict[str, ContractKey]:
-    """Every numeric key of a contract file, in the order of the file."""
+    """Return every numeric key of a contract file by its path, in the order of the file."""
     schema = Contract.model_json_schema()
     found: dict[str, ContractKey] = {}
     for section_name, section in schema["properties"].items():

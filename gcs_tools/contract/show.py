@@ -1,4 +1,4 @@
-"""``clearway contract show``: what a contract requires, and whether it complies."""
+"""``clearway contract show``: the clauses of a contract, their margins and derived quantities."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from rich.table import Table
 from gcs_tools.console.output import Format, write_document
 from gcs_tools.contract.document import contract_document, derived_document
 from onboard.contract.assessment import Assessment, Clause, assess
-from onboard.files.models import InputSet, load_contract
+from onboard.files.contract_file import InputSet, load_contract
 
 _QUANTITIES = {
     "collision_set_depth_m": "collision set depth D (m)",
@@ -35,10 +35,10 @@ def show_contract(
     form: Format,
     output: Path | None,
 ) -> None:
-    """Write what follows from a contract; a contract that does not comply is shown all the same.
+    """Write what a contract requires, whether it complies or not.
 
     Raises:
-        FileError: the contract or an override is not usable.
+        FileError: the contract or an override cannot be used.
         CommandError: the output cannot be written.
     """
     assessment = assess(load_contract(path, overrides), input_set)
@@ -51,7 +51,7 @@ def show_contract(
 
 
 def print_contract(assessment: Assessment, title: str, console: Console) -> None:
-    """Draw the operator's view: verdict, clauses with margins, derived quantities."""
+    """Print verdict, clauses with margins, and derived quantities."""
     print_verdict(assessment, title, console)
     console.print(clause_table(assessment.clauses, binding=assessment.binding.name))
     console.print(_quantity_table(assessment))
@@ -65,12 +65,12 @@ def print_contract(assessment: Assessment, title: str, console: Console) -> None
 
 
 def print_verdict(assessment: Assessment, title: str, console: Console) -> None:
-    """Say first whether to fly, and what decides."""
+    """Print whether the contract complies, and the clause that decides."""
     clause = assessment.binding
     if assessment.compliant:
         verdict, say = "[bold green]COMPLIANT[/]", "tightest"
     else:
-        verdict, say = "[bold red]NOT COMPLIANT[/]", "broken most"
+        verdict, say = "[bold red]NOT COMPLIANT[/]", "most violated"
     console.print(
         f"{verdict}  {title}\n{say}: {clause.name}, margin {clause.margin:+.2f} {clause.unit} "
         f"({clause.reason})"

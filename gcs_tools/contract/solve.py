@@ -1,8 +1,8 @@
-"""``clearway contract solve``: how far one number of a contract may go.
+"""``clearway contract solve``: which values of one key comply, all else as stated.
 
-The set of values that comply is found, not assumed to be one half-line: the admissible range is
-sampled from end to end on a logarithmic grid, extrema between samples are searched for islands and
-gaps, and every change of verdict is bisected with the very function that decides before a flight.
+The complying values need not be one half-line.  The search samples the admissible range on a
+logarithmic grid, looks for islands and gaps at extrema between samples, and bisects every change of
+verdict, always with the function that the pre-flight check uses.
 """
 
 from __future__ import annotations
@@ -22,17 +22,17 @@ from gcs_tools.console.output import Format, write_document
 from gcs_tools.console.progress import tracked
 from gcs_tools.contract.keys import ContractKey, contract_key
 from onboard.contract.assessment import Clause, assess
-from onboard.files.models import Contract, InputSet, load_contract
+from onboard.files.contract_file import Contract, InputSet, load_contract
 from onboard.files.yaml_file import FileError
 
 Answer = Literal["largest", "smallest", "between", "several", "always", "never"]
 
-# A key without an upper bound is tried up to this value, in its own unit.
+# Keys without an upper bound are tried up to this value, in their own unit.
 LARGEST_TRIED = 1e6
 _SMALLEST_TRIED = 1e-6
 _SAMPLES_PER_DECADE = 80
 
-# Limits are bisected to this relative width; the value reported lies on the complying side.
+# Relative width to which limits are bisected; the reported value is on the complying side.
 _RELATIVE_WIDTH = 1e-13
 _SEARCH_STEPS = 80
 
@@ -42,11 +42,11 @@ class Trial:
     """The verdict on one value.
 
     Attributes:
-        value: what was tried, in the key's unit.
-        score: least margin of all clauses as a part of what is declared; above 0 complies, minus
-            infinity is not admissible.
-        clause: the clause with that margin, None if the value is not admissible.
-        reason: why that clause is there, or the rule that the value breaks.
+        value: in the key's unit.
+        score: least margin of all clauses as a share of declared; above 0 complies, minus infinity
+            is not admissible.
+        clause: the clause with that margin; None if the value is not admissible.
+        reason: the purpose of that clause, or the rule that the value breaks.
     """
 
     value: float
@@ -75,7 +75,7 @@ class Limit:
 
 @dataclass(frozen=True)
 class Interval:
-    """Complying values; None where only the admissible range, or what was tried, ends them."""
+    """Complying values; None for an end that only the admissible or tried range sets."""
 
     lower: Limit | None
     upper: Limit | None
@@ -86,11 +86,11 @@ class Solution:
     """Which values of a key comply.
 
     Attributes:
-        key: that was solved for.
-        declared: what the contract states now.
+        key: whose values were searched.
+        declared: value that the contract states.
         intervals: of complying values, ascending.
-        closest: the value that comes closest to complying, if none does.
-        notes: what limits the answer.
+        closest: the value closest to complying, if none complies.
+        notes: restrictions of the answer.
     """
 
     key: ContractKey
@@ -101,7 +101,7 @@ class Solution:
 
     @property
     def answer(self) -> Answer:
-        """In a word."""
+        """Return the kind of solution, in a word."""
         match self.intervals:
             case []:
                 return "never"
@@ -127,7 +127,7 @@ def solve(contract: Contract, path: str, input_set: InputSet = "inner") -> Solut
     """Find the values of one key with which a contract complies, all else as stated.
 
     Raises:
-        CommandError: there is no such numeric key.
+        CommandError: the key is unknown or not numeric.
     """
     key = contract_key(path)
     declared = key.value_in(contract)
@@ -147,12 +147,12 @@ def _try(contract: Contract, key: ContractKey, input_set: InputSet, value: float
         rule = str(error).rpartition(": ")[2]  # after file, key and value
         return Trial(value, -math.inf, None, rule)
     clause: Clause[float] = assessment.binding
-    # `binding` ranks by the same quotient, so its sign is the verdict.
+    # `binding` ranks clauses by this quotient, so its sign is the verdict.
     return Trial(value, clause.margin / clause.declared, clause.name, clause.reason)
 
 
 def _samples(key: ContractKey, declared: float | None) -> list[float]:
-    """Values from end to end of the admissible range, denser towards its bounds."""
+    """Return values across the admissible range, denser towards its bounds."""
     decades = math.log10(LARGEST_TRIED / _SMALLEST_TRIED)
     steps = np.logspace(
         math.log10(_SMALLEST_TRIED),
@@ -169,7 +169,7 @@ def _samples(key: ContractKey, declared: float | None) -> list[float]:
 
 
 def _refined(trials: list[Trial], tried: Callable[[float], Trial]) -> list[Trial]:
-    """Add what lies between the samples: complying islands and gaps that do not comply."""
+    """Add complying islands and non-complying gaps that lie between samples."""
     found: list[Trial] = []
     for left, middle, right in zip(trials, trials[1:], trials[2:], strict=False):
         if left.complies == middle.complies == right.complies:
@@ -182,7 +182,7 @@ def _refined(trials: list[Trial], tried: Callable[[float], Trial]) -> list[Trial
 
 
 def _extreme(low: float, high: float, tried: Callable[[float], Trial], sign: float) -> Trial:
-    """Ternary search for the highest (sign 1) or lowest (sign -1) score between two values."""
+    """Find the highest (sign 1) or lowest (sign -1) score between two values by ternary search."""
     for _ in range(_SEARCH_STEPS):
         third = (high - low) / 3.0
         nearer, farther = tried(low + third), tried(high - third)
@@ -241,8 +241,8 @@ def solve_contract(
     """Write which values of one key comply.
 
     Raises:
-        FileError: the contract or an override is not usable.
-        CommandError: there is no such numeric key, or the output cannot be written.
+        FileError: the contract or an override cannot be used.
+        CommandError: the key is unknown or not numeric, or the output cannot be written.
     """
     contract = load_contract(path, overrides)
     solution = solve(contract, key, input_set)
@@ -256,7 +256,7 @@ def solve_contract(
 
 
 def solution_document(solution: Solution) -> dict[str, Any]:
-    """Return the solution with the published keys; values in the key's unit."""
+    """Return the solution, values in the key's unit; the keys are a published interface."""
     limit = solution.limit
     return {
         "key": solution.key.path,
@@ -281,7 +281,7 @@ def _limit_document(limit: Limit | None) -> dict[str, Any] | None:
 
 
 def print_solution(solution: Solution, console: Console) -> None:
-    """Say in words which values comply and what stops the others."""
+    """Print which values comply, and the clause that the others violate."""
     key, unit = solution.key, solution.key.unit
     declared = "nothing" if solution.declared is None else f"{solution.declared:g} {unit}"
     console.print(f"[bold]{key.path}[/] (the contract states {declared})")

@@ -17,17 +17,17 @@ from rich.table import Table
 from gcs_tools.console.errors import CommandError
 from gcs_tools.console.output import Format, write_document, write_text
 from gcs_tools.contract.surface_grid import MARGIN, Axis, Reading, Surface, evaluate
-from onboard.files.models import InputSet, load_contract
+from onboard.files.contract_file import InputSet, load_contract
 
 FigureNumber = Literal["11", "12", "13"]
 
-# Rows and columns of the table that people read; files hold the whole grid.
+# Rows and columns of the printed table; files have the whole grid.
 _TABLE_STEPS = 8
 
 
 @dataclass(frozen=True)
 class Figure:
-    """What to draw, such as a figure of the paper, and the terms that it keeps fixed."""
+    """What to draw, such as a figure of the paper, with the terms that it fixes."""
 
     x: str
     y: str
@@ -57,7 +57,7 @@ FIGURES: dict[FigureNumber, Figure] = {
 
 @dataclass(frozen=True)
 class SurfaceRequest:
-    """What was asked for; None is taken from the figure, or else from its absence."""
+    """The command's arguments; None takes the figure's value, or the default without a figure."""
 
     figure: FigureNumber | None = None
     x: str | None = None
@@ -80,11 +80,11 @@ def write_surface(
 
     Raises:
         FileError: the contract, an override or an end of an axis is not admissible.
-        CommandError: the request makes no sense, or a file cannot be written.
+        CommandError: an axis, key or quantity is invalid, or a file cannot be written.
     """
     surface = request_surface(contract_path, request, overrides=overrides, input_set=input_set)
     if plot is not None:
-        from gcs_tools.contract.surface_picture import save_picture  # noqa: PLC0415  only who draws needs it
+        from gcs_tools.contract.surface_picture import save_picture  # noqa: PLC0415  loads matplotlib
 
         save_picture(surface, plot)
     if form == "csv":
@@ -98,14 +98,14 @@ def write_surface(
 def request_surface(
     contract_path: Path, request: SurfaceRequest, *, overrides: tuple[str, ...], input_set: InputSet
 ) -> Surface:
-    """Evaluate what was asked for; without axes, Fig. 11.
+    """Evaluate the requested surface; without axes, Fig. 11.
 
     Raises:
         FileError: the contract, an override or an end of an axis is not admissible.
-        CommandError: the request makes no sense.
+        CommandError: an axis, key or quantity is invalid.
     """
     figure = _figure(request)
-    # What the operator sets outranks what the figure keeps fixed.
+    # The operator's overrides take precedence over the figure's.
     contract = load_contract(contract_path, (*figure.overrides, *overrides))
     return evaluate(
         contract,
@@ -126,7 +126,7 @@ def _figure(request: SurfaceRequest) -> Figure:
 
 
 def surface_document(surface: Surface) -> dict[str, Any]:
-    """Return the surface with the published keys; rows of ``values`` follow y."""
+    """Return the surface, rows of ``values`` along y; the keys are a published interface."""
     return {
         "reading": surface.reading,
         "input_set": surface.input_set,
@@ -162,7 +162,7 @@ def surface_csv(surface: Surface) -> str:
 
 
 def print_surface(surface: Surface, console: Console) -> None:
-    """Draw a coarse grid with the safe side marked."""
+    """Print a coarse grid with the safe side marked."""
     x, y, z = surface.x, surface.y, surface.quantity
     rows = _spread(len(y.values))
     columns = _spread(len(x.values))
@@ -197,5 +197,5 @@ def _safe_meaning(surface: Surface) -> str:
 
 
 def _spread(count: int) -> list[int]:
-    """Indices of at most `_TABLE_STEPS` of ``count`` points, ends included."""
+    """Return the indices of at most `_TABLE_STEPS` of ``count`` points, ends included."""
     return sorted({round(i) for i in np.linspace(0, count - 1, min(count, _TABLE_STEPS))})

@@ -1,7 +1,7 @@
-"""What a contract requires, over any two of its keys.
+"""Evaluates a requirement of a contract on a grid of any two of its keys.
 
-The grid is evaluated by the formulas that decide before a flight, on arrays (`region.ARRAY`), in
-blocks that stay in the processor's cache.
+Uses the formulas of the pre-flight check on arrays (`region.ARRAY`), in blocks that fit into the
+processor's cache.
 """
 
 from __future__ import annotations
@@ -16,10 +16,10 @@ from numpy.typing import NDArray
 
 from gcs_tools.console.errors import CommandError
 from gcs_tools.console.progress import tracked
-from gcs_tools.contract.keys import ContractKey, contract_key
+from gcs_tools.contract.keys import ContractKey, contract_key, suggestion
+from onboard.contract.arithmetic import ARRAY
 from onboard.contract.assessment import Clause, Derived, Terms, clauses, derive
-from onboard.contract.region import ARRAY
-from onboard.files.models import Contract, InputSet
+from onboard.files.contract_file import Contract, InputSet
 from onboard.geometry.frames import FloatArray
 
 Reading = Literal["nominal", "inflated"]
@@ -27,13 +27,13 @@ BoolArray = NDArray[np.bool_]
 
 MAX_POINTS = 25_000_000
 
-# Points per block: some sixty arrays of this size pass through the cache.
+# Points per block; about sixty arrays of this size are in use at a time.
 _BLOCK_POINTS = 16_384
 
 
 @dataclass(frozen=True)
 class Axis:
-    """Values of one key, or of several keys that are driven together.
+    """Values of one key, or of several keys that change together.
 
     Attributes:
         keys: of the contract.
@@ -58,32 +58,32 @@ class Axis:
         """Read ``KEY=LO:HI:N``, or ``KEY+KEY=LO:HI:N``.
 
         Raises:
-            CommandError: the text does not describe an axis.
+            CommandError: the text does not describe an axis, or names an unknown key.
         """
         names, _, span = text.partition("=")
         keys = tuple(contract_key(name) for name in names.split("+"))
         if len({key.unit for key in keys}) > 1:
-            raise CommandError(f"{names}: keys that are driven together must have the same unit")
+            raise CommandError(f"{names}: keys of one axis must have the same unit")
         try:
             low, high, count = span.split(":")
             start, stop, number = float(low), float(high), int(count)
         except ValueError:
-            raise CommandError(f"{text}: write KEY=LO:HI:N") from None
+            raise CommandError(f"{text}: expected KEY=LO:HI:N") from None
         if not (math.isfinite(start) and math.isfinite(stop) and start < stop and number >= 2):
-            raise CommandError(f"{text}: LO must be less than HI, and N at least 2")
+            raise CommandError(f"{text}: expected LO less than HI, and N at least 2")
         return cls(keys, np.linspace(start, stop, number))
 
 
 @dataclass(frozen=True)
 class Quantity:
-    """Something to draw over two keys.
+    """A quantity that a surface shows.
 
     Attributes:
         name: on the command line.
-        label: for people.
+        label: in tables and pictures.
         unit: of the values.
-        clause: name of the clause whose requirement this is; '' if it is none's.
-        of: its values.
+        clause: name of the clause whose requirement this is; '' for other quantities.
+        of: computes the values.
     """
 
     name: str
@@ -125,7 +125,7 @@ def quantity_called(name: str, units_of_clauses: dict[str, str]) -> Quantity:
     """Return a derived length, ``margin``, or what a clause requires in its unit.
 
     Raises:
-        CommandError: there is no such quantity.
+        CommandError: the quantity is unknown.
     """
     known = {quantity.name: quantity for quantity in (MARGIN, *_LENGTHS)}
     if name in known:
@@ -133,8 +133,8 @@ def quantity_called(name: str, units_of_clauses: dict[str, str]) -> Quantity:
     if (unit := units_of_clauses.get(name)) is not None:
         label = f"{name.replace('_', ' ')} required"
         return Quantity(name, label, unit, name, lambda _, found: _clause_of(found, name).required)
-    names = ", ".join((*known, *units_of_clauses))
-    raise CommandError(f"unknown quantity {name!r}; expected one of {names}")
+    names = (*known, *units_of_clauses)
+    raise CommandError(f"unknown quantity {name!r}; {suggestion(name, names)}")
 
 
 @dataclass(frozen=True)
@@ -147,9 +147,9 @@ class Surface:
         reading: nominal or inflated.
         input_set: which box of accelerations.
         values: (len(y), len(x)).
-        margin: what the quantity's clause declares less what it requires, as a part of what it
-            declares; of all clauses the least, if the quantity belongs to none.
-        declared: what the quantity's clause declares, if that is the same everywhere.
+        margin: declared less required, as a share of declared: of the quantity's clause, or the
+            least of all clauses if it has none.
+        declared: of the quantity's clause, if it is the same everywhere; else None.
         compliant: where every clause holds.
     """
 
@@ -165,7 +165,7 @@ class Surface:
 
     @property
     def safe(self) -> BoolArray:
-        """Where the quantity's clause holds; every clause, if it belongs to none."""
+        """Where the quantity's clause holds, or every clause if it has none."""
         return self.margin > 0.0
 
 
@@ -182,7 +182,7 @@ def evaluate(
 
     Raises:
         FileError: an end of an axis is not admissible.
-        CommandError: the grid is too large, the axes share a key, or there is no such quantity.
+        CommandError: the grid is too large, the axes share a key, or the quantity is unknown.
     """
     _check(_read_as(contract, reading), x, y)
     terms = _as_arrays(Terms.of(contract, input_set))
@@ -190,36 +190,57 @@ def evaluate(
         terms = terms.idealised()
     units = {clause.name: clause.unit for clause in clauses(terms, derive(terms, ARRAY), ARRAY)}
     quantity = quantity_called(quantity_name, units)
-    shape = len(y.values), len(x.values)
-    values, margin, compliant = np.empty(shape), np.empty(shape), np.empty(shape, dtype=bool)
-    declared: set[float] = set()
+    grid = _Grid.of_shape(len(y.values), len(x.values))
     steps = range(0, len(y.values), max(1, _BLOCK_POINTS // len(x.values)))
     for start in tracked(steps, len(steps), "evaluating the contract"):
         rows = slice(start, start + steps.step)
         block = _block(terms, x, y, rows)
         derived = derive(block, ARRAY)
-        found = clauses(block, derived, ARRAY)
-        values[rows] = quantity.of(derived, found)
-        compliant[rows] = np.logical_and.reduce(
-            [np.broadcast_to(clause.holds, values[rows].shape) for clause in found]
-        )
-        if quantity.clause:
-            own = _clause_of(found, quantity.clause)
-            margin[rows] = own.margin / own.declared
-            declared |= set(np.unique(own.declared).tolist())
-        else:
-            margin[rows] = MARGIN.of(derived, found)
+        grid.fill(rows, quantity, derived, clauses(block, derived, ARRAY))
     return Surface(
         x=x,
         y=y,
         quantity=quantity,
         reading=reading,
         input_set=input_set,
-        values=values,
-        margin=margin,
-        declared=declared.pop() if len(declared) == 1 else None,
-        compliant=compliant,
+        values=grid.values,
+        margin=grid.margin,
+        declared=grid.declared.pop() if len(grid.declared) == 1 else None,
+        compliant=grid.compliant,
     )
+
+
+@dataclass(frozen=True)
+class _Grid:
+    """The arrays of a `Surface` while they are filled, block by block of rows."""
+
+    values: FloatArray
+    margin: FloatArray
+    compliant: BoolArray
+    declared: set[float]
+
+    @classmethod
+    def of_shape(cls, rows: int, columns: int) -> _Grid:
+        shape = rows, columns
+        return cls(np.empty(shape), np.empty(shape), np.empty(shape, dtype=bool), set())
+
+    def fill(
+        self,
+        rows: slice,
+        quantity: Quantity,
+        derived: Derived[FloatArray],
+        found: tuple[Clause[FloatArray], ...],
+    ) -> None:
+        self.values[rows] = quantity.of(derived, found)
+        self.compliant[rows] = np.logical_and.reduce(
+            [np.broadcast_to(clause.holds, self.values[rows].shape) for clause in found]
+        )
+        if quantity.clause:
+            own = _clause_of(found, quantity.clause)
+            self.margin[rows] = own.margin / own.declared
+            self.declared.update(np.unique(own.declared).tolist())
+        else:
+            self.margin[rows] = MARGIN.of(derived, found)
 
 
 def _read_as(contract: Contract, reading: Reading) -> Contract:
@@ -235,7 +256,7 @@ def _read_as(contract: Contract, reading: Reading) -> Contract:
 
 def _check(contract: Contract, x: Axis, y: Axis) -> None:
     if len(x.values) * len(y.values) > MAX_POINTS:
-        raise CommandError(f"more than {MAX_POINTS:,} points: choose a smaller N")
+        raise CommandError(f"more than {MAX_POINTS:,} points: use a smaller N")
     if shared := {key.path for key in x.keys} & {key.path for key in y.keys}:
         raise CommandError(f"{', '.join(sorted(shared))} cannot be on both axes")
     for x_value in x.values[[0, -1]]:
@@ -255,7 +276,7 @@ def _as_arrays(terms: Terms[float]) -> Terms[FloatArray]:
 
 
 def _block(terms: Terms[FloatArray], x: Axis, y: Axis, rows: slice) -> Terms[FloatArray]:
-    """Return the terms in some rows of the grid; what varies with x alone stays one row."""
+    """Return the terms of some rows of the grid; terms that vary with x alone stay one row."""
     across = {key.term: x.values[np.newaxis, :] * key.term_per_unit for key in x.keys}
     down = {key.term: y.values[rows, np.newaxis] * key.term_per_unit for key in y.keys}
     changes: dict[str, Any] = across | down

@@ -1,6 +1,6 @@
-"""A contract surface as a picture: from above with the safe side marked, and as the paper draws it.
+"""Draws a contract surface: from above with the safe side marked, and in 3D as in the paper.
 
-Imports matplotlib, so only who draws imports this module.
+Loads matplotlib: import this module only to draw.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ _COLOURS = "viridis"
 _UNSAFE = "#c62828"
 _LEVELS = 12
 
-# A surface is drawn with at most this many lines each way; more only take time.
+# Most lines per direction of a 3D surface; more take time and do not show.
 _LINES_3D = 60
 
 
@@ -30,7 +30,7 @@ def save_picture(surface: Surface, path: Path) -> None:
     """Draw a surface; the suffix of ``path`` chooses the format.
 
     Raises:
-        CommandError: the file cannot be written, or its format is not known.
+        CommandError: the file cannot be written, or its format is unknown.
     """
     try:
         draw(surface).savefig(path, dpi=150)

@@ -1,46 +1,45 @@
-"""Columns of numbers from records: aligned, thinned, rounded, null where unknown."""
+"""Turns records into columns of numbers: aligned, thinned, rounded, null where unknown."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from typing import Any
+from typing import Generic, TypeVar
 
 import numpy as np
 
 from onboard.geometry.frames import FloatArray
 
-Record = dict[str, Any]
+R = TypeVar("R")
 Column = list[float | None]
 
 # More samples than any screen has pixels, and few enough for a page that opens at once.
 SAMPLES_MAX = 6000
 
 
-class Columns:
+class Columns(Generic[R]):
     """Reads columns from records, all thinned alike.
 
     Args:
         records: of one topic, in the order of time.
     """
 
-    def __init__(self, records: Sequence[Record]) -> None:
+    def __init__(self, records: Sequence[R]) -> None:
         self._records = records
         self._stride = max(1, math.ceil(len(records) / SAMPLES_MAX))
 
-    def of(self, read: Callable[[Record], float | None], digits: int = 3) -> Column:
+    def of(self, read: Callable[[R], float | None], digits: int = 3) -> Column:
         """Return what ``read`` finds in every record that is kept."""
         return _rounded(self._numbers(read)[:: self._stride], digits)
 
-    def peaks(
-        self, read: Callable[[Record], float | None], digits: int = 3, *, back: int = 0
-    ) -> Column:
-        """Return the largest value of each stretch that is thinned to one: no peak is lost.
+    def peaks(self, read: Callable[[R], float | None], digits: int = 3, *, back: int = 0) -> Column:
+        """Return the largest value of each stretch that is thinned to one, so that no peak is lost.
 
         Args:
             read: finds a value in a record.
             digits: to keep.
-            back: so many records before the stretch count with it; a saw-tooth turns into its top.
+            back: number of records before the stretch that count with it, which turns a saw-tooth
+                into its envelope.
         """
         values = self._numbers(read)
         known = np.where(np.isnan(values), -math.inf, values)
@@ -50,15 +49,17 @@ class Columns:
         peaks = padded.reshape(-1, self._stride).max(axis=1)
         return _rounded(np.where(np.isneginf(peaks), math.nan, peaks), digits)
 
-    def vector(self, key: str, axis: int, *, scale: float = 1.0) -> Column:
+    def vector(
+        self, read: Callable[[R], Sequence[float] | None], axis: int, *, scale: float = 1.0
+    ) -> Column:
         """Return one component of a vector."""
-        return self.of(lambda record: _component(record.get(key), axis, scale))
+        return self.of(lambda record: _component(read(record), axis, scale))
 
-    def angle_deg(self, key: str) -> Column:
+    def angle_deg(self, read: Callable[[R], float | None]) -> Column:
         """Return an angle in degrees."""
-        return self.of(lambda record: _degrees(record.get(key)), 2)
+        return self.of(lambda record: _degrees(read(record)), 2)
 
-    def _numbers(self, read: Callable[[Record], float | None]) -> FloatArray:
+    def _numbers(self, read: Callable[[R], float | None]) -> FloatArray:
         # numpy reads None as NaN.
         return np.array([read(record) for record in self._records], dtype=np.float64)
 

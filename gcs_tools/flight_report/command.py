@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -11,21 +10,20 @@ from rich.console import Console
 
 from gcs_tools.console.output import write_text
 from gcs_tools.console.progress import progress_bar
-from gcs_tools.flight_report.document import Document, document_of, logs_of, read_flight
-from gcs_tools.page import asset
-
-_SCRIPTS = ("map.js", "charts.js", "space.js", "report.js")
+from gcs_tools.flight_report.document import document_of
+from gcs_tools.flight_report.flight import Document, logs_of, read_flight
+from gcs_tools.page import render
 
 
 def run_report(logs: Sequence[Path], output: Path | None) -> None:
-    """Write the report of a flight, or of two laid over each other; print where it is.
+    """Write the report of one flight, or of two compared; print its path.
 
     Args:
-        logs: one flight or two; a log, or the directory that `clearway fly` left.
+        logs: of one flight or two; a log, or the directory that `clearway fly` wrote.
         output: the file; by default ``report.html`` beside the first log.
 
     Raises:
-        CommandError: a log holds no flight, or the file cannot be written.
+        CommandError: a log has no flight, or the file cannot be written.
     """
     first = logs[0]
     path = output or (first if first.is_dir() else first.parent) / "report.html"
@@ -47,23 +45,14 @@ def _document(path: Path) -> Document:
                 bar.show(read)
 
         flight = read_flight(path, watch)
-        bar.show(size, "making sense of it")
+        bar.show(size, "building the report")
         return document_of(flight)
 
 
 def write_report(flights: Sequence[Document], path: Path) -> None:
-    """Write the page of one flight or two.
+    """Write the page of one flight, or of two compared.
 
     Raises:
         CommandError: the file cannot be written.
     """
-    # Inside a script element nothing but "<" could end the data.
-    data = json.dumps(flights, separators=(",", ":"), allow_nan=False).replace("<", "\\u003c")
-    page = asset("report.html")
-    for mark, text in {
-        "/*style*/": asset("page.css"),
-        "/*script*/": "\n".join(asset(name).replace('"use strict";\n', "") for name in _SCRIPTS),
-        "/*data*/": data,
-    }.items():
-        page = page.replace(mark, text)
-    write_text(page, path)
+    write_text(render("report.html", flights=flights), path)

@@ -1,157 +1,96 @@
-"""A flight as the report's page reads it: one JSON document from the logs.
+"""A flight as one JSON document, which the report's page draws.
 
-Times are in seconds since departure.  A log of another version may lack what this one expects: the
-document then has less in it, never something wrong.
+Times are in seconds since departure.  A log of another version may lack records or keys: the
+document then omits what depends on them.
 """
 
 from __future__ import annotations
 
 import json
-import math
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator
+from dataclasses import asdict
 from datetime import UTC, datetime
-from itertools import groupby
-from pathlib import Path
-from typing import Any
 
 from pydantic import ValidationError
 
-from gcs_tools.console.errors import CommandError
-from gcs_tools.flight_report.columns import Columns, Record
-from gcs_tools.flight_report.records import understood
-from gcs_tools.logs.flight_log import Log, read_log
-from gcs_tools.logs.result import Result, result_of
-from onboard.files.models import Contract, Mission
-
-Document = dict[str, Any]
-
-# Before arming and after disarming, this much is shown.
-_GROUND_S = 1.0
-# Detections age from one to the next: shown is the oldest of this many ticks, 0.4 s.
-_AGE_TICKS = 20
-_PARTS = ("measured_ned_m", "keep_out_ned_m", "region_ned_m", "lane_ned_m", "boundary_ned_m")
-_CORNER_DIGITS = 3
-
-
-@dataclass(frozen=True)
-class Flight:
-    """The logs of one flight.
-
-    Attributes:
-        name: for the headline.
-        log: the daemon's.
-        truth: the simulation's; empty of a real flight.
-        result: ``result.json`` beside the log, if there is one.
-    """
-
-    name: str
-    log: Log
-    truth: Log
-    result: Document | None
-
-
-def read_flight(path: Path, watch: Callable[[int], None] = lambda _: None) -> Flight:
-    """Read a flight log, and ground truth and result beside it.
-
-    Args:
-        path: the log, or the directory that `clearway fly` left.
-        watch: told now and then how many bytes of `logs_of` have been read.
-
-    Raises:
-        CommandError: there is no flight in it.
-    """
-    path, *beside = logs_of(path)
-    log = understood(read_log(path, watch))
-    if not log.topic("/state"):
-        began = "clearway" in log.metadata
-        reason = "nothing was recorded" if began else "it is not a log of Clearway"
-        raise CommandError(f"{path}: there is no flight in it: {reason}")
-    if beside:
-        before = path.stat().st_size
-        truth = _ground_truth(beside[0], lambda read: watch(before + read))
-    else:
-        truth = Log(log.messages, {}, complete=True)
-    name = path.resolve().parent.name if path.name == "flight.mcap" else path.stem
-    return Flight(name, log, truth, _written_result(path.with_name("result.json"), log))
-
-
-def logs_of(path: Path) -> list[Path]:
-    """Return the log that is meant, and after it the simulation's, if that lies beside it."""
-    log = path / "flight.mcap" if path.is_dir() else path
-    truth = log.with_name("truth.mcap")
-    return [log, truth] if log.name == "flight.mcap" and truth.exists() else [log]
-
-
-def _ground_truth(path: Path, watch: Callable[[int], None]) -> Log:
-    """Read the simulation's log; a report without it still tells most."""
-    try:
-        return understood(read_log(path, watch))
-    except CommandError as error:
-        return Log({}, {}, complete=False, problems=(str(error),))
-
-
-def _written_result(path: Path, log: Log) -> Document | None:
-    """Read the result of this flight; it knows what the log does not, such as who gave up."""
-    try:
-        written = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError):
-        return None
-    flown = log.metadata.get("clearway", {}).get("contract_sha256")
-    return (
-        written if isinstance(written, dict) and written.get("contract_sha256") == flown else None
-    )
+from gcs_tools.flight_report.flight import Document, Flight
+from gcs_tools.flight_report.induction import clause_shares, induction_steps, margins_since
+from gcs_tools.flight_report.timeline import (
+    departure_s,
+    flight_states,
+    height_m,
+    known_columns,
+    monitors_during,
+    obstacle_spans,
+    path_columns,
+    phase_spans,
+    plan_paths,
+    since,
+    truth_columns,
+    truths_during,
+)
+from gcs_tools.logs.flight_log import Log
+from gcs_tools.logs.result import MissingValueError, Result, result_of
+from onboard.files.contract_file import Contract
+from onboard.files.mission_file import Mission
+from onboard.recording.messages import StateRecord
 
 
 def document_of(flight: Flight) -> Document:
     """Return everything that the page shows of a flight."""
-    every_state = flight.log.topic("/state")
-    states = _around_the_flight(every_state)
-    start_s = _departure_s(states)
+    states = flight_states(flight.log.states)
+    start_s = departure_s(states)
     contract, mission = _contract(flight.log), _mission(flight.log)
-    truths = _between(flight.truth.topic("/truth"), "time_unix_s", states)
-    result, problems = _result(flight)
-    span_s = (_since(states[0], start_s), _since(states[-1], start_s))
-    margins = [
-        # What was said before the time that is shown holds from its beginning.
-        {"time_s": max(_since(record, start_s), span_s[0]), "clauses": record["clauses"]}
-        for record in flight.log.topic("/margins")
-    ]
+    truths = truths_during(flight.truth.truths, states)
+    monitors = monitors_during(flight.log.monitors, states)
+    span_s = (since(states[0], start_s), since(states[-1], start_s))
+    margins = margins_since(flight.log, start_s, span_s[0])
     vehicle = None if contract is None else contract.vehicle
     return {
         "name": flight.name,
+        **_verdict(flight, contract),
+        "span_s": span_s,
+        "radius_m": 0.3 if vehicle is None else vehicle.radius_m,
+        "height_m": height_m(states),
+        "limits": _limits(contract),
+        "legs_ned_m": _legs(mission),
+        "path": path_columns(states, start_s),
+        "truth": truth_columns(truths, start_s),
+        "known": known_columns(monitors, start_s),
+        "phases": phase_spans(states, start_s),
+        "obstacles": obstacle_spans(flight.log.obstacles, start_s),
+        "plans": plan_paths(flight.log.plans, start_s),
+        "steps": induction_steps(flight.log, truths, start_s),
+        "margins": [
+            {"time_s": record.time_s, "clauses": [asdict(clause) for clause in record.clauses]}
+            for record in margins
+        ],
+        **clause_shares(margins, span_s[1]),
+        "events": _events(flight.log, start_s),
+        "origin": list(_origin(flight, flight.log.states[0], contract)),
+    }
+
+
+def _verdict(flight: Flight, contract: Contract | None) -> Document:
+    result, problems = _result(flight)
+    return {
         "outcome": result.get("outcome", "unknown"),
         "reason": result.get("reason", ""),
         "succeeded": _succeeded(result),
         "problems": [*flight.log.problems, *flight.truth.problems, *problems],
         "facts": list(_facts(result, contract)),
-        "span_s": span_s,
-        "radius_m": 0.3 if vehicle is None else vehicle.radius_m,
-        "height_m": _height_m(states),
-        "limits": _limits(contract),
-        "legs_ned_m": _legs(mission),
-        "path": _path(states, start_s),
-        "truth": _truth(truths, start_s),
-        "known": _known(_between(flight.log.topic("/monitors"), "time_s", states), start_s),
-        "phases": _phases(states, start_s),
-        "obstacles": _obstacles(flight.log.topic("/obstacles"), start_s),
-        "plans": _plans(flight.log.topic("/plan"), start_s),
-        "steps": _steps(flight.log, truths, start_s),
-        "margins": margins,
-        **_clauses(margins, span_s[1]),
-        "events": [
-            {
-                "time_s": _since(event, start_s),
-                "severity": event.get("severity", ""),
-                "text": event.get("text", ""),
-            }
-            for event in flight.log.topic("/events")
-        ],
-        "origin": list(_origin(flight, every_state[0], contract)),
     }
 
 
-# ---------------------------------------------------------------------------- the verdict
+def _events(log: Log, start_s: float) -> list[Document]:
+    return [
+        {
+            "time_s": since(event, start_s),
+            "severity": event.severity,
+            "text": event.text,
+        }
+        for event in log.events
+    ]
 
 
 def _result(flight: Flight) -> tuple[Document, list[str]]:
@@ -160,8 +99,8 @@ def _result(flight: Flight) -> tuple[Document, list[str]]:
     seed = flight.log.metadata.get("clearway", {}).get("seed", "")
     try:
         result = result_of(flight.log, flight.truth, seed=int(seed) if seed.isdecimal() else 0)
-    except (KeyError, TypeError, ValueError, AttributeError) as error:
-        return {}, [f"there is no verdict: the log does not say {error}"]
+    except MissingValueError as error:
+        return {}, [f"the log lacks {error}, which the verdict needs"]
     return {name: getattr(result, name) for name in Result.__dataclass_fields__}, []
 
 
@@ -186,7 +125,7 @@ def _facts(result: Document, contract: Contract | None) -> Iterator[tuple[str, s
     limits_mps = (None, None) if vehicle is None else vehicle.velocity_error_mps
     yield "obstacles avoided", str(result["obstacles_avoided"])
     yield "collisions", str(result["collisions"])
-    yield "least clearance", "not known" if clearance_m is None else f"{clearance_m:.2f} m"
+    yield "least clearance", "unknown" if clearance_m is None else f"{clearance_m:.2f} m"
     yield (
         "tracking error",
         f"{result['tracking_error_max_m']:.3f}"
@@ -199,246 +138,6 @@ def _facts(result: Document, contract: Contract | None) -> Iterator[tuple[str, s
     yield "plan time", f"{', '.join(times)} ms" if times else "not measured in virtual time"
     yield "mission time", f"{result['duration_s']:.1f} s"
     yield "violations", "; ".join(result["violations"]) or "none"
-
-
-# ---------------------------------------------------------------------------- over time
-
-
-def _since(record: Record, start_s: float) -> float:
-    return round(float(record["time_s"]) - start_s, 3)
-
-
-def _around_the_flight(states: Sequence[Record]) -> Sequence[Record]:
-    """Leave out the waiting on the ground; all of it where the vehicle never left."""
-    # Autopilots call themselves airborne only once they have climbed.
-    flown = [state for state in states if state.get("armed") or state.get("airborne")]
-    if not flown:
-        return states
-    begin_s, end_s = flown[0]["time_s"] - _GROUND_S, flown[-1]["time_s"] + _GROUND_S
-    # Times that run backwards leave nothing between.
-    return [state for state in states if begin_s <= state["time_s"] <= end_s] or states
-
-
-def _between(records: Sequence[Record], key: str, states: Sequence[Record]) -> list[Record]:
-    begin_s, end_s = states[0]["time_s"], states[-1]["time_s"]
-    return [record for record in records if begin_s <= record[key] <= end_s]
-
-
-def _departure_s(states: Sequence[Record]) -> float:
-    """Time of day when the daemon took control, or of the first state."""
-    flying = (state["time_s"] for state in states if state.get("phase") != "standby")
-    return float(next(flying, states[0]["time_s"]))
-
-
-def _height_m(states: Sequence[Record]) -> float:
-    known = [state["position_ned_m"][2] for state in states if state.get("position_ned_m")]
-    return -min(known, default=0.0)
-
-
-def _path(states: Sequence[Record], start_s: float) -> Document:
-    columns = Columns(states)
-    return {
-        "time_s": columns.of(lambda state: state["time_s"] - start_s, 2),
-        "north_m": columns.vector("position_ned_m", 0),
-        "east_m": columns.vector("position_ned_m", 1),
-        "height_m": columns.vector("position_ned_m", 2, scale=-1.0),
-        "yaw_rad": columns.of(lambda state: state.get("yaw_rad")),
-        "north_mps": columns.vector("velocity_ned_mps", 0),
-        "east_mps": columns.vector("velocity_ned_mps", 1),
-        "up_mps": columns.vector("velocity_ned_mps", 2, scale=-1.0),
-        "roll_deg": columns.angle_deg("roll_rad"),
-        "pitch_deg": columns.angle_deg("pitch_rad"),
-        "yaw_deg": columns.angle_deg("yaw_rad"),
-        "reference_north_m": columns.vector("reference_position_ned_m", 0),
-        "reference_east_m": columns.vector("reference_position_ned_m", 1),
-        "reference_height_m": columns.vector("reference_position_ned_m", 2, scale=-1.0),
-        "reference_north_mps": columns.vector("reference_velocity_ned_mps", 0),
-        "reference_east_mps": columns.vector("reference_velocity_ned_mps", 1),
-        "reference_up_mps": columns.vector("reference_velocity_ned_mps", 2, scale=-1.0),
-        "velocity_error_along_mps": columns.peaks(_velocity_error(0), 4),
-        "velocity_error_across_mps": columns.peaks(_velocity_error(1), 4),
-        # Outside the flight it is what it last was.
-        "tracking_error_m": columns.peaks(
-            lambda state: (
-                state.get("tracking_error_m") if state.get("phase") in {"cruise", "avoid"} else None
-            ),
-            4,
-        ),
-        "detection_age_s": columns.peaks(
-            lambda state: state.get("detection_age_s"), back=_AGE_TICKS
-        ),
-    }
-
-
-def _velocity_error(axis: int) -> Callable[[Record], float | None]:
-    def read(state: Record) -> float | None:
-        # The contract limits it where a vehicle may meet its next obstacle, not while it avoids.
-        error_mps = state.get("velocity_error_mps") if state.get("cruising") else None
-        return None if error_mps is None else abs(error_mps[axis])
-
-    return read
-
-
-def _known(monitors: Sequence[Record], start_s: float) -> Document:
-    """Return what the daemon itself made of its clearance."""
-    columns = Columns(monitors)
-    return {
-        "time_s": columns.of(lambda record: record["time_s"] - start_s, 2),
-        "clearance_m": columns.of(lambda record: record.get("clearance", {}).get("measured")),
-    }
-
-
-def _truth(truths: Sequence[Record], start_s: float) -> Document:
-    columns = Columns(truths)
-    return {
-        "time_s": columns.of(lambda truth: truth["time_unix_s"] - start_s, 2),
-        "clearance_m": columns.of(lambda truth: truth.get("clearance_m")),
-        "rpm": [columns.of(_rotor(index), 0) for index in range(4)] if truths else [],
-    }
-
-
-def _rotor(index: int) -> Callable[[Record], float | None]:
-    def read(truth: Record) -> float | None:
-        rpm = truth.get("rpm", ())
-        return rpm[index] if index < len(rpm) else None
-
-    return read
-
-
-def _phases(states: Sequence[Record], start_s: float) -> list[Document]:
-    found: list[Document] = []
-    for phase, group in groupby(states, key=lambda state: str(state.get("phase", ""))):
-        begin_s = _since(next(group), start_s)
-        if found:
-            found[-1]["end_s"] = begin_s
-        found.append({"start_s": begin_s, "end_s": _since(states[-1], start_s), "phase": phase})
-    return found
-
-
-def _obstacles(messages: Sequence[Record], start_s: float) -> list[Document]:
-    """Return every obstacle as it was known, and from when until when (null: to the end)."""
-    every: list[Document] = []
-    current: dict[str, Document] = {}
-    for message in messages:
-        time_s = _since(message, start_s)
-        known = {obstacle["id"]: _corners(obstacle) for obstacle in message["obstacles"]}
-        for obstacle_id, before in list(current.items()):
-            if known.get(obstacle_id) != before["corners"]:
-                before["until_s"] = time_s
-                del current[obstacle_id]
-        for obstacle_id, corners in known.items():
-            if obstacle_id not in current:
-                current[obstacle_id] = {
-                    "id": obstacle_id,
-                    "since_s": time_s,
-                    "until_s": None,
-                    "corners": corners,
-                }
-                every.append(current[obstacle_id])
-    return [{**obstacle.pop("corners"), **obstacle} for obstacle in every]
-
-
-def _corners(obstacle: Record) -> dict[str, list[list[float]]]:
-    return {part: _rounded_points(obstacle.get(part, [])) for part in _PARTS}
-
-
-def _rounded_points(points_m: Sequence[Sequence[float]]) -> list[list[float]]:
-    return [[round(value, _CORNER_DIGITS) for value in point] for point in points_m]
-
-
-def _plans(plans: Sequence[Record], start_s: float) -> list[Document]:
-    return [
-        {
-            "time_s": _since(plan, start_s),
-            "end_s": float(plan.get("end_s") or plan["time_s"]) - start_s,
-            "plan_time_ms": plan.get("plan_time_ms"),
-            "path_ned_m": _rounded_points(plan.get("path_ned_m", [])),
-        }
-        for plan in plans
-    ]
-
-
-# ---------------------------------------------------------------------------- the induction
-
-
-def _steps(log: Log, truths: Sequence[Record], start_s: float) -> list[Document]:
-    """Return each avoidance: its obstacle, its plan, and whether its conditions held."""
-    phases = [event for event in log.topic("/events") if event.get("name") == "phase"]
-    steps = []
-    for number, event in enumerate(phases):
-        if event.get("data", {}).get("to") != "avoid":
-            continue
-        after = phases[number + 1 :]
-        recovered = bool(after) and after[0].get("data", {}).get("to") == "cruise"
-        begin_s, end_s = event["time_s"], after[0]["time_s"] if after else math.inf
-        late = _happened(log, begin_s, end_s, "late_first_sight")
-        missed = _happened(log, begin_s, end_s, "post_condition")
-        steps.append(
-            {
-                "time_s": _since(event, start_s),
-                "end_s": _since(after[0], start_s) if recovered else None,
-                **_planned(log.topic("/plan"), begin_s),
-                "pre_condition": not late,
-                "post_condition": recovered and not missed,
-                "clearance_m": _clearance_m(truths, begin_s, end_s),
-            }
-        )
-    return steps
-
-
-def _planned(plans: Sequence[Record], time_s: float) -> Document:
-    """Return the plan that an avoidance began with: logged in the tick of its event."""
-    plan = next((plan for plan in plans if abs(plan["time_s"] - time_s) < 1e-3), {})
-    return {
-        "obstacle": plan.get("obstacle", "?"),
-        "kind": plan.get("kind", "?"),
-        "side": plan.get("side"),
-        "plan_time_ms": plan.get("plan_time_ms"),
-    }
-
-
-def _happened(log: Log, begin_s: float, end_s: float, what: str) -> bool:
-    return any(
-        begin_s <= event["time_s"] <= end_s
-        and what in (event.get("name"), event.get("data", {}).get("assumption"))
-        for event in log.topic("/events")
-    )
-
-
-def _clearance_m(truths: Sequence[Record], begin_s: float, end_s: float) -> float | None:
-    known = [
-        truth["clearance_m"]
-        for truth in truths
-        if begin_s <= truth["time_unix_s"] <= end_s and truth.get("clearance_m") is not None
-    ]
-    return min(known, default=None)
-
-
-def _clauses(margins: Sequence[Document], end_s: float) -> Document:
-    """Return how much of every clause is used up, in percent, as steps over time."""
-    times_s: list[float] = []
-    values: dict[str, list[float | None]] = {}
-    ends_s = [record["time_s"] for record in margins[1:]] + [end_s]
-    for record, until_s in zip(margins, ends_s, strict=True) if margins else ():
-        found = {
-            clause["name"]: round(100.0 * clause["required"] / clause["declared"], 2)
-            for clause in record["clauses"]
-            if clause["declared"]
-        }
-        for name in found.keys() - values.keys():
-            values[name] = [None] * len(times_s)
-        for name, column in values.items():
-            column.extend([found.get(name)] * 2)
-        times_s += [record["time_s"], until_s]
-    names = [clause["name"] for clause in margins[0]["clauses"]] if margins else []
-    ordered = sorted(values, key=lambda name: names.index(name) if name in names else len(names))
-    return {
-        "clause_times_s": times_s,
-        "clauses": [{"name": name, "values": values[name]} for name in ordered],
-    }
-
-
-# ---------------------------------------------------------------------------- what flew
 
 
 def _contract(log: Log) -> Contract | None:
@@ -480,8 +179,10 @@ def _limits(contract: Contract | None) -> dict[str, float | None]:
     }
 
 
-def _origin(flight: Flight, first: Record, contract: Contract | None) -> Iterator[tuple[str, str]]:
-    began = datetime.fromtimestamp(first["time_s"], UTC)
+def _origin(
+    flight: Flight, first: StateRecord, contract: Contract | None
+) -> Iterator[tuple[str, str]]:
+    began = datetime.fromtimestamp(first.time_s, UTC)
     yield "log began", f"{began:%Y-%m-%d %H:%M:%S} UTC"
     said = dict(flight.log.metadata.get("clearway", {}))
     for name in ("contract", "mission"):

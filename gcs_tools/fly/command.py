@@ -1,4 +1,4 @@
-"""``clearway fly``: one command from a scenario file to a flown, logged and judged flight."""
+"""``clearway fly``: flies a scenario file, logs the flight and evaluates it."""
 
 from __future__ import annotations
 
@@ -14,7 +14,8 @@ from rich.table import Table
 from gcs_tools.console.errors import CommandError
 from gcs_tools.console.progress import FlightProgress, Report, progress_bar
 from gcs_tools.flight_report.command import write_report
-from gcs_tools.flight_report.document import Flight, document_of
+from gcs_tools.flight_report.document import document_of
+from gcs_tools.flight_report.flight import Flight
 from gcs_tools.logs.flight_log import Log, read_log
 from gcs_tools.logs.result import Result, result_of
 from gcs_tools.preflight import command as preflight
@@ -22,7 +23,7 @@ from gcs_tools.preflight.command import Preflight
 from gcs_tools.scenario import Scenario, load_scenario
 
 DEFAULT_SCENARIO = Path(__file__).parents[2] / "config" / "paper.yaml"
-_LEFT_BEHIND = (
+_OUTPUT_FILES = (
     "flight.mcap",
     "flight.tlog",
     "truth.mcap",
@@ -33,62 +34,68 @@ _LEFT_BEHIND = (
 _COLOURS = {"arrived": "green", "held": "yellow", "collided": "red", "aborted": "red"}
 
 
-def fly(path: Path | None, *, virtual: bool, seed: int, out: Path | None, force: bool) -> bool:
-    """Fly a scenario; return whether the mission was flown without collision or violation.
+def fly(
+    path: Path | None, *, virtual: bool, seed: int, out: Path | None, fly_outside_contract: bool
+) -> bool:
+    """Fly a scenario; return whether the mission succeeded without collision or violation.
 
-    What the scenario expects is reported, but does not change that: an expected hold is still not
-    an arrival.  Leaves ``flight.mcap``, ``truth.mcap``, ``result.json``, ``flight.png``
-    and ``report.html`` in the output directory; a live flight leaves a ``flight.tlog`` too.
+    The scenario's expectation is reported but does not affect the return value: an expected hold is
+    not an arrival.  Writes ``flight.mcap``, ``truth.mcap``, ``result.json``, ``flight.png`` and
+    ``report.html`` to the output directory; a live flight writes ``flight.tlog``, too.
 
     Args:
         path: the scenario; None for the paper's example.
         virtual: in virtual time, in this process.
-        seed: of everything random in the simulation.
-        out: directory for everything that the flight leaves behind.
-        force: fly although the pre-flight check refuses.
+        seed: of the simulation's random numbers.
+        out: output directory; None for ``flights/<scenario>-<seed>``.
+        fly_outside_contract: fly even if the pre-flight check refuses.
 
     Raises:
-        FileError: the scenario or one of its files is not usable.
+        FileError: the scenario or one of its files cannot be used.
         CommandError: the flight could not begin, or was interrupted.
     """
     scenario = load_scenario(path or DEFAULT_SCENARIO)
     console = Console(highlight=False)
     known = scenario.obstacles if scenario.field_known else None
     checked = preflight.check(scenario.contract, known, scenario.mission)
-    forced = force or scenario.force
-    if not _may_fly(checked, forced, console):
+    outside = fly_outside_contract or scenario.fly_outside_contract
+    if not _may_fly(checked, outside, console):
         return False
     if scenario.faults and not virtual:
-        raise CommandError(f"{scenario.name}: faults are injected in virtual time only: --virtual")
+        raise CommandError(f"{scenario.name}: faults need virtual time: use --virtual")
     directory = _prepared(out or Path("flights") / f"{scenario.name}-{seed}")
     if virtual:
-        result, logs = _fly_virtual(scenario, seed, directory, forced, console)
+        result, logs = _fly_virtual(scenario, seed, directory, outside, console)
     else:
-        result, logs = _fly_live(scenario, seed, directory, forced)
+        result, logs = _fly_live(scenario, seed, directory, outside)
     result.write(directory / "result.json")
     _draw(scenario, logs, result, directory / "flight.png")
-    if logs[0].topic("/state"):  # a daemon that died at once left nothing to show
+    if logs[0].states:  # a daemon that died at once left no state
         document = document_of(Flight(directory.name, *logs, result=asdict(result)))
         write_report([document], directory / "report.html")
     _print_summary(scenario, result, directory, console)
     return result.succeeded
 
 
-def _may_fly(checked: Preflight, forced: bool, console: Console) -> bool:
+def _may_fly(checked: Preflight, fly_outside_contract: bool, console: Console) -> bool:
     if checked.compliant:
         console.print("pre-flight check: [green]compliant[/]")
         return True
-    verdict = "[yellow]not compliant, flying all the same[/]" if forced else "[red]refused[/]"
+    verdict = (
+        "[yellow]not compliant, flying outside the contract[/]"
+        if fly_outside_contract
+        else "[red]refused[/]"
+    )
     console.print(f"pre-flight check: {verdict}")
     for refusal in checked.refusals:
         console.print(f"  • {refusal}", markup=False, soft_wrap=True)
-    return forced
+    return fly_outside_contract
 
 
 def _prepared(directory: Path) -> Path:
     try:
         directory.mkdir(parents=True, exist_ok=True)
-        for name in _LEFT_BEHIND:
+        for name in _OUTPUT_FILES:
             (directory / name).unlink(missing_ok=True)
     except OSError as error:
         raise CommandError(f"{directory}: cannot be written: {error.strerror or error}") from error
@@ -96,21 +103,31 @@ def _prepared(directory: Path) -> Path:
 
 
 def _fly_live(
-    scenario: Scenario, seed: int, directory: Path, forced: bool
+    scenario: Scenario, seed: int, directory: Path, fly_outside_contract: bool
 ) -> tuple[Result, tuple[Log, Log]]:
-    # MAVSDK and Zenoh, which a virtual flight does not need.
+    # Loads MAVSDK and Zenoh, which a virtual flight does not need.
     from gcs_tools.fly.live_flight import fly_live  # noqa: PLC0415
 
     with _progress(scenario, "preparing") as report:
-        aborted = fly_live(scenario, seed=seed, out=directory, forced=forced, report=report)
+        aborted = fly_live(
+            scenario,
+            seed=seed,
+            out=directory,
+            fly_outside_contract=fly_outside_contract,
+            report=report,
+        )
     flight, truth = _logs(directory)
     return result_of(flight, truth, seed=seed, aborted=aborted), (flight, truth)
 
 
 def _fly_virtual(
-    scenario: Scenario, seed: int, directory: Path, forced: bool, console: Console
+    scenario: Scenario,
+    seed: int,
+    directory: Path,
+    fly_outside_contract: bool,
+    console: Console,
 ) -> tuple[Result, tuple[Log, Log]]:
-    # The live flight leaves the simulation to a process of its own; only this one needs it here.
+    # A live flight runs the simulation in another process; only a virtual one loads it here.
     from sitl.autopilot.flavours.parameters import ParameterError  # noqa: PLC0415
     from sitl.virtual.simulation import SimulatedFlight, Simulation  # noqa: PLC0415
     from sitl.virtual.simulation import fly as simulate  # noqa: PLC0415
@@ -122,7 +139,7 @@ def _fly_virtual(
         obstacles=scenario.obstacles,
         seed=seed,
         faults=scenario.faults,
-        fly_outside_contract=forced,
+        fly_outside_contract=fly_outside_contract,
     )
     try:
         with _progress(scenario, "flying in virtual time") as show:
@@ -150,7 +167,7 @@ def _logs(directory: Path) -> tuple[Log, Log]:
 
 @contextmanager
 def _progress(scenario: Scenario, text: str) -> Iterator[Report]:
-    """Yield a function that shows one changing line; silent where there is no terminal."""
+    """Yield a function that updates a progress line; without a terminal it shows nothing."""
     way = FlightProgress(scenario.mission)
     with progress_bar(text, way.total_m) as bar:
 
@@ -164,7 +181,7 @@ def _progress(scenario: Scenario, text: str) -> Iterator[Report]:
 
 
 def _draw(scenario: Scenario, logs: tuple[Log, Log], result: Result, path: Path) -> None:
-    # matplotlib takes a second to import: after the flight it costs nobody anything.
+    # matplotlib takes a second to import; after the flight nothing waits for it.
     from gcs_tools.fly.picture import draw_flight  # noqa: PLC0415
 
     try:
@@ -195,7 +212,7 @@ def _summary(scenario: Scenario, result: Result) -> Iterator[tuple[str, str]]:
     clearance_m = result.clearance_min_m
     yield "obstacles avoided", str(result.obstacles_avoided)
     yield "collisions", str(result.collisions)
-    yield "least clearance", "open space" if clearance_m is None else f"{clearance_m:.2f} m"
+    yield "least clearance", "no obstacle" if clearance_m is None else f"{clearance_m:.2f} m"
     yield "tracking error", f"{result.tracking_error_max_m:.3f} of {vehicle.tracking_error_m} m"
     allowed_x_mps, allowed_y_mps = vehicle.velocity_error_mps
     yield (

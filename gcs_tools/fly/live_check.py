@@ -1,4 +1,4 @@
-"""The live check of ``clearway fly``: nothing is armed before it has passed."""
+"""The live check of ``clearway fly``: the vehicle is armed only once it has passed."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _RADPS_PER_RPM = 2.0 * math.pi / 60.0
 async def check_before_flight(
     vehicle: Vehicle, bus: BusCheck, scenario: Scenario, *, paper_compliant: bool
 ) -> list[Finding]:
-    """Look at vehicle, detections and daemon, all at once, and clear the daemon if all holds.
+    """Check vehicle, detections and daemon at the same time; authorize the daemon if all hold.
 
     Args:
         vehicle: connected already.
@@ -41,7 +41,7 @@ async def check_before_flight(
         heard = await listening
     findings = found + heard
     given = await asyncio.to_thread(
-        bus.clear, scenario.contract, findings, compliant=paper_compliant
+        bus.authorize, scenario.contract, findings, compliant=paper_compliant
     )
     return [*findings, given]
 

@@ -1,6 +1,6 @@
 """One flight in real time: simulation and daemon as processes, an operator over MAVSDK.
 
-The three talk as they would on a real vehicle: MAVLink over UDP, detections and status over Zenoh.
+The three communicate as on a real vehicle: MAVLink over UDP, detections and status over Zenoh.
 """
 
 from __future__ import annotations
@@ -27,31 +27,37 @@ from gcs_tools.preflight.live.bus import BusCheck
 from gcs_tools.scenario import Scenario, obstacle_list
 from gcs_tools.vehicle.connection import connected_vehicle
 from gcs_tools.vehicle.operator import Vehicle, VehicleError
-from onboard.files.models import DaemonConfig, MavlinkLink, Mission
+from onboard.files.daemon_config import DaemonConfig, MavlinkLink
+from onboard.files.mission_file import Mission
 from onboard.files.yaml_file import dump_document
 from onboard.files.zenoh_endpoints import ZenohEndpoints
+from onboard.guidance.phases import Phase
+from onboard.mavlink.profiles.registry import profile_named
 from onboard.zenoh_session import open_session
+from sitl.config import SitlConfig
 from sitl.virtual.standstill import PATIENCE_S, Standstill
 
 VEHICLE_NAME = "vehicle"
-# Compiling the plant for the first time takes the longest.
+# The first start compiles the plant, which takes the longest.
 START_TIMEOUT_S = 60.0
 READY_TIMEOUT_S = 20.0
 DEPARTURE_TIMEOUT_S = 15.0
-# Turning and waiting; and slower than this on average is not flying the mission.
+# Time for turns and waits, and the least average speed of a mission that makes progress.
 MISSION_TIMEOUT_S = 60.0
 PROGRESS_MIN_MPS = 1.0
+# Telemetry older than this is ignored: a loaded computer delays its processes.
+TELEMETRY_TIMEOUT_S = 0.5
 
-# The parameter of each flavour that says that there is no radio.
-_WITHOUT_RADIO = {"px4": ("COM_RC_IN_MODE", 4.0), "ardupilot": ("FS_THR_ENABLE", 0.0)}
+# Phases in which the daemon has ended its mission.
+_OVER = frozenset({Phase.ARRIVED, Phase.HOLD})
 
-# How often it is said where the vehicle is.
+# How often the position is reported.
 REPORT_PERIOD_S = 0.2
 
 
 @dataclass(frozen=True)
 class Endpoints:
-    """Where the three parts meet on this computer."""
+    """Ports of the three parts on this computer."""
 
     daemon_mavlink_port: int
     operator_mavlink_port: int
@@ -75,19 +81,21 @@ class Endpoints:
 
 
 def fly_live(
-    scenario: Scenario, *, seed: int, out: Path, forced: bool, report: Report
+    scenario: Scenario, *, seed: int, out: Path, fly_outside_contract: bool, report: Report
 ) -> str | None:
-    """Fly; return why the operator gave the flight up, None if the mission came to its end.
+    """Fly; return why the operator aborted the flight, None if the mission ended by itself.
 
     Leaves ``flight.mcap``, ``truth.mcap``, the configuration and the output of both processes in
-    ``out``; has stopped everything that it started when it returns or raises.
+    ``out``.  Every process that it started has ended when it returns or raises.
 
     Raises:
-        CommandError: the flight could not even begin.
+        CommandError: the flight could not begin.
         Interrupted: Ctrl-C or SIGTERM.
     """
     endpoints = Endpoints(*free_ports(4))
-    write_configuration(scenario, endpoints, seed=seed, out=out, forced=forced)
+    write_configuration(
+        scenario, endpoints, seed=seed, out=out, fly_outside_contract=fly_outside_contract
+    )
     with interruptible() as interruption, Children() as children:
         report("starting the simulation and the daemon")
         sitl, onboard = out / "sitl.yaml", out / "onboard.yaml"
@@ -95,44 +103,68 @@ def fly_live(
         children.start(
             "clearway-onboard", "onboard", "--config", str(onboard), log_path=out / "onboard.log"
         )
-        flight = _Flight(scenario, endpoints, children, forced, report)
+        flight = _Flight(scenario, endpoints, children, fly_outside_contract, report)
         return asyncio.run(_operate(flight, interruption))
 
 
 @dataclass(frozen=True)
 class _Flight:
-    """What one flight is made of, for those who run it."""
+    """The parts of one flight."""
 
     scenario: Scenario
     endpoints: Endpoints
     children: Children
-    forced: bool
+    fly_outside_contract: bool
     report: Report
 
 
 def write_configuration(
-    scenario: Scenario, endpoints: Endpoints, *, seed: int, out: Path, forced: bool
+    scenario: Scenario, endpoints: Endpoints, *, seed: int, out: Path, fly_outside_contract: bool
 ) -> None:
-    """Write what the two processes read; the directory is then complete in itself.
+    """Write the configuration of both processes; it refers to nothing outside the directory.
 
     Raises:
         CommandError: a file cannot be written.
     """
-    onboard = DaemonConfig(
+    models: dict[str, BaseModel] = {
+        "contract": scenario.contract,
+        "mission": scenario.mission,
+        "onboard": _onboard_configuration(
+            scenario, endpoints, fly_outside_contract=fly_outside_contract
+        ),
+        "sitl": _sitl_configuration(scenario, endpoints, seed),
+    }
+    documents: dict[str, Any] = {name: _plain(model) for name, model in models.items()}
+    documents["field"] = [_plain(obstacle) for obstacle in obstacle_list(scenario.obstacles)]
+    try:
+        for name, document in documents.items():
+            text = dump_document(document)
+            (out / f"{name}.yaml").write_text(text, encoding="utf-8")
+    except OSError as error:
+        raise CommandError(f"{out}: cannot be written: {error.strerror or error}") from error
+
+
+def _onboard_configuration(
+    scenario: Scenario, endpoints: Endpoints, *, fly_outside_contract: bool
+) -> DaemonConfig:
+    return DaemonConfig(
         vehicle=VEHICLE_NAME,
         contract=Path("contract.yaml"),
         mission=Path("mission.yaml"),
         mavlink=MavlinkLink(
             url=f"udpin://127.0.0.1:{endpoints.daemon_mavlink_port}",
             system_id=scenario.plant.system_id,
-            stale_after_s=0.5,
+            telemetry_timeout_s=TELEMETRY_TIMEOUT_S,
         ),
         zenoh=ZenohEndpoints(connect=(endpoints.sitl_zenoh,), listen=(endpoints.daemon_zenoh,)),
         log_directory=Path(),
         log_file=Path("flight.mcap"),
-        fly_outside_contract=forced,
-        require_preflight=not forced,
+        fly_outside_contract=fly_outside_contract,
+        require_preflight=not fly_outside_contract,
     )
+
+
+def _sitl_configuration(scenario: Scenario, endpoints: Endpoints, seed: int) -> SitlConfig:
     sitl = scenario.sitl_config(
         vehicle=VEHICLE_NAME,
         mavlink=(
@@ -144,26 +176,10 @@ def write_configuration(
         seed=seed,
         truth_log="truth.mcap",
     )
-    # This flight has no radio, so its loss triggers none.
-    sitl = sitl.model_copy(
-        update={"parameters": dict([_WITHOUT_RADIO[sitl.flavour]]) | sitl.parameters}
-    )
-    documents: dict[str, Any] = {
-        name: _plain(model)
-        for name, model in {
-            "contract": scenario.contract,
-            "mission": scenario.mission,
-            "onboard": onboard,
-            "sitl": sitl,
-        }.items()
-    }
-    documents["field"] = [_plain(obstacle) for obstacle in obstacle_list(scenario.obstacles)]
-    try:
-        for name, document in documents.items():
-            text = dump_document(document)
-            (out / f"{name}.yaml").write_text(text, encoding="utf-8")
-    except OSError as error:
-        raise CommandError(f"{out}: cannot be written: {error.strerror or error}") from error
+    parameters = profile_named(sitl.flavour).parameters
+    # This flight has no radio, so its loss triggers nothing.
+    no_radio = {} if parameters is None else dict([parameters.no_radio])
+    return sitl.model_copy(update={"parameters": no_radio | sitl.parameters})
 
 
 def _plain(model: BaseModel) -> Any:
@@ -171,7 +187,7 @@ def _plain(model: BaseModel) -> Any:
 
 
 class Status:
-    """What the daemon last said on Zenoh."""
+    """The newest status of the daemon on Zenoh."""
 
     def __init__(self) -> None:
         self.last: dict[str, Any] = {}
@@ -182,7 +198,7 @@ class Status:
 
     @property
     def phase(self) -> str:
-        """The daemon's phase; empty before it has said anything."""
+        """The daemon's phase; empty before its first status."""
         return str(self.last.get("phase", ""))
 
     @property
@@ -210,39 +226,39 @@ async def _operate(flight: _Flight, interruption: Interruption) -> str | None:
                     vehicle, status, children, flight.scenario.mission, flight.report
                 )
                 await operator.wait_ready()
-                if not flight.forced:
+                if not flight.fly_outside_contract:
                     await _check(flight, vehicle, BusCheck(session, VEHICLE_NAME))
                 return await operator.fly()
     except zenoh.ZError as error:
         raise CommandError(f"no Zenoh session with {endpoints.daemon_zenoh}: {error}") from error
     except VehicleError:
-        children.check()  # a dead process explains more than the silence that it leaves
+        children.check()  # an ended process explains the silence better
         raise
 
 
 async def _check(flight: _Flight, vehicle: Vehicle, bus: BusCheck) -> None:
-    """Look at everything live; the daemon flies only what has passed.
+    """Run the live pre-flight check, without which the daemon does not fly.
 
     Raises:
         CommandError: the check has not passed.
     """
     flight.report("checking vehicle, detections and daemon")
-    # On paper the flight is compliant: it would not have come this far otherwise.
+    # `clearway fly` has checked the contract on paper before.
     findings = await check_before_flight(vehicle, bus, flight.scenario, paper_compliant=True)
-    against = [f"{each.subject} {each.name}: {each.text}" for each in findings if not each.holds]
-    if against:
-        raise CommandError(f"the live pre-flight check has not passed: {'; '.join(against)}")
+    failed = [f"{each.subject} {each.name}: {each.text}" for each in findings if not each.holds]
+    if failed:
+        raise CommandError(f"the live pre-flight check has not passed: {'; '.join(failed)}")
 
 
 class Operator:
     """Flies one mission from the ground and back to it.
 
     Args:
-        vehicle: where the commands go.
-        status: what the daemon says.
-        children: the processes that must stay alive.
-        mission: where the daemon flies.
-        report: takes lines on the progress.
+        vehicle: receives the commands.
+        status: of the daemon.
+        children: processes that must stay alive.
+        mission: that the daemon flies.
+        report: called with lines on the progress.
     """
 
     def __init__(
@@ -260,13 +276,13 @@ class Operator:
         self._report = report
 
     async def wait_ready(self) -> None:
-        """Wait until the vehicle may be armed and the daemon sees."""
+        """Wait until the vehicle may be armed and the daemon receives detections."""
         self._report("waiting for the vehicle to be healthy")
         await self._vehicle.wait_healthy()
         await self._until(lambda: self._status.sees, READY_TIMEOUT_S, "given detections")
 
     async def fly(self) -> str | None:
-        """Take off, hand over, watch, land; return why the mission was given up, if it was."""
+        """Take off, hand over, watch, land; return why the mission was aborted, None if not."""
         vehicle, report = self._vehicle, self._report
         report("arming")
         await vehicle.arm()
@@ -294,10 +310,10 @@ class Operator:
         )
         await self._until(lambda: not self._flying, self._time_limit_s, "done with its mission")
         if not self._over:
-            raise VehicleError(f"the daemon lost control to mode {vehicle.state.mode.name}")
+            raise VehicleError(f"the daemon lost control to mode {vehicle.state.mode}")
 
     async def _come_down(self) -> None:
-        """Land, but not while the vehicle still moves: it may be close to an obstacle."""
+        """Land once the vehicle stands still: it may be close to an obstacle."""
         vehicle, standstill = self._vehicle, Standstill()
         loop = asyncio.get_running_loop()
         await vehicle.until(
@@ -317,11 +333,11 @@ class Operator:
 
     @property
     def _flying(self) -> bool:
-        return self._status.phase in {"cruise", "avoid"}
+        return self._status.phase not in {"", Phase.STANDBY, *_OVER}
 
     @property
     def _over(self) -> bool:
-        return self._status.phase in {"arrived", "hold"}
+        return self._status.phase in _OVER
 
     @property
     def _time_limit_s(self) -> float:
@@ -331,7 +347,7 @@ class Operator:
 
     @asynccontextmanager
     async def _reporting(self) -> AsyncIterator[None]:
-        """Say now and then where the vehicle is."""
+        """Report the vehicle's position every `REPORT_PERIOD_S`."""
         task = asyncio.create_task(self._report_position())
         try:
             yield

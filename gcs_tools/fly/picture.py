@@ -1,11 +1,11 @@
-"""``flight.png``: a flight from above, its height, and how well the reference was followed."""
+"""Draws ``flight.png``: the flight from above, its height, and its tracking error."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from itertools import groupby, pairwise
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -18,7 +18,9 @@ from gcs_tools.logs.result import Result
 from gcs_tools.scenario import Scenario
 from onboard.contract.assessment import assess
 from onboard.files.obstacle_field import ObstacleField
+from onboard.files.truth_record import TruthRecord
 from onboard.geometry.frames import FloatArray
+from onboard.recording.messages import StateRecord
 
 _FLOWN, _REFERENCE, _OBSTACLE, _REGION, _LIMIT = (
     "#1f5fa8",
@@ -29,7 +31,7 @@ _FLOWN, _REFERENCE, _OBSTACLE, _REGION, _LIMIT = (
 )
 _PHASES = {"cruise": "#ffffff", "avoid": "#fdeccf", "arrived": "#e3f1e1", "hold": "#f6dada"}
 _MARGIN_M = 2.5
-# Shorter ones leave no room for their name.
+# Shorter phases have no room for their name.
 _NAMED_PHASE_S = 1.5
 
 
@@ -49,8 +51,8 @@ def draw_flight(scenario: Scenario, flight: Log, truth: Log, result: Result, pat
     figure = Figure(figsize=(11.0, 6.6), layout="constrained")
     FigureCanvasAgg(figure)
     top, height, error = figure.subplots(3, 1, height_ratios=(1.7, 1.0, 1.0))
-    states = [state for state in flight.topic("/state") if state["position_ned_m"] is not None]
-    flown = [record for record in truth.topic("/truth") if record["position_ned_m"][2] < -0.1]
+    states = [state for state in flight.states if state.position_ned_m is not None]
+    flown = [record for record in truth.truths if record.position_ned_m[2] < -0.1]
     start_s = _departure_s(states)
     _draw_top_view(top, scenario, flight, states, flown)
     _draw_height(height, states, flown, start_s)
@@ -75,18 +77,18 @@ def _title(scenario: Scenario, result: Result) -> str:
     )
 
 
-def _departure_s(states: list[dict[str, Any]]) -> float:
+def _departure_s(states: list[StateRecord]) -> float:
     """Time of day when the daemon took control, or of the first state."""
-    flying = (state["time_s"] for state in states if state["phase"] != "standby")
-    return float(next(flying, states[0]["time_s"] if states else 0.0))
+    flying = (state.time_s for state in states if state.phase != "standby")
+    return next(flying, states[0].time_s if states else 0.0)
 
 
 def _draw_top_view(
     axes: Axes,
     scenario: Scenario,
     flight: Log,
-    states: list[dict[str, Any]],
-    flown: list[dict[str, Any]],
+    states: list[StateRecord],
+    flown: list[TruthRecord],
 ) -> None:
     regions = _regions(flight)
     for number, corners in enumerate(regions):
@@ -99,34 +101,34 @@ def _draw_top_view(
     for number, leg in enumerate(pairwise(legs)):
         label = "leg" if number == 0 else None
         axes.plot(*np.array(leg).T, color="0.75", linewidth=1.0, linestyle=":", label=label)
-    reference = _column(states, "reference_position_ned_m")
+    reference = _column(state.reference_position_ned_m for state in states)
     axes.plot(*reference[:, :2].T, color=_REFERENCE, linewidth=3.0, alpha=0.6, label="reference")
-    path = _column(flown, "position_ned_m")
+    path = _column(record.position_ned_m for record in flown)
     axes.plot(*path[:, :2].T, color=_FLOWN, linewidth=1.4, label="flown")
     _draw_vehicle(axes, scenario, flown)
     _frame_top_view(axes, np.vstack([path[:, :2], np.array(legs), *regions]))
 
 
-def _draw_vehicle(axes: Axes, scenario: Scenario, flown: list[dict[str, Any]]) -> None:
+def _draw_vehicle(axes: Axes, scenario: Scenario, flown: list[TruthRecord]) -> None:
     """Mark the vehicle where it started, ended, and was nearest to an obstacle."""
     if not flown:
         return
     _mark_vehicle(axes, scenario, flown[0], "start", above=True)
     _mark_vehicle(axes, scenario, flown[-1], "end", above=True)
-    near = [record for record in flown if record["clearance_m"] is not None]
+    near = [record for record in flown if record.clearance_m is not None]
     if near:
-        nearest = min(near, key=lambda record: float(record["clearance_m"]))
+        nearest = min(near, key=lambda record: record.clearance_m or 0.0)
         centers_m = scenario.obstacles.center_ned_m
-        offsets_m = centers_m - np.array(nearest["position_ned_m"][:2])
+        offsets_m = centers_m - np.array(nearest.position_ned_m[:2])
         _, east_m = offsets_m[np.argmin(np.hypot(*offsets_m.T))]
-        label = f"{nearest['clearance_m']:.2f} m clear"
+        label = f"{nearest.clearance_m:.2f} m clear"
         _mark_vehicle(axes, scenario, nearest, label, above=bool(east_m > 0.0))
 
 
 def _mark_vehicle(
-    axes: Axes, scenario: Scenario, record: dict[str, Any], label: str, *, above: bool
+    axes: Axes, scenario: Scenario, record: TruthRecord, label: str, *, above: bool
 ) -> None:
-    position_m, radius_m = record["position_ned_m"][:2], scenario.plant.multirotor.radius_m
+    position_m, radius_m = record.position_ned_m[:2], scenario.plant.multirotor.radius_m
     axes.add_patch(Circle(position_m, radius_m, facecolor=_FLOWN, alpha=0.55))
     offset = (0, 9 if above else -16)
     axes.annotate(label, position_m, offset, textcoords="offset points", ha="center", size=8)
@@ -144,13 +146,13 @@ def _frame_top_view(axes: Axes, points_m: FloatArray) -> None:
 
 
 def _draw_height(
-    axes: Axes, states: list[dict[str, Any]], flown: list[dict[str, Any]], start_s: float
+    axes: Axes, states: list[StateRecord], flown: list[TruthRecord], start_s: float
 ) -> None:
-    reference = _column(states, "reference_position_ned_m")
-    times_s = np.array([state["time_s"] for state in states]) - start_s
+    reference = _column(state.reference_position_ned_m for state in states)
+    times_s = np.array([state.time_s for state in states]) - start_s
     axes.plot(times_s, -reference[:, 2], color=_REFERENCE, linewidth=3.0, alpha=0.6)
-    path = _column(flown, "position_ned_m")
-    truth_times_s = np.array([record["time_unix_s"] for record in flown]) - start_s
+    path = _column(record.position_ned_m for record in flown)
+    truth_times_s = np.array([record.time_unix_s for record in flown]) - start_s
     axes.plot(truth_times_s, -path[:, 2], color=_FLOWN, linewidth=1.4)
     axes.set_ylim(top=1.3 * axes.get_ylim()[1])
     axes.set_ylabel("height (m)")
@@ -158,28 +160,27 @@ def _draw_height(
     axes.tick_params(labelbottom=False)
 
 
-def _draw_error(
-    axes: Axes, scenario: Scenario, states: list[dict[str, Any]], start_s: float
-) -> None:
-    flying = [state for state in states if state["phase"] in {"cruise", "avoid"}]
-    times_s = [state["time_s"] - start_s for state in flying]
-    axes.plot(times_s, [state["tracking_error_m"] for state in flying], color=_FLOWN, linewidth=1.2)
+def _draw_error(axes: Axes, scenario: Scenario, states: list[StateRecord], start_s: float) -> None:
+    flying = [state for state in states if state.phase in {"cruise", "avoid"}]
+    times_s = [state.time_s - start_s for state in flying]
+    errors_m = [state.tracking_error_m or 0.0 for state in flying]
+    axes.plot(times_s, errors_m, color=_FLOWN, linewidth=1.2)
     allowed_m = assess(scenario.contract).terms.tracking_error_m
     axes.axhline(allowed_m, color=_LIMIT, linestyle="--", linewidth=1.0)
     axes.annotate(
         "$E_{tr}$ of the contract", (0.005, allowed_m), (0, 3),
         xycoords=("axes fraction", "data"), textcoords="offset points", color=_LIMIT, size=8,
     )  # fmt: skip
-    axes.set_ylim(0.0, 1.35 * max(allowed_m, *(s["tracking_error_m"] for s in flying), 0.01))
+    axes.set_ylim(0.0, 1.35 * max(allowed_m, *errors_m, 0.01))
     axes.set_ylabel("tracking error (m)")
     axes.set_xlabel("time since departure (s)")
     axes.grid(alpha=0.25)
 
 
-def _shade_phases(axes: Axes, states: list[dict[str, Any]], start_s: float) -> None:
+def _shade_phases(axes: Axes, states: list[StateRecord], start_s: float) -> None:
     """Colour the background by phase; name the phases along the upper edge."""
-    for phase, group in groupby(states, key=lambda state: str(state["phase"])):
-        colour, times_s = _PHASES.get(phase), [state["time_s"] - start_s for state in group]
+    for phase, group in groupby(states, key=lambda state: state.phase):
+        colour, times_s = _PHASES.get(phase), [state.time_s - start_s for state in group]
         if colour is None:
             continue
         axes.axvspan(times_s[0], times_s[-1], color=colour, zorder=0)
@@ -193,9 +194,9 @@ def _shade_phases(axes: Axes, states: list[dict[str, Any]], start_s: float) -> N
 def _regions(flight: Log) -> list[FloatArray]:
     """Corners of the region of each obstacle, as last known."""
     latest: dict[str, FloatArray] = {}
-    for message in flight.topic("/obstacles"):
-        for obstacle in message["obstacles"]:
-            latest[obstacle["id"]] = np.array(obstacle["region_ned_m"])
+    for message in flight.obstacles:
+        for obstacle in message.obstacles:
+            latest[obstacle.id] = np.array(obstacle.region_ned_m)
     return list(latest.values())
 
 
@@ -210,8 +211,8 @@ def _obstacle_corners(obstacles: ObstacleField) -> list[FloatArray]:
     return found
 
 
-def _column(records: list[dict[str, Any]], key: str) -> FloatArray:
-    """Return a vector of each record, (N, 3); NaN where it is null."""
+def _column(vectors: Iterable[tuple[float, float, float] | None]) -> FloatArray:
+    """Return vectors as an array (N, 3); NaN where one is None."""
     missing = (math.nan, math.nan, math.nan)
-    rows = [record[key] if record[key] is not None else missing for record in records]
+    rows = [missing if vector is None else vector for vector in vectors]
     return np.array(rows, dtype=np.float64).reshape(-1, 3)

@@ -1,4 +1,4 @@
-"""``clearway identify``: what flights have shown, and the contract values to declare for it."""
+"""``clearway identify``: measures flights, and derives the contract values to declare."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from gcs_tools.console.output import Format, write_document
 from gcs_tools.identify.logs import NotALogError, read_recording
 from gcs_tools.identify.recording import Measured, measure
 
-# Declared values are rounded up to this.
+# Declared values are rounded up to a multiple of this.
 _RESOLUTION = 0.01
 
 
@@ -28,14 +28,14 @@ def identify(
     form: Format,
     output: Path | None,
 ) -> None:
-    """Measure flights, and write what to declare.
+    """Measure flights, and write the values to declare.
 
     Args:
         paths: logs of the same vehicle, and directories of such logs.
         system_id: MAVLink id of the vehicle, in logs of several.
-        margin: added to what was measured, as a part of it.
-        form: how to write.
-        output: where to; standard output without it.
+        margin: added to the measured values, as a share of them.
+        form: of the output.
+        output: file to write; None for standard output.
 
     Raises:
         CommandError: a log cannot be used, or the output cannot be written.
@@ -62,10 +62,10 @@ def identify(
 def _measure_directory(
     path: Path, system_id: int | None, flights: list[Measured], skipped: list[str]
 ) -> None:
-    """Measure every flight in a directory and below; what is not a log is passed over.
+    """Measure every flight in a directory and below; files that are not logs are skipped.
 
     Raises:
-        CommandError: no log in it holds a flight.
+        CommandError: the directory has no log with a flight.
     """
     measured, unusable = len(flights), len(skipped)
     for file in sorted(each for each in path.rglob("*") if each.is_file()):
@@ -81,7 +81,7 @@ def _measure_directory(
 
 
 def contract_values(flights: list[Measured], margin: float) -> dict[str, float | None]:
-    """Return the worst of all flights, with its margin, by contract key; None if none shows it."""
+    """Return the worst of all flights plus margin, by contract key; None if no flight shows it."""
     columns: dict[str, list[float | None]] = {
         "vehicle.tracking_error_m": [each.tracking_error_m for each in flights],
         "vehicle.tracking_error_z_m": [each.tracking_error_z_m for each in flights],
@@ -128,9 +128,9 @@ def _print(
             say(f"{each.source}: {note}")
     for reason in skipped:
         say(f"skipped: {reason}")
-    say(f"\nto declare, {100.0 * margin:g} % above what was measured:")
+    say(f"\nto declare, {100.0 * margin:g} % above the measured values:")
     for key, value in declared.items():
-        say(f"  {key}: {'these logs do not show it' if value is None else value}")
+        say(f"  {key}: {'not in these logs' if value is None else value}")
 
 
 _COLUMNS = (

@@ -1,4 +1,4 @@
-"""ArduPilot's own logs: DataFlash, binary (``.BIN``) and as text (``.log``)."""
+"""Reads ArduPilot's own logs: binary DataFlash (``.BIN``)."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ from pymavlink import DFReader
 
 from gcs_tools.console.errors import CommandError
 from gcs_tools.identify.streams import Streams, Timeline, in_order, reference_in_order
+from onboard.mavlink.profiles.ardupilot import ARDUPILOT
 
 BINARY_MAGIC: Final = b"\xa3\x95\x80"
-_COPTER_MODE_GUIDED: Final = 4
 # The sub-mode of GUIDED that follows position, velocity and acceleration.
 _POS_VEL_ACCEL: Final = 3
 _UNKNOWN: Final = float("nan")
@@ -26,10 +26,10 @@ _AXES: Final = ("PSCN", "PSCE", "PSCD")
 def streams_of_dataflash(path: Path) -> Streams:
     """Return the time series of a flight in GUIDED.
 
-    The position controller logs each axis by itself, all three at the same time.
+    The position controller logs each axis in a message of its own, all three at the same time.
 
     Raises:
-        CommandError: the log is damaged, or lacks what is measured.
+        CommandError: the log is damaged, or lacks a measured quantity.
     """
     timeline = Timeline()
     rows: defaultdict[str, list[tuple[float, ...]]] = defaultdict(list)
@@ -57,28 +57,28 @@ def streams_of_dataflash(path: Path) -> Streams:
             "ATT",
             "MODE",
         ),
-        notes=("the heading asked for is not in a DataFlash log",),
+        notes=("DataFlash logs do not have the commanded heading",),
     )
 
 
 def _messages(path: Path) -> Iterator[Any]:
-    """Yield what is read, in the order of the file, up to where it breaks off.
+    """Yield the messages to read, in the order of the file, up to where it breaks off.
 
     Raises:
         CommandError: the file is too damaged to be read.
     """
     wanted = [*_AXES, *_ROWS]
-    # Made in two steps, to close the file even where the reader fails at once.
+    # Constructed in two steps, to close the file even if the reader fails at once.
     log = DFReader.DFReader_binary.__new__(DFReader.DFReader_binary)
-    # The reader tells standard error of every damaged byte.
+    # The reader reports every damaged byte on standard error.
     with contextlib.redirect_stderr(io.StringIO()):
         try:
             log.__init__(str(path))
             while (message := log.recv_match(type=wanted)) is not None:
-                # There is no checksum: a record is believed if another follows it.
+                # Records have no checksum: accept one if another follows it.
                 if log.data_map[log.offset : log.offset + 2] in (BINARY_MAGIC[:2], b""):
                     yield message
-        except Exception as error:  # whatever the reader stumbles over
+        except Exception as error:  # the reader raises anything on damaged files
             raise CommandError(f"{path}: damaged DataFlash log: {error}") from error
         finally:
             for handle in ("data_map", "filehandle"):
@@ -87,7 +87,7 @@ def _messages(path: Path) -> Iterator[Any]:
 
 
 def _reference_row(m: Any) -> tuple[float, ...] | None:
-    """Return what GUIDED was asked for, NED and metres; it is logged with z up.
+    """Return the target of GUIDED in NED and metres; the log has z up.
 
     Before Copter 4.7 the numbers are centimetres, as the log's own units say.
     """
@@ -103,7 +103,7 @@ def _attitude_row(m: Any) -> tuple[float, ...] | None:
 
 
 def _mode_row(m: Any) -> tuple[float, ...] | None:
-    return (float(m.ModeNum == _COPTER_MODE_GUIDED),)
+    return (float(ARDUPILOT.modes.is_external_control(m.ModeNum)),)
 
 
 _AXIS: Final[dict[str, Callable[[Any], tuple[float, float]]]] = {

@@ -1,9 +1,9 @@
-"""Readers of flight logs of any kind; their content tells which, not their name."""
+"""Reads flight logs of any kind; recognizes them by their content, not their name."""
 
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, TypeVar
 
 import numpy as np
 
@@ -15,12 +15,15 @@ from gcs_tools.identify.tlog import is_raw_capture, is_tlog, streams_of_tlog
 from gcs_tools.logs.flight_log import Log, read_log
 from onboard.contract.assessment import TICK_S
 from onboard.geometry.frames import FloatArray
+from onboard.recording.messages import StateRecord
+
+_Value = TypeVar("_Value")
 
 _MCAP_MAGIC: Final = b"\x89MCAP0\r\n"
 _ULOG_MAGIC: Final = b"ULog\x01\x12\x35"
 _FLYING: Final = frozenset({"cruise", "avoid"})
 _PX4_OFFBOARD_STATE: Final = 14
-# What people take for a log, by how it begins.
+# Files that are often given by mistake, by their first bytes.
 _OTHERS: Final = (
     (b"version https://git-lfs", "a pointer of Git LFS; the log itself is missing: git lfs pull"),
     (b"\x1f\x8b", "compressed (gzip): unpack it first"),
@@ -35,7 +38,7 @@ _EXPECTED: Final = "expected our MCAP, PX4's ULog, ArduPilot's DataFlash .BIN or
 
 
 class NotALogError(CommandError):
-    """A file is not a flight log of any kind that is read."""
+    """A file is not a flight log of a known kind."""
 
 
 def read_recording(path: Path, system_id: int | None = None) -> Recording:
@@ -47,7 +50,7 @@ def read_recording(path: Path, system_id: int | None = None) -> Recording:
 
     Raises:
         NotALogError: the file is something else.
-        CommandError: the file cannot be read, or holds no flight on set-points.
+        CommandError: the file cannot be read, or holds no flight on setpoints.
     """
     try:
         with path.open("rb") as file:
@@ -75,9 +78,14 @@ def read_recording(path: Path, system_id: int | None = None) -> Recording:
 
 def _recording_of_ours(path: Path) -> Recording:
     log = read_log(path)
+    if malformed := log.malformed.get("/state"):
+        raise CommandError(
+            f"{path}: {malformed} states in this log cannot be read: another version of Clearway "
+            "wrote them"
+        )
     try:
         streams = _streams_of_ours(path, log)
-    except (KeyError, TypeError, ValueError) as error:
+    except ValueError as error:
         raise CommandError(
             f"{path}: the states in this log cannot be read ({error}): another version of "
             "Clearway wrote them"
@@ -86,66 +94,81 @@ def _recording_of_ours(path: Path) -> Recording:
 
 
 def _streams_of_ours(path: Path, log: Log) -> Streams:
-    """Take what the daemon knew, tick by tick, while it flew.
+    """Return the daemon's states of each tick in flight.
 
-    A pose is older than the tick that logs it, by the age of the telemetry.
+    A pose is older than its tick by the age of the telemetry.
     """
-    states = log.topic("/state")
     timeline = Timeline()
-    times_s = [timeline.at(state["time_s"]) for state in states]
-    flown = list(zip(times_s, states, strict=True))
-    known = [(at_s, s) for at_s, s in flown if s["position_ned_m"] and s["roll_rad"] is not None]
-    posed = {at_s - (s["telemetry_age_s"] or 0.0): s for at_s, s in known}
-    asked = [(at_s, s) for at_s, s in flown if s["reference_position_ned_m"] is not None]
-    ages_s = [s["detection_age_s"] for _, s in flown if s["phase"] in _FLYING]
-    # What came into range just after the newest frame waits for the next one, and for its tick.
-    reaction_s = max(ages_s) + TICK_S if ages_s and None not in ages_s else None
+    flown = [(timeline.at(state.time_s), state) for state in log.states]
+    known = [(at_s, s) for at_s, s in flown if s.position_ned_m and s.roll_rad is not None]
+    posed = {at_s - (s.telemetry_age_s or 0.0): s for at_s, s in known}
+    asked = [(at_s, s) for at_s, s in flown if s.reference_position_ned_m is not None]
+    ages_s = [s.detection_age_s for _, s in flown if s.phase in _FLYING]
+    known_ages_s = [age_s for age_s in ages_s if age_s is not None]
+    # An obstacle that comes into range just after a frame waits for the next frame and its tick.
+    heard = bool(ages_s) and len(known_ages_s) == len(ages_s)
     return Streams(
         source=str(path),
         pose=in_order(
-            [(t, *s["position_ned_m"], *s["velocity_ned_mps"]) for t, s in posed.items()], 6
+            [(t, *_given(s.position_ned_m), *_given(s.velocity_ned_mps)) for t, s in posed.items()],
+            6,
         ),
         reference=reference_in_order([(t, *_reference_row(s)) for t, s in asked]),
         attitude=in_order(
-            [(t, s["roll_rad"], s["pitch_rad"], s["yaw_rad"]) for t, s in posed.items()], 3
+            [
+                (t, _given(s.roll_rad), _given(s.pitch_rad), _given(s.yaw_rad))
+                for t, s in posed.items()
+            ],
+            3,
         ),
-        control=in_order([(t, float(s["phase"] in _FLYING)) for t, s in flown], 1),
+        control=in_order([(t, float(s.phase in _FLYING)) for t, s in flown], 1),
         names=("position", "reference: the daemon did not fly in it", "attitude", "state"),
-        reaction_s=reaction_s,
+        reaction_s=max(known_ages_s) + TICK_S if heard else None,
         doing=_Plans(log),
     )
 
 
-def _reference_row(state: dict[str, Any]) -> tuple[float, ...]:
+def _reference_row(state: StateRecord) -> tuple[float, ...]:
     return (
-        *state["reference_position_ned_m"],
-        *state["reference_velocity_ned_mps"],
-        *state["reference_acceleration_ned_mps2"],
-        state["leg_heading_rad"],
+        *_given(state.reference_position_ned_m),
+        *_given(state.reference_velocity_ned_mps),
+        *_given(state.reference_acceleration_ned_mps2),
+        _given(state.leg_heading_rad),
     )
+
+
+def _given(value: _Value | None) -> _Value:
+    """Return a value that this version's daemon always writes together with another.
+
+    Raises:
+        ValueError: it is missing.
+    """
+    if value is None:
+        raise ValueError("a value is missing")
+    return value
 
 
 class _Plans:
     """Tells what was flown at a time."""
 
     def __init__(self, log: Log) -> None:
-        self._plans = log.topic("/plan")
+        self._plans = [p for p in log.plans if p.start_s is not None and p.end_s is not None]
 
     def __call__(self, time_s: float) -> str:
         for plan in reversed(self._plans):
-            if plan["start_s"] <= time_s <= plan["end_s"]:
-                into_s = time_s - plan["start_s"]
-                return f"{into_s:.1f} s into {plan['kind']} {plan['side']} of {plan['obstacle']}"
+            start_s = _given(plan.start_s)
+            if start_s <= time_s <= _given(plan.end_s):
+                return f"{time_s - start_s:.1f} s into {plan.kind} {plan.side} of {plan.obstacle}"
         return "cruising"
 
 
 def _streams_of_ulog(path: Path) -> Streams:
-    """Read a PX4 log; its clock runs from the start and is never set.
+    """Read a PX4 log; its clock counts from the start and is never set.
 
     Raises:
-        CommandError: it is damaged, or lacks what is measured.
+        CommandError: it is damaged, or lacks a measured quantity.
     """
-    # Only for those who have such logs.
+    # Loaded only for such logs.
     from pyulog import ULog  # noqa: PLC0415
 
     names = (
@@ -174,7 +197,7 @@ def _streams_of_ulog(path: Path) -> Streams:
         )
     except KeyError as error:
         raise CommandError(f"{path}: the log has no {error.args[0]}") from error
-    except Exception as error:  # a damaged file is answered with whatever pyulog stumbles over
+    except Exception as error:  # pyulog raises anything on damaged files
         raise CommandError(f"{path}: damaged ULog file: {error}") from error
 
 
@@ -193,7 +216,7 @@ def _table(data: dict[str, Any], columns: list[str]) -> FloatArray:
 
 
 def _whole(reference: FloatArray) -> FloatArray:
-    """Drop set-points that leave something open but the yaw, which PX4 writes as NaN."""
+    """Drop setpoints without position, velocity or acceleration, which PX4 logs as NaN."""
     whole: FloatArray = reference[np.isfinite(reference[:, :-1]).all(axis=1)]
     return whole
 

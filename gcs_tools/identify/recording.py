@@ -1,4 +1,4 @@
-"""What a flight log says of the vehicle: how far it strayed, how late and how steeply it tilted."""
+"""Measures a flight log: tracking and velocity errors, attitude lag, tilt, reaction time."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ from onboard.geometry.frames import FloatArray
 
 BoolArray = NDArray[np.bool_]
 
-# Longest attitude lag that is looked for, its resolution, and the least motion that shows one.
+# Longest attitude lag in the search, its resolution, and the least motion that shows a lag.
 _LAG_MAX_S, _LAG_STEP_S = 0.8, 0.01
 _MOTION_MIN_MPS2 = 0.2
-# Poses farther apart than this do not belong to one stretch: the lag is not looked for across.
+# Poses farther apart than this end a stretch; the search for the lag does not cross the gap.
 _GAP_S = 0.5
-# Cruising: a reference this fast that hardly accelerates.
+# The vehicle cruises if its reference is at least this fast and accelerates less than this.
 _CRUISE_MIN_MPS, _CRUISE_MAX_MPS2 = 0.5, 0.1
 
 
@@ -36,10 +36,9 @@ class Recording:
         heading_error_rad: estimated to commanded heading while moving, absolute; NaN if unknown.
         asked_ned_mps2: horizontal acceleration of the reference, (N, 2); NaN if unknown.
         roll_rad, pitch_rad, yaw_rad: attitude.
-        reaction_s: the longest that an object in range may have waited for a changed setpoint;
-            None where the log does not tell.
-        doing: what the vehicle was up to at a time, in words.
-        notes: what the log cannot show, in words.
+        reaction_s: longest time from an object in range to a changed setpoint; None if unknown.
+        doing: describes the vehicle's activity at a time.
+        notes: what the log lacks, in words.
     """
 
     source: str
@@ -59,7 +58,7 @@ class Recording:
 
 @dataclass(frozen=True)
 class Measured:
-    """What one flight, or the worst of several, has shown; None where nothing did.
+    """Measured values of one flight; None for those that its log does not show.
 
     Attributes:
         source: the file.
@@ -70,8 +69,8 @@ class Measured:
         heading_error_deg: of the estimate to the command, while moving.
         roll_max_deg, pitch_max_deg, tilt_max_deg: reached.
         tilt_asked_deg: of the reference, in level flight.
-        worst: when and doing what the tracking error was largest.
-        notes: what the log cannot show, in words.
+        worst: time and activity of the largest tracking error.
+        notes: what the log lacks, in words.
     """
 
     source: str
@@ -90,7 +89,7 @@ class Measured:
 
 
 def measure(recording: Recording) -> Measured:
-    """Return what a recording shows."""
+    """Measure a recording."""
     worst = int(np.argmax(recording.position_error_m))
     when_s = float(recording.time_s[worst])
     asked_mps2 = _largest(np.hypot(*recording.asked_ned_mps2.T))
@@ -118,10 +117,10 @@ def measure(recording: Recording) -> Measured:
 
 
 def attitude_lag_s(recording: Recording) -> float | None:
-    """Return the delay that best maps the acceleration asked for onto the tilt that followed.
+    """Return the delay that best maps the commanded acceleration onto the measured tilt.
 
-    None if too little was asked for to tell.  Steady wind and drag are taken off as means, in each
-    stretch of the log by itself.
+    None if the commands are too small to show it.  Steady wind and drag are removed as the mean of
+    each stretch of the log.
     """
     steps = round(_LAG_MAX_S / _LAG_STEP_S)
     stretches = [
@@ -145,7 +144,7 @@ def attitude_lag_s(recording: Recording) -> float | None:
 
 
 def _stretches(recording: Recording) -> Iterator[tuple[FloatArray, FloatArray]]:
-    """Yield acceleration asked for and had, evenly sampled, of each part without a gap."""
+    """Yield commanded and measured acceleration, evenly sampled, of each stretch without a gap."""
     tilted_mps2 = _tilt_acceleration(recording)
     seams = np.flatnonzero(np.diff(recording.time_s) > _GAP_S) + 1
     for part in np.split(np.arange(len(recording.time_s)), seams):
@@ -178,7 +177,7 @@ def cruise_velocity_error_mps(
 
 
 def _tilt_acceleration(recording: Recording) -> FloatArray:
-    """Horizontal acceleration that the attitude gives in level flight, north and east, (N, 2)."""
+    """Return the acceleration of the attitude in level flight, north and east, (N, 2)."""
     forward_mps2 = -GRAVITY_MPS2 * np.tan(recording.pitch_rad)
     right_mps2 = GRAVITY_MPS2 * np.tan(recording.roll_rad)
     cosine, sine = np.cos(recording.yaw_rad), np.sin(recording.yaw_rad)

@@ -1,4 +1,4 @@
-"""Time series of one vehicle's flight, brought to the times of its poses."""
+"""Time series of one vehicle's flight, resampled at the times of its poses."""
 
 from __future__ import annotations
 
@@ -13,17 +13,17 @@ from gcs_tools.identify.recording import BoolArray, Recording, cruise_velocity_e
 from onboard.geometry.frames import FloatArray
 
 POSES_MIN: Final = 50
-# A set-point older than this, or than three of its periods, was the last before the stream stopped.
+# A setpoint older than this, or than three of its periods, was the last before the stream stopped.
 _REFERENCE_AGE_MIN_S: Final = 0.1
-# Slower set-points cannot be interpolated: at 5 m/s² two that are 0.25 s apart leave 0.04 m open.
+# Slower setpoints cannot be interpolated: at 5 m/s² two that are 0.25 s apart leave 0.04 m open.
 # A stream asked for at this rate may arrive a tenth slower.
 _REFERENCE_RATE_MIN_HZ: Final = 4.0
-# Entries are written in the order of time but for this much; a hole is this long or longer.
+# Entries may be out of order by this much; a hole is at least this long.
 _REORDERED_S: Final = 0.02
 _HOLE_S: Final = 1.0
-# Stretches of a log are set apart by this, longer than any lag that is looked for.
+# Stretches of a log are set apart by this, longer than any lag in the search.
 _APART_S: Final = 10.0
-# The heading is compared while the vehicle moves: it turns to the next leg at rest.
+# The heading counts while the vehicle moves: it turns to the next leg at rest.
 _MOVING_MPS: Final = 0.5
 
 # Columns of a reference after its time.
@@ -32,7 +32,7 @@ _POSITION, _VELOCITY, _ACCELERATION, _YAW = slice(0, 3), slice(3, 6), slice(6, 9
 
 
 class Timeline:
-    """Times that only run forward, of a log whose clock was set while it was written.
+    """Converts times of a log whose clock was set while it was written into increasing ones.
 
     What comes after a step back, or after a hole, is a stretch of its own, some seconds later:
     nothing is interpolated across the seam, whichever way the clock went.
@@ -59,14 +59,14 @@ class Streams:
     Attributes:
         source: the file, and the vehicle if there are several.
         pose: time, position and velocity, NED, (N, 7).
-        reference: time, position, velocity, acceleration, NED, and yaw, (M, 11); NaN in what the
-            log does not tell.
+        reference: time, position, velocity, acceleration, NED, and yaw, (M, 11); NaN for what the
+            log lacks.
         attitude: time, roll, pitch and yaw, (K, 4).
-        control: time and whether set-points were followed from then on, (L, 2).
+        control: time and whether setpoints were followed from then on, (L, 2).
         names: what the log calls each of the four.
-        notes: what the log cannot show, in words.
-        reaction_s: the longest that an object may have waited for a changed set-point, if known.
-        doing: what the vehicle was up to at a time, in words; by its acceleration without it.
+        notes: what the log lacks, in words.
+        reaction_s: longest time from an object in range to a changed setpoint; None if unknown.
+        doing: describes the vehicle's activity at a time; None for its commanded acceleration.
     """
 
     source: str
@@ -80,16 +80,16 @@ class Streams:
     doing: Callable[[float], str] | None = None
 
     def recording(self) -> Recording:
-        """Bring all to the times of the poses that followed set-points.
+        """Resample all at the poses that followed setpoints.
 
         Raises:
-            CommandError: there are none, or what is measured is not in the log.
+            CommandError: there are too few, or the log lacks a measured quantity.
         """
         self._check()
         pose = self.pose[self._followed()]
         if len(pose) < POSES_MIN:
             raise CommandError(
-                f"{self.source}: the vehicle followed set-points at {len(pose)} poses of "
+                f"{self.source}: the vehicle followed setpoints at {len(pose)} poses of "
                 f"{self.names[0]}, at least {POSES_MIN} are needed"
             )
         time_s = pose[:, 0]
@@ -134,7 +134,7 @@ class Streams:
         return float(np.median(periods_s)) if len(periods_s) else 0.0
 
     def _followed(self) -> BoolArray:
-        """Tell for each pose whether a fresh set-point was being followed."""
+        """Tell for each pose whether a fresh setpoint was being followed."""
         time_s, reference_s = self.pose[:, 0], self.reference[:, 0]
         taken_s = _taken_s(self.control)
         switched = np.searchsorted(self.control[:, 0], time_s, side="right") - 1
@@ -143,9 +143,9 @@ class Streams:
         age_s = time_s - reference_s[np.maximum(latest, 0)]
         age_max_s = max(_REFERENCE_AGE_MIN_S, 3.0 * self._reference_period_s)
         following = np.minimum(latest + 1, len(reference_s) - 1)
-        # The next one must be near, too: nothing is interpolated over a pause of the stream.
+        # The next setpoint must be near, too: do not interpolate over a pause of the stream.
         wait_s = np.where(time_s <= reference_s[-1], reference_s[following] - time_s, np.inf)
-        # And what an autopilot asked of itself before it was told otherwise is not followed.
+        # An autopilot's own target from before it took setpoints does not count.
         ours = (latest >= 0) & (reference_s[np.maximum(latest, 0)] >= since_s)
         followed: BoolArray = ours & (age_s <= age_max_s) & (wait_s <= age_max_s)
         return followed
@@ -157,7 +157,7 @@ class Streams:
 
 
 def _taken_s(control: FloatArray) -> FloatArray:
-    """Return for each row since when set-points were followed; infinite while they are not."""
+    """Return for each row since when setpoints are followed; infinite while they are not."""
     taken_s, since_s = np.empty(len(control)), np.inf
     for number, (time_s, followed) in enumerate(control):
         since_s = min(since_s, time_s) if followed else np.inf
@@ -181,7 +181,7 @@ def in_order(rows: list[tuple[float, ...]], columns: int, needed: int | None = N
 
 
 def reference_in_order(rows: list[tuple[float, ...]]) -> FloatArray:
-    """Return a reference's rows alike; only the position must be there, (N, 11)."""
+    """Return a reference's rows in the order of time, (N, 11); only the position must be known."""
     return in_order(rows, _REFERENCE_COLUMNS, _POSITION.stop)
 
 
@@ -198,7 +198,7 @@ def _asking(time_s: FloatArray, asked_mps2: FloatArray) -> Callable[[float], str
     def doing(at_s: float) -> str:
         north_mps2, east_mps2 = asked_mps2[np.searchsorted(time_s, at_s)].tolist()
         if not np.isfinite(north_mps2):
-            return "what it was asked for is not in the log"
-        return f"asked for [{north_mps2:.2f}, {east_mps2:.2f}] m/s² north, east"
+            return "commanded acceleration unknown"
+        return f"commanded [{north_mps2:.2f}, {east_mps2:.2f}] m/s² north, east"
 
     return doing

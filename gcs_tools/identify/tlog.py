@@ -18,23 +18,20 @@ from gcs_tools.console.errors import CommandError
 from gcs_tools.identify.streams import POSES_MIN, Streams, Timeline, in_order, reference_in_order
 from onboard.files.mavlink_frames import frame_length
 from onboard.geometry.frames import FloatArray
+from onboard.mavlink.profiles.registry import OTHER, profile_of
 
 _STAMP: Final = struct.Struct(">Q")
-_OFFBOARD_MODES: Final = {
-    mavlink.MAV_AUTOPILOT_PX4: 6 << 16,
-    mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA: 4,
-}
 _MARKERS: Final = (mavlink.PROTOCOL_MARKER_V1, mavlink.PROTOCOL_MARKER_V2)
-# Of a set-point's mask, after nine bits for position, velocity and acceleration.
+# Of a setpoint's mask, after nine bits for position, velocity and acceleration.
 _YAW_BIT: Final = 10
-# Target system of a message for all.
-_EVERYBODY: Final = 0
-# Columns of a reference, after time and position, that PX4's controller has written over.
+# Target system of a broadcast.
+_BROADCAST: Final = 0
+# Columns of a reference, after time and position, that PX4's controller overwrites.
 _CONTROLLERS: Final = slice(4, 10)
 _UNKNOWN: Final = float("nan")
 _PX4_ECHO: Final = (
-    "velocity error, attitude lag and tilt asked for are not in this log: PX4's "
-    "POSITION_TARGET_LOCAL_NED tells the position asked for, but its controller's velocity"
+    "this log lacks velocity error, attitude lag and commanded tilt: PX4's "
+    "POSITION_TARGET_LOCAL_NED has the commanded position, but its controller's velocity"
 )
 
 
@@ -50,15 +47,15 @@ def is_raw_capture(data: bytearray) -> bool:
 
 
 def streams_of_tlog(data: bytearray, source: str, system_id: int | None) -> Streams:
-    """Return the time series of the one vehicle of a log that flew on set-points.
+    """Return the time series of the one vehicle of a log that flew on setpoints.
 
     Args:
-        data: the file; what is damaged in it is passed over.
+        data: the file; damaged parts are skipped.
         source: its name.
-        system_id: MAVLink id of the vehicle; None where only one flies on set-points.
+        system_id: MAVLink id of the vehicle; None where only one flies on setpoints.
 
     Raises:
-        CommandError: there is none, or several and none was asked for.
+        CommandError: no vehicle flew on setpoints, or several did and ``system_id`` is None.
     """
     vehicles = _vehicles(data)
     if not vehicles:
@@ -69,7 +66,7 @@ def streams_of_tlog(data: bytearray, source: str, system_id: int | None) -> Stre
         flying = [number for number, vehicle in vehicles.items() if vehicle.flies]
         if len(flying) > 1:
             raise CommandError(
-                f"{source}: vehicles {_listed(flying)} fly on set-points: choose one with "
+                f"{source}: vehicles {_listed(flying)} fly on setpoints: choose one with "
                 "--system-id"
             )
         system_id = (flying or list(vehicles))[0]
@@ -87,13 +84,13 @@ _Rows = list[tuple[float, ...]]
 
 @dataclass
 class _Vehicle:
-    """What one system said of itself, and what it was told; rows begin with their time.
+    """Telemetry of one system and the setpoints sent to it; rows begin with their time.
 
     Attributes:
         poses, attitudes: as `Streams` wants them.
-        echoes: the target that the autopilot says it has.
+        echoes: the targets that the autopilot reports.
         beats: autopilot and mode of each HEARTBEAT of a known autopilot.
-        told: whole set-points, by the commander's system and component.
+        told: complete setpoints, by the commander's system and component.
     """
 
     poses: _Rows = field(default_factory=list)
@@ -104,7 +101,7 @@ class _Vehicle:
 
     @property
     def flies(self) -> bool:
-        """Whether it followed set-points for some time."""
+        """Whether it followed setpoints for some time."""
         try:
             self.streams("").recording()
         except CommandError:
@@ -120,13 +117,13 @@ class _Vehicle:
                 self.attitudes.append((time_s, m.roll, m.pitch, m.yaw))
             case "POSITION_TARGET_LOCAL_NED":
                 self.echoes.append((time_s, *_reference_row(m)))
-            case "HEARTBEAT" if m.autopilot in _OFFBOARD_MODES:
+            case "HEARTBEAT" if profile_of(m.autopilot) is not OTHER:
                 self.beats.append((time_s, m.autopilot, m.custom_mode))
             case _:
                 pass
 
     def tell(self, time_s: float, m: Any) -> None:
-        """Take a set-point of position, velocity and acceleration; others are tracked worse."""
+        """Take a setpoint with position, velocity and acceleration; others are tracked worse."""
         row = _reference_row(m)
         if m.coordinate_frame == mavlink.MAV_FRAME_LOCAL_NED and np.isfinite(row[:9]).all():
             self.told[m.get_srcSystem(), m.get_srcComponent()].append((time_s, *row))
@@ -134,7 +131,7 @@ class _Vehicle:
     def streams(self, source: str) -> Streams:
         reference, name, notes = self._reference()
         followed: _Rows = [
-            (time_s, float(mode == _OFFBOARD_MODES[autopilot]))
+            (time_s, float(profile_of(autopilot).modes.is_external_control(mode)))
             for time_s, autopilot, mode in self.beats
         ]
         return Streams(
@@ -148,14 +145,14 @@ class _Vehicle:
         )
 
     def _reference(self) -> tuple[FloatArray, str, tuple[str, ...]]:
-        """Return what the vehicle was asked for, what the log calls it, and what that lacks.
+        """Return the reference, its name in the log, and notes on what it lacks.
 
-        The set-points themselves, where they are in the log: of the commander that sent most.
-        Else what the autopilot says of them.
+        The reference is the setpoints of the commander that sent most, if the log has them; else
+        the targets that the autopilot reports.
         """
         sender, most = max(self.told.items(), key=lambda told: len(told[1]), default=(None, []))
         if len(most) >= POSES_MIN:
-            several = f"several sent set-points; measured against those of {sender}"
+            several = f"several commanders sent setpoints; measured against those of {sender}"
             notes = (several,) if len(self.told) > 1 else ()
             return reference_in_order(most), "SET_POSITION_TARGET_LOCAL_NED", notes
         name = (
@@ -163,20 +160,20 @@ class _Vehicle:
             "POSITION_TARGET_LOCAL_NED with a position"
         )
         echoes = reference_in_order(self.echoes)
-        if all(autopilot == mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA for _, autopilot, _ in self.beats):
+        if all(profile_of(beat[1]).target_gain_max_per_s == 0.0 for beat in self.beats):
             return echoes, name, ()
         echoes[:, _CONTROLLERS] = _UNKNOWN
         return echoes, name, (_PX4_ECHO,)
 
 
 def _vehicles(data: bytearray) -> dict[int, _Vehicle]:
-    """Return what is in a log, by system id of each vehicle with a known autopilot."""
+    """Return the vehicles with a known autopilot by their system id."""
     timeline, systems = Timeline(), defaultdict[int, _Vehicle](_Vehicle)
     told: list[tuple[float, Any]] = []
     for stamp_s, message in _messages(data):
         time_s = timeline.at(stamp_s)
         if message.get_type() == "SET_POSITION_TARGET_LOCAL_NED":
-            if message.target_system == _EVERYBODY:
+            if message.target_system == _BROADCAST:
                 told.append((time_s, message))
             else:
                 systems[message.target_system].tell(time_s, message)
@@ -211,12 +208,12 @@ _WANTED: Final = frozenset(
 
 
 def _messages(data: bytearray) -> Iterator[tuple[float, Any]]:
-    """Yield the intact messages that are read, with their times; goes on after damage.
+    """Yield the intact messages of interest with their times; resynchronizes after damage.
 
-    A frame that is not read is believed if another entry follows it: checking it takes longer.
+    Frames of no interest are accepted if another entry follows; checking them would take longer.
     """
     codec, at = mavlink.MAVLink(None), _STAMP.size
-    # Else an environment variable would have pymavlink believe damaged frames.
+    # An environment variable could make pymavlink accept damaged frames.
     mavlink.MAVLINK_IGNORE_CRC = False
     while at < len(data):
         length = frame_length(data, at, mavlink.mavlink_map) or 0

@@ -1,4 +1,4 @@
-"""What came of a flight, from its two logs: the daemon's and the simulation's ground truth."""
+"""Evaluates a flight from its two logs: the daemon's and the simulation's ground truth."""
 
 from __future__ import annotations
 
@@ -9,16 +9,24 @@ from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from itertools import pairwise
 from pathlib import Path
-from typing import Any
+from typing import TypeVar
 
 from gcs_tools.console.errors import CommandError
 from gcs_tools.logs.flight_log import Log
 from gcs_tools.scenario import Expectation, Outcome
+from onboard.events import EventName
+from onboard.recording.messages import StateRecord
 
 _FLYING = frozenset({"cruise", "avoid"})
 _OVER = frozenset({"arrived", "hold"})
 _STILL_MPS = 0.1
 _PLAN_KINDS = ("qp", "vertex", "brake")
+
+_Value = TypeVar("_Value")
+
+
+class MissingValueError(ValueError):
+    """A log lacks a value that the result needs; the message is its name."""
 
 
 @dataclass(frozen=True)
@@ -26,8 +34,8 @@ class Result:
     """``result.json``, key by key.
 
     Attributes:
-        outcome: ``collided`` beats all others; ``aborted`` if the mission came to no end.
-        reason: why it ended so.
+        outcome: ``collided`` takes precedence; ``aborted`` if the mission came to no end.
+        reason: of the outcome.
         collisions: how often contact with an obstacle began.
         clearance_min_m: vehicle centre to nearest face, less the radius; null in open space.
         tracking_error_max_m: horizontal, while the daemon flew.
@@ -63,7 +71,7 @@ class Result:
         return self.outcome == "arrived" and self.collisions == 0 and not self.violations
 
     def meets(self, expected: Expectation) -> bool:
-        """Tell whether the flight came out as its scenario expects."""
+        """Tell whether the flight ended as its scenario expects."""
         avoided = expected.obstacles_avoided
         return (
             self.outcome == expected.outcome
@@ -93,36 +101,35 @@ def result_of(
     aborted: str | None = None,
     plan_times_s: Sequence[float] = (),
 ) -> Result:
-    """Return what came of a flight.
+    """Return the result of a flight.
 
     Args:
         flight: the daemon's log.
         truth: the simulation's log.
         seed: of the simulation.
         aborted: why the operator gave the flight up, if so.
-        plan_times_s: wall time of each plan; by default what the log says, which a flight in
-            virtual time does not.
+        plan_times_s: wall time of each plan; by default that of the log, which has none for a
+            flight in virtual time.
+
+    Raises:
+        MissingValueError: a log of another version lacks a value.
     """
-    states = flight.topic("/state")
-    flown = [state for state in states if state["phase"] in _FLYING]
-    truths = truth.topic("/truth")
-    collisions = max((record["collisions"] for record in truths), default=0)
+    flown = [state for state in flight.states if state.phase in _FLYING]
+    collisions = max((record.collisions for record in truth.truths), default=0)
     outcome, reason = _outcome(flight, collisions, aborted)
     return Result(
         outcome=outcome,
         reason=reason,
         collisions=collisions,
-        clearance_min_m=truths[-1]["clearance_min_m"] if truths else None,
-        tracking_error_max_m=max((state["tracking_error_m"] for state in flown), default=0.0),
-        velocity_error_max_mps=_velocity_error(flown),
-        duration_s=flown[-1]["time_s"] - flown[0]["time_s"] if flown else 0.0,
-        obstacles_avoided=_avoided(states),
+        clearance_min_m=truth.truths[-1].clearance_min_m if truth.truths else None,
+        tracking_error_max_m=_tracking_error_max_m(flown),
+        velocity_error_max_mps=_velocity_error_max_mps(flown),
+        duration_s=flown[-1].time_s - flown[0].time_s if flown else 0.0,
+        obstacles_avoided=_avoided(flight.states),
         plans=_plans(flight),
         plan_time_ms=plan_time_ms(plan_times_s or _logged_plan_times_s(flight)),
-        violations=tuple(
-            event["text"] for event in flight.topic("/events") if event["name"] == "violation"
-        ),
-        final_position_ned_m=_final_position(states),
+        violations=tuple(e.text for e in flight.events if e.name == EventName.VIOLATION),
+        final_position_ned_m=_final_position(flight.states),
         contract_sha256=flight.metadata.get("clearway", {}).get("contract_sha256", ""),
         seed=seed,
     )
@@ -141,52 +148,66 @@ def plan_time_ms(times_s: Sequence[float]) -> dict[str, float | None]:
 
 
 def _logged_plan_times_s(flight: Log) -> list[float]:
-    times_ms = (plan.get("plan_time_ms") for plan in flight.topic("/plan"))
+    times_ms = (plan.plan_time_ms for plan in flight.plans)
     return [time_ms * 1e-3 for time_ms in times_ms if time_ms is not None]
 
 
 def _outcome(flight: Log, collisions: int, aborted: str | None) -> tuple[Outcome, str]:
-    phases = [state["phase"] for state in flight.topic("/state")]
-    last_words = _phase_texts(flight)
+    phases = {state.phase for state in flight.states}
+    changes = _texts(flight, EventName.PHASE)
     if collisions:
-        return "collided", f"{collisions} collision(s); {'; '.join(last_words)}"
+        return "collided", f"{collisions} collision(s); {'; '.join(changes)}"
     if "hold" in phases:
-        return "held", next((t for t in reversed(last_words) if "holding" in t), "holding")
+        return "held", next((text for text in reversed(changes) if "holding" in text), "holding")
     if "arrived" in phases:
         return "arrived", "mission flown"
-    refused = [event["text"] for event in flight.topic("/events") if event["name"] == "refused"]
-    return "aborted", "; ".join(filter(None, (aborted, *refused))) or "the mission came to no end"
+    reasons = filter(None, (aborted, *_texts(flight, EventName.REFUSED)))
+    return "aborted", "; ".join(reasons) or "the mission came to no end"
 
 
-def _phase_texts(flight: Log) -> list[str]:
-    return [event["text"] for event in flight.topic("/events") if event["name"] == "phase"]
+def _texts(flight: Log, name: EventName) -> list[str]:
+    return [event.text for event in flight.events if event.name == name]
 
 
-def _velocity_error(flown: list[dict[str, Any]]) -> tuple[float, float]:
-    errors = [state["velocity_error_mps"] for state in flown if state["cruising"]]
-    return (
-        max((error[0] for error in errors), default=0.0),
-        max((error[1] for error in errors), default=0.0),
-    )
+def _tracking_error_max_m(flown: Sequence[StateRecord]) -> float:
+    errors_m = [state.tracking_error_m for state in flown]
+    return max((_present(error_m, "tracking_error_m") for error_m in errors_m), default=0.0)
 
 
-def _avoided(states: list[dict[str, Any]]) -> int:
-    phases = (state["phase"] for state in states)
+def _velocity_error_max_mps(flown: Sequence[StateRecord]) -> tuple[float, float]:
+    errors_mps = [
+        _present(state.velocity_error_mps, "velocity_error_mps")
+        for state in flown
+        if _present(state.cruising, "cruising")
+    ]
+    along_mps = max((along for along, _ in errors_mps), default=0.0)
+    return along_mps, max((across for _, across in errors_mps), default=0.0)
+
+
+def _present(value: _Value | None, name: str) -> _Value:
+    if value is None:
+        raise MissingValueError(name)
+    return value
+
+
+def _avoided(states: Sequence[StateRecord]) -> int:
+    phases = (state.phase for state in states)
     return sum(before == "avoid" and after == "cruise" for before, after in pairwise(phases))
 
 
 def _plans(flight: Log) -> dict[str, int]:
-    kinds = Counter(plan["kind"] for plan in flight.topic("/plan"))
+    kinds = Counter(plan.kind for plan in flight.plans)
     return {kind: kinds[kind] for kind in (*_PLAN_KINDS, *sorted(kinds.keys() - set(_PLAN_KINDS)))}
 
 
-def _final_position(states: list[dict[str, Any]]) -> tuple[float, float, float] | None:
-    """Where the vehicle last stood still after its mission; else where it was last."""
-    known = [s for s in states if s["position_ned_m"] is not None]
-    over = [s for s in known if s["phase"] in _OVER]
-    still = [s for s in over if math.hypot(*s["velocity_ned_mps"]) < _STILL_MPS]
-    known = still or over or known
-    if not known:
-        return None
-    north_m, east_m, down_m = known[-1]["position_ned_m"]
-    return north_m, east_m, down_m
+def _final_position(states: Sequence[StateRecord]) -> tuple[float, float, float] | None:
+    """Return where the vehicle last stood still after its mission, or else its last position."""
+    known = [state for state in states if state.position_ned_m is not None]
+    over = [state for state in known if state.phase in _OVER]
+    still = [
+        state
+        for state in over
+        if state.velocity_ned_mps is not None and math.hypot(*state.velocity_ned_mps) < _STILL_MPS
+    ]
+    last = (still or over or known)[-1:]
+    return last[0].position_ned_m if last else None

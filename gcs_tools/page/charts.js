@@ -24,7 +24,7 @@ function indexAt(times, time) {
 
 class Chart {
   // series: {label, time, values, colour, dashed}; limits: {label, value}; phases: {start_s, end_s, phase};
-  // zero: the scale begins there; least: it spans at least so much.
+  // zero: the scale begins at 0; least: the scale spans at least this much.
   constructor(parent, { title, unit, series, limits = [], phases = [], span, zero = false, least = 0, height = 150, seek }) {
     Object.assign(this, { unit, limits, phases, span, zero, least, height });
     this.series = series.filter(({ values }) => values?.some((value) => value !== null));
@@ -61,14 +61,14 @@ class Chart {
     const take = (value) => { if (value !== null) { low = Math.min(low, value); high = Math.max(high, value); } };
     for (const { values } of this.series) values.forEach(take);
     for (const { value } of this.limits) take(value);
-    // A quantity that hardly changes is not blown up to look as if it did.
+    // Do not magnify a quantity that hardly changes.
     const lacking = Math.max(this.least - (high - low), 0) / 2;
     low -= lacking;
     high += lacking;
     const margin = (high - low || Math.abs(high) || 1) * 0.08;
     this.low = this.zero && low >= 0 ? 0 : low - margin;
     this.high = high + margin;
-    // Three digits that tell something on this scale.
+    // Three significant digits on this scale.
     this.digits = Math.min(Math.max(2 - Math.floor(Math.log10(this.high - this.low)), 0), 3);
   }
 
@@ -98,7 +98,7 @@ class Chart {
     }
     for (const { label, value } of this.limits) {
       parts.push(svgElement("path", { class: "limit", d: `M${PAD.left} ${this.#y(value)}H${right}` }));
-      // Above its line, unless that is at the very top.
+      // Above its line, unless the line is at the top.
       const y = this.#y(value) - PAD.top > 14 ? this.#y(value) - 3 : this.#y(value) + 11;
       parts.push(svgElement("text", { class: "limit", x: right - 3, y, "text-anchor": "end" }, label));
     }
@@ -156,7 +156,7 @@ class Band {
       const words = step ? [`avoid ${step.obstacle}`, step.obstacle, phase] : [phase];
       const rect = svgElement("rect", { x: x(start_s), width, y: 0, height: 28, stroke: "var(--rule)", style: `fill: var(--phase-${phase})` });
       rect.append(svgElement("title", {}, `${words[0]}, ${start_s.toFixed(1)} to ${end_s.toFixed(1)} s`));
-      // As much of it as there is room for.
+      // The longest label that fits.
       const label = svgElement("text", { x: x(start_s) + width / 2, y: 18, "text-anchor": "middle" }, words.find((word) => width > 6.5 * word.length + 34) ?? "");
       const marks = step && width > 34 ? [this.#mark(x(start_s) + 9, "pre-condition", step.pre_condition), this.#mark(x(end_s) - 9, "post-condition", step.post_condition)] : [];
       return [rect, label, ...marks];

@@ -23,7 +23,7 @@ class FlightMap {
     this.svg = svg;
     this.radius = radius;
     this.bounds = null;
-    // Somebody has dragged or zoomed: the view is theirs until they double-click.
+    // The user has dragged or zoomed: keep the view until a double-click.
     this.held = false;
     this.layers = Object.fromEntries(
       ["obstacles", "legs", "ahead", "reference", "plan", "flown", "others", "vehicles"].map((name) =>
@@ -69,7 +69,7 @@ class FlightMap {
     }
   }
 
-  // Show all of these points, unless somebody looks elsewhere.
+  // Show all of these points, unless the user has moved the view.
   frame(points) {
     const known = points.filter(([north, east]) => Number.isFinite(north) && Number.isFinite(east));
     if (!known.length) return;
@@ -86,7 +86,7 @@ class FlightMap {
     if (!this.bounds) return;
     const margin = 2;
     const [north, east, farNorth, farEast] = this.bounds;
-    // As high as what there is to see, within reason.
+    // As high as the content, within limits.
     const wanted = this.svg.clientWidth * (farEast - east + 2 * margin) / (farNorth - north + 2 * margin);
     this.svg.style.height = `${Math.min(Math.max(wanted, 160), 0.6 * window.innerHeight)}px`;
     const aspect = this.svg.clientWidth / Math.max(this.svg.clientHeight, 1) || 1;

@@ -1,5 +1,5 @@
 "use strict";
-// The report of one flight, or of two laid over each other.
+// The report of one flight, or of two compared.
 
 const flights = JSON.parse(document.getElementById("data").textContent);
 const [flight, other] = flights;
@@ -46,7 +46,7 @@ for (const { problems } of flights) for (const problem of problems) {
 fillTable(byId("facts"), other && ["", flight.name, other.name],
   [...(other ? [["outcome", flight.outcome]] : []), ...flight.facts].map(([name, value]) => ({
     values: other ? [name, value, name === "outcome" ? other.outcome : new Map(other.facts).get(name) ?? ""] : [name, value] })));
-// What nobody measured in any step has no column.
+// Columns without a value in any step are omitted.
 const columns = [
   ["time", (step) => (step.end_s === null ? seconds(step.time_s) : `${seconds(step.time_s)} to ${seconds(step.end_s)}`)],
   ["obstacle", (step) => step.obstacle],
@@ -99,7 +99,7 @@ space.lines.push({ points: triples(own).map(([n, e]) => [n, e, 0]), kind: "rule"
 space.lines.push({ points: triples(own), kind: "flown", width: 2 });
 if (other) space.lines.push({ points: triples(other.path), kind: "fourth", dash: [5, 3] });
 
-// The same quantity of both flights, the second one dashed and in a colour of its own.
+// The same quantity of both flights; the second is dashed and has its own colour.
 const ofOther = { flown: "fourth", third: "reference", reference: "obstacle" };
 function both(label, colour, values, time = (one) => one.path.time_s) {
   return flights.map((one, i) => ({
@@ -110,7 +110,7 @@ const limit = (label, value) => (value === null ? [] : [{ label, value }]);
 const { limits } = flight;
 const common = { phases: flight.phases, span, seek };
 const ofTruth = (one) => one.truth.time_s;
-// Two flights are held against each other, one against what it should have been.
+// Two flights are compared with each other, one flight with its reference.
 const flownAndReference = (key) => [...(other ? [] : both("reference", "reference", (f) => f.path[`reference_${key}`])), ...both("flown", "flown", (f) => f.path[key])];
 const clauseColours = ["flown", "reference", "third", "fourth", "lane", "obstacle", "faint", "ink"];
 const charts = [

@@ -1,5 +1,5 @@
 "use strict";
-// The flight in three dimensions: an orthographic view that is turned by dragging.
+// The flight in three dimensions: an orthographic view; drag to turn it.
 
 class Space {
   constructor(canvas, bounds) {
@@ -26,7 +26,7 @@ class Space {
     matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => this.draw());
   }
 
-  // Pixels per metre: everything is to be seen, however it is turned.
+  // Pixels per metre, so that everything fits at any turn.
   #scale() {
     const { canvas, turn, tilt, half: [n, e, h] } = this;
     const [cosine, sine] = [Math.abs(Math.cos(turn)), Math.abs(Math.sin(turn))];

@@ -1,5 +1,5 @@
 "use strict";
-// The live view: what the daemon says, drawn as it comes.
+// The live view: draws the daemon's messages as they arrive.
 
 const byId = (id) => document.getElementById(id);
 const map = new FlightMap(byId("map"), 0.3);
@@ -49,7 +49,7 @@ const show = {
     byId("monitors").replaceChildren(...Object.entries(monitors).map(([name, { measured, limit, unit }]) => {
       const gauge = Object.assign(document.createElement("div"), { className: "gauge" });
       const words = Object.assign(document.createElement("span"), { textContent: name.replaceAll("_", " ") });
-      // Of clearance there can be too little, of everything else too much.
+      // Clearance has a lower limit, everything else an upper one.
       const least = name === "clearance";
       const meter = document.createElement("meter");
       meter.max = least ? 5 : (limit ?? 1) * 1.25;
@@ -95,7 +95,7 @@ function showContact() {
 }
 
 const stream = new EventSource("stream");
-// A stream that opens again begins with all that is known: what was shown is replaced.
+// A stream that reopens starts with everything known: replace what is shown.
 stream.addEventListener("open", () => byId("events").replaceChildren());
 stream.addEventListener("message", ({ data }) => {
   const { key, payload } = JSON.parse(data);

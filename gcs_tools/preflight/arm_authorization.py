@@ -1,8 +1,8 @@
-"""Answers a vehicle that asks whether it may arm (PX4's arm authorisation) by a verdict.
+"""Answers a vehicle that asks whether it may arm, by the verdict of the pre-flight check.
 
-The vehicle needs COM_ARM_AUTH_REQ 1 and COM_ARM_AUTH_ID `AUTHORISER_SYSTEM_ID`.  ArduPilot does not
-ask.  What is not answered is refused by the vehicle, so that it does not arm either when this
-process has ended.
+The protocol is MAVLink's arm authorization, which of the known autopilots only PX4 has; there it
+needs COM_ARM_AUTH_REQ 1 and COM_ARM_AUTH_ID `AUTHORIZER_SYSTEM_ID`.  The vehicle does not arm
+without an answer, so that it stays disarmed too once this process has ended.
 """
 
 from __future__ import annotations
@@ -24,9 +24,9 @@ from gcs_tools.vehicle.connection import CONNECT_TIMEOUT_S, chosen_system, open_
 from gcs_tools.vehicle.operator import VehicleError
 from gcs_tools.vehicle.query import listening
 
-# What MAVSDK is on the link as a ground station.
-AUTHORISER_SYSTEM_ID: Final = 245
-# Where others look for an onboard computer.
+# System id of MAVSDK as a ground station.
+AUTHORIZER_SYSTEM_ID: Final = 245
+# MAV_COMP_ID_ONBOARD_COMPUTER, to which the vehicle sends its request.
 _COMPONENT_ID: Final = 191
 # PX4 misses an answer that comes at once (measured), and gives up after 0.4 s by default.
 _THINKING_S: Final = 0.05
@@ -44,15 +44,15 @@ def answer_arm_requests(
     *,
     system_id: int | None = None,
 ) -> int:
-    """Answer every request for a while; return how many there were.
+    """Answer every request for a while; return the number of requests.
 
-    Only the vehicle that was checked may be permitted to arm: any other is refused.
+    Only the vehicle that was checked may arm; a request of any other is denied.
 
     Args:
         url: MAVSDK connection URL of the vehicle.
-        verdict: of the pre-flight check; only one that holds permits anything.
+        verdict: of the pre-flight check; only `Verdict.HOLDS` permits arming.
         duration_s: how long the verdict is good for.
-        report: told of every answer.
+        report: called with every answer.
         system_id: of the vehicle that was checked; None if there is only one.
 
     Raises:
@@ -63,7 +63,7 @@ def answer_arm_requests(
     try:
         return asyncio.run(_answer(url, verdict, duration_s, report, system_id))
     except MavsdkError as error:
-        raise VehicleError(f"arm authorisation: {error}") from error
+        raise VehicleError(f"arm authorization: {error}") from error
 
 
 async def _answer(
@@ -74,7 +74,7 @@ async def _answer(
     system_id: int | None,
 ) -> int:
     identity = Configuration.create_with_component_type(ComponentType.GROUND_STATION)
-    identity.system_id = AUTHORISER_SYSTEM_ID
+    identity.system_id = AUTHORIZER_SYSTEM_ID
     with interruptible() as interruption:
         async with quiet() as complaints, Mavsdk(identity) as mavsdk:
             server = ArmAuthorizerServerAsync(await mavsdk.server_component_by_id(_COMPONENT_ID))

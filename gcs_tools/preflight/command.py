@@ -1,4 +1,4 @@
-"""``clearway preflight``: contract, field, vehicle and detections -> may this be flown?"""
+"""``clearway preflight``: checks contract, field, vehicle and detections before a flight."""
 
 from __future__ import annotations
 
@@ -21,7 +21,8 @@ from gcs_tools.preflight.finding import VEHICLE_IDENTITY, Finding, Verdict
 from gcs_tools.preflight.remedy import Remedy, remedies
 from gcs_tools.preflight.speed import fastest_speed_mps
 from onboard.contract.assessment import Assessment, assess
-from onboard.files.models import Contract, InputSet, Mission, load_contract
+from onboard.files.contract_file import Contract, InputSet, load_contract
+from onboard.files.mission_file import Mission
 from onboard.files.obstacle_field import ObstacleField, load_field
 from onboard.files.yaml_file import load_yaml
 
@@ -30,14 +31,14 @@ _SYSTEM_ID_MAX: Final = 255
 
 @dataclass(frozen=True)
 class Preflight:
-    """What was checked before a flight, and how it came out.
+    """The results of a pre-flight check.
 
     Attributes:
         assessment: the contract's clauses.
         field_rules: the obstacle field's, where one was given.
-        fastest_mps: the fastest cruise that contract and field allow; None where no field was
-            given, or no speed would do.
-        findings: what was looked at live.
+        fastest_mps: fastest cruise that contract and field allow; None without a field, or if no
+            speed complies.
+        findings: of the live check.
     """
 
     assessment: Assessment
@@ -47,30 +48,30 @@ class Preflight:
 
     @property
     def compliant(self) -> bool:
-        """Whether the flight is covered by the contract, as far as paper can tell."""
+        """Whether contract and field comply, without regard to live findings."""
         return self.assessment.compliant and all(rule.holds for rule in self.field_rules)
 
     @property
     def verdict(self) -> Verdict:
-        """What came of everything that was looked at."""
+        """Verdict on contract, field and live findings together."""
         return Verdict.worst(
             [Verdict.of(holds=self.compliant), *(each.verdict for each in self.findings)]
         )
 
     @property
     def vehicle(self) -> str | None:
-        """Which vehicle was looked at, in words; None if none was."""
+        """The vehicle that was checked, in words; None without one."""
         named = (each.text for each in self.findings if each.name == VEHICLE_IDENTITY)
         return next(named, None)
 
     @cached_property
     def remedies(self) -> tuple[Remedy, ...]:
-        """Single changes that satisfy the clauses that are broken."""
+        """Single changes that satisfy broken clauses."""
         return remedies(self.assessment)
 
     @property
     def refusals(self) -> tuple[str, ...]:
-        """Why it may not be flown; empty if it may."""
+        """Reasons for a verdict other than holds."""
         clauses = tuple(
             f"{c.name}: requires {c.required:.2f} {c.unit}, declared {c.declared:.2f} {c.unit}"
             for c in self.assessment.clauses
@@ -109,7 +110,7 @@ def check(
     mission: Mission | None,
     input_set: InputSet = "inner",
 ) -> Preflight:
-    """Check what can be checked on paper."""
+    """Check contract, field and mission; needs no vehicle."""
     altitude_m = None if mission is None else mission.altitude_m
     assessment = assess(contract, input_set, mission_altitude_m=altitude_m)
     rules = () if obstacles is None else check_field(assessment, obstacles, mission)
@@ -120,12 +121,12 @@ def check(
 
 @dataclass(frozen=True)
 class PreflightFiles:
-    """What a check on paper reads.
+    """Files that a check reads.
 
     Attributes:
-        contract, field, mission: files; the last two may be missing.
+        contract, field, mission: the last two may be None.
         overrides: of the contract, as given to ``--set``.
-        picture: where to draw the field.
+        picture: to draw the field to; None for no picture.
     """
 
     contract: Path
@@ -142,20 +143,20 @@ def run_preflight(
     system_id: int | None,
     zenoh_config: Path | None,
     endurance_s: float | None,
-    authorise_s: float | None,
+    authorize_s: float | None,
     input_set: InputSet,
     form: Format,
     output: Path | None,
 ) -> Verdict:
-    """Check, write the result, and return the verdict; answer arm requests by it if so asked.
+    """Check, write the result, return the verdict; then answer arm requests if requested.
 
     Raises:
-        FileError: a file is not usable.
+        FileError: a file cannot be used.
         CommandError: no Zenoh session, or the output or the picture cannot be written.
-        VehicleError: there is nobody whose requests to arm could be answered.
+        VehicleError: no vehicle answers whose requests to arm could be answered.
     """
-    if authorise_s is not None and vehicle_url is None:
-        raise CommandError("--authorise answers a vehicle that asks: give --vehicle")
+    if authorize_s is not None and vehicle_url is None:
+        raise CommandError("--authorize needs --vehicle: it answers the vehicle's requests to arm")
     _check_system_id(system_id, vehicle_url)
     contract = load_contract(files.contract, files.overrides)
     obstacles = None if files.field is None else load_field(files.field)
@@ -167,15 +168,15 @@ def run_preflight(
         if files.picture is not None:
             _draw(files.picture, result, obstacles, mission)
     elif files.picture is not None:
-        raise CommandError("--picture draws the obstacle field: give --field")
+        raise CommandError("--picture needs --field: it draws the obstacle field")
     if vehicle_url is not None or zenoh_config is not None:
-        looked_at = _LookedAt(vehicle_url, system_id, zenoh_config, endurance_s)
-        findings = _look(result, mission, looked_at)
+        targets = _LiveTargets(vehicle_url, system_id, zenoh_config, endurance_s)
+        findings = _check_live(result, mission, targets)
         result = replace(result, findings=findings)
     table = partial(print_preflight, result, str(files.contract))
     write_document(result.document(), table, form=form, path=output)
-    if authorise_s is not None and vehicle_url is not None:
-        _authorise(vehicle_url, system_id, result.verdict, authorise_s)
+    if authorize_s is not None and vehicle_url is not None:
+        _authorize(vehicle_url, system_id, result.verdict, authorize_s)
     return result.verdict
 
 
@@ -185,20 +186,20 @@ def _check_system_id(system_id: int | None, vehicle_url: str | None) -> None:
     if not 1 <= system_id <= _SYSTEM_ID_MAX:
         raise CommandError(f"--system-id {system_id}: expected 1 to {_SYSTEM_ID_MAX}")
     if vehicle_url is None:
-        raise CommandError("--system-id chooses among the vehicles of a connection: give --vehicle")
+        raise CommandError("--system-id needs --vehicle: it selects one of a connection's vehicles")
 
 
-def _authorise(
+def _authorize(
     vehicle_url: str, system_id: int | None, verdict: Verdict, duration_s: float
 ) -> None:
-    from gcs_tools.preflight.arm_authorization import answer_arm_requests  # noqa: PLC0415  as in `_look`
+    from gcs_tools.preflight.arm_authorization import answer_arm_requests  # noqa: PLC0415  as in `_check_live`
 
     console = Console(stderr=True, highlight=False)
     answer_arm_requests(vehicle_url, verdict, duration_s, console.print, system_id=system_id)
 
 
-class _LookedAt(NamedTuple):
-    """What is looked at live: a vehicle, and what Zenoh tells."""
+class _LiveTargets(NamedTuple):
+    """What a live check connects to."""
 
     vehicle_url: str | None
     system_id: int | None
@@ -206,31 +207,33 @@ class _LookedAt(NamedTuple):
     endurance_s: float | None
 
 
-def _look(result: Preflight, mission: Mission | None, looked_at: _LookedAt) -> tuple[Finding, ...]:
-    # MAVSDK and Zenoh are large native libraries: load them for those who have a vehicle.
+def _check_live(
+    result: Preflight, mission: Mission | None, targets: _LiveTargets
+) -> tuple[Finding, ...]:
+    # MAVSDK and Zenoh are large native libraries: load them only for a live check.
     from gcs_tools.preflight.live.bus import load_bus  # noqa: PLC0415
     from gcs_tools.preflight.live.check import STEPS, LiveRequest, check_live  # noqa: PLC0415
 
-    path = looked_at.zenoh_config
+    path = targets.zenoh_config
     request = LiveRequest(
-        looked_at.vehicle_url,
+        targets.vehicle_url,
         None if path is None else load_bus(path),
-        looked_at.endurance_s,
-        system_id=looked_at.system_id,
+        targets.endurance_s,
+        system_id=targets.system_id,
     )
     done = itertools.count()
-    with progress_bar("looking", STEPS) as bar:
+    with progress_bar("checking", STEPS) as bar:
         return check_live(
             request,
             result.assessment,
             mission,
             paper_compliant=result.compliant,
-            report=lambda step: bar.show(next(done), f"looking: {step}"),
+            report=lambda step: bar.show(next(done), f"checking: {step}"),
         )
 
 
 def _draw(path: Path, result: Preflight, obstacles: ObstacleField, mission: Mission | None) -> None:
-    # Matplotlib takes long to load: only for those who want a picture.
+    # Matplotlib takes long to load: load it only to draw.
     from gcs_tools.preflight.picture import draw_field  # noqa: PLC0415
 
     broken = [rule.name for rule in result.field_rules if not rule.holds]
@@ -239,7 +242,7 @@ def _draw(path: Path, result: Preflight, obstacles: ObstacleField, mission: Miss
 
 
 def print_preflight(result: Preflight, title: str, console: Console) -> None:
-    """Draw the operator's view: verdict, then every rule."""
+    """Print the verdict, then every clause, rule and finding."""
     assessment = result.assessment
     if result.vehicle is not None:
         title = f"{title}, {result.vehicle}"
@@ -268,5 +271,5 @@ def _rule_document(rule: FieldRule) -> dict[str, Any]:
 
 
 def _finite(value: float) -> float | None:
-    """JSON knows no infinity: a single obstacle has no nearest neighbour."""
+    """Return None for infinity, which JSON lacks: a single obstacle has no nearest neighbour."""
     return value if abs(value) < float("inf") else None

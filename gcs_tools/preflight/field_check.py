@@ -1,8 +1,8 @@
-"""An obstacle field held against a contract, leg by leg, before anything flies.
+"""Checks an obstacle field against a contract, leg by leg, before a flight.
 
-The field is what is known beforehand, for instance a survey; the flight itself still sees only
-what its sensor sees.  Every obstacle counts, also far beside the leg: avoidance drifts and never
-recovers (erratum 16), so nothing beside the leg is out of reach.
+The field is what is known beforehand, for instance a survey; in flight the service knows only what
+its sensor reports.  Obstacles far beside the leg count, too: avoidance drifts without recovering
+(erratum 16), so the vehicle may reach them.
 """
 
 from __future__ import annotations
@@ -18,35 +18,36 @@ import numpy as np
 from scipy.spatial import KDTree
 
 from gcs_tools.preflight.field_merging import PAIRS_MAX, intersecting_pairs, merge
+from onboard.contract.arithmetic import ARRAY
 from onboard.contract.assessment import Assessment, Terms, worst_encounter
-from onboard.contract.region import ARRAY, dimensions
-from onboard.files.models import Mission
+from onboard.contract.region import dimensions
+from onboard.files.mission_file import Mission
 from onboard.files.obstacle_field import ObstacleField
 from onboard.geometry.box import Box
 from onboard.geometry.frames import FloatArray, LegFrame
 
-# Named in a report; a field that breaks a rule in a million places breaks it all the same.
+# Most offenders that a report names per rule.
 OFFENDERS_MAX = 100
 MERGED_SHOWN = 5
 
-# One part in a billion: sizes and distances are sums of floats that were written down as equal.
+# Sizes and distances that a file states as equal are sums of floats: equal to one in a billion.
 _ROUND_OFF = 1e-9
 
-# The rules about regions, which depend on how fast the vehicle flies.
+# The rules about regions, which depend on the cruise speed.
 RULES_OF_SPEED = frozenset({"roi_disjoint", "start_clear", "end_clear"})
 
 
 @dataclass(frozen=True)
 class FieldRule:
-    """One rule, held against the whole field.
+    """One rule, checked on the whole field.
 
     Attributes:
         name: of the rule.
         required, declared: the rule holds while ``declared`` is at least ``required``.
         unit: of both.
-        reason: why there is such a rule.
-        offenders: who breaks it, at most `OFFENDERS_MAX`.
-        note: what it holds thanks to, or how far it was followed; empty if there is nothing to say.
+        reason: the purpose of the rule.
+        offenders: obstacles that break it, at most `OFFENDERS_MAX`.
+        note: a condition of the verdict, or a limit of the check; may be empty.
     """
 
     name: str
@@ -59,7 +60,7 @@ class FieldRule:
 
     @property
     def margin(self) -> float:
-        """Declared less required; not negative is compliant."""
+        """Declared less required; 0 or more complies."""
         return self.declared - self.required
 
     @property
@@ -93,9 +94,9 @@ class LegField:
         stretch: the leg.
         single_ids: names of the N obstacles.
         single_boxes_m: the obstacles in the leg frame, (N, 4): x from, x to, y from, y to.
-        ids: names of what is avoided as one; those of merged obstacles are joined by ``+``.
-        boxes_m: what is avoided as one, (M, 4).
-        regions_m: their Regions of Influence, alike.
+        ids: names of the M obstacles after merging, those of merged ones joined by ``+``.
+        boxes_m: the obstacles after merging, (M, 4).
+        regions_m: their regions of influence, (M, 4).
     """
 
     stretch: Stretch
@@ -107,7 +108,7 @@ class LegField:
 
     @classmethod
     def of(cls, stretch: Stretch, assessment: Assessment, obstacles: ObstacleField) -> LegField:
-        """Place every obstacle in the frame of the leg, merge them, and add the regions."""
+        """Transform the obstacles into the leg frame, merge them, and compute their regions."""
         boxes_m = leg_boxes(stretch.frame, obstacles)
         regions_of = partial(region_extents, assessment)
         merged = merge(boxes_m, regions_of, assessment.terms.obstacle_size_max_m)
@@ -122,7 +123,7 @@ class LegField:
 
     @property
     def centers_m(self) -> FloatArray:
-        """Centres of what is avoided as one, in the leg frame, (M, 2)."""
+        """Centres of the obstacles after merging, in the leg frame, (M, 2)."""
         centers_m: FloatArray = (self.boxes_m[:, ::2] + self.boxes_m[:, 1::2]) / 2.0
         return centers_m
 
@@ -135,13 +136,13 @@ class LegField:
         return found
 
     def called(self, name: str) -> str:
-        """Name of an obstacle on this leg."""
+        """Return an obstacle's name with that of the leg."""
         return f"{name} ({self.stretch.name})"
 
 
 @dataclass
 class _Count:
-    """How often a rule is broken, and by whom first."""
+    """How many obstacles break a rule, and the names of the first ones."""
 
     total: int = 0
     offenders: list[str] = field(default_factory=list)
@@ -155,7 +156,7 @@ class _Count:
 def check_field(
     assessment: Assessment, obstacles: ObstacleField, mission: Mission | None
 ) -> tuple[FieldRule, ...]:
-    """Hold a field against the contract's assumptions and the induction's conditions.
+    """Check a field against the contract's assumptions and the induction's conditions.
 
     Without a mission the one leg runs north from the origin, and its start and end are not checked.
     """
@@ -193,11 +194,11 @@ def _stretches(mission: Mission | None) -> Iterator[Stretch]:
     for number, leg in enumerate(mission.legs, start=1):
         frame = LegFrame.between((*point_ned_m, 0.0), (*leg.end_ned_m, 0.0))
         length_m, half_m = math.dist(point_ned_m, leg.end_ned_m), leg.target_half_width_m
-        # An avoidance near the end may leave no room to stop there, only beyond.
+        # After an avoidance near the end the vehicle may only be able to stop beyond it.
         end_m = np.array([(length_m, -half_m, 0.0), (length_m + half_m, half_m, 0.0)])
         start_m = frame.position_leg_from_ned(start_ned_m)
         yield Stretch(f"leg {number}", frame, _enclosing(start_m), _enclosing(end_m))
-        # Where this leg may end, the next may begin; it runs in another direction.
+        # The next leg may begin wherever this one may end, and runs in another direction.
         start_ned_m, point_ned_m = frame.position_ned_from_leg(end_m), leg.end_ned_m
 
 
@@ -219,12 +220,12 @@ def leg_boxes(frame: LegFrame, obstacles: ObstacleField) -> FloatArray:
 
 
 def region_extents(assessment: Assessment, boxes_m: FloatArray) -> FloatArray:
-    """Return the regions of measured boxes, all at once; (N, 4) -> (N, 4).
+    """Return the regions of measured boxes; (N, 4) -> (N, 4).
 
-    As `Assessment.region_around` does for one box.
+    Vectorized form of `Assessment.region_around`.
     """
     terms = assessment.terms
-    margin_m = terms.radius_m + terms.tracking_error_m + assessment.face_error_m
+    margin_m = assessment.inflation_m()
     x_min_m, x_max_m, y_min_m, y_max_m = (boxes_m + margin_m * np.array([-1.0, 1.0, -1.0, 1.0])).T
     numbers: dict[str, Any] = {
         each.name: np.full(len(boxes_m), value)
@@ -305,11 +306,11 @@ def _nearest(legs: tuple[LegField, ...], assessment: Assessment) -> FieldRule:
 
 
 def _nearest_neighbours(points_m: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Distance to, and index of, the nearest other point; (N, 2) -> (N,), (N,)."""
+    """Return distance and index of each point's nearest neighbour; (N, 2) -> (N,), (N,)."""
     if len(points_m) < 2:
         return np.full(len(points_m), math.inf), np.full(len(points_m), -1)
     distance_m, index = KDTree(points_m).query(points_m, k=2)
-    # Of two obstacles in one place, either may come first.
+    # Of two points in one place, the query may list either one first.
     itself_first = index[:, 0] == np.arange(len(points_m))
     return distance_m[:, 1], np.where(itself_first, index[:, 1], index[:, 0])
 
@@ -340,9 +341,9 @@ def _merging_note(legs: tuple[LegField, ...], *, counted_all: bool) -> str:
     if names:
         first = "; ".join(names[:MERGED_SHOWN])
         more = "; …" if len(names) > MERGED_SHOWN else ""
-        notes.append(f"what stands close is avoided as one: {first}{more}")
+        notes.append(f"close obstacles are avoided as one: {first}{more}")
     if not counted_all:
-        notes.append(f"counted no further than {PAIRS_MAX}")
+        notes.append(f"counting stopped at {PAIRS_MAX}")
     return ", ".join(notes)
 
 
@@ -376,5 +377,5 @@ def _count_regions_at(leg: LegField, place: Box, count: _Count) -> None:
 
 
 def _none_of(count: _Count, name: str, unit: str, reason: str) -> FieldRule:
-    """Return a rule that allows no offender at all."""
+    """Return a rule that holds only without any offender."""
     return FieldRule(name, float(count.total), 0.0, unit, reason, tuple(count.offenders))

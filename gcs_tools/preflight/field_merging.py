@@ -1,11 +1,10 @@
-"""What the vehicle will avoid as one: obstacles of a field merged as the service merges them.
+"""Merges the obstacles of a field as the service does (`onboard.perception.obstacle_map`).
 
-Obstacles whose regions of influence intersect become one, the box around both, as long as that is
-no larger than the contract allows a single obstacle to be; again and again until nothing merges
-(`onboard.perception.obstacle_map.ObstacleMap`).  The order does not matter where it matters: if no
-two regions intersect in the end, then neither do those of any other order of discovery, nor those
-of the part seen so far.  For a region only grows with its box, so obstacles that end up apart were
-never in conflict, and a part of what fits also fits.
+Obstacles whose regions of influence intersect become one, the box around both, if that is no larger
+than the contract allows a single obstacle to be; this repeats until nothing merges.
+
+The verdict does not depend on the order of discovery.  A region only grows with its box; so if no
+two regions intersect in the end, none do after any other order, or for the obstacles seen so far.
 """
 
 from __future__ import annotations
@@ -19,11 +18,11 @@ from shapely import STRtree, box
 
 from onboard.geometry.frames import FloatArray
 
-# A field with more pairs in conflict is refused by these alone; naming them all takes for ever.
+# These pairs suffice to refuse a field; counting more would take too long.
 PAIRS_MAX = 1_000_000
-# Boxes looked up in the index at a time: what is found for them is held in memory.
+# Boxes looked up in the index at a time; limits the memory for the results.
 _QUERIES = 4096
-# Boxes grow within a round, so that few are needed; what is left in conflict is refused.
+# Boxes grow within a round, so few rounds suffice; conflicts that remain are refused.
 _ROUNDS_MAX = 20
 _ROUND_OFF = 1e-9
 
@@ -36,7 +35,7 @@ class Merged:
 
     Attributes:
         members: for each, the indices of the obstacles in it.
-        boxes_m: what encloses them.
+        boxes_m: boxes around them.
         regions_m: their regions of influence.
     """
 
@@ -51,7 +50,7 @@ def merge(boxes_m: FloatArray, regions_of: Regions, size_max_m: float) -> Merged
     Args:
         boxes_m: the obstacles.
         regions_of: boxes to regions of influence, (N, 4) -> (N, 4).
-        size_max_m: largest extent that merging may give.
+        size_max_m: largest extent of a merged box.
     """
     merged = Merged(tuple((n,) for n in range(len(boxes_m))), boxes_m, regions_of(boxes_m))
     for _ in range(_ROUNDS_MAX):
@@ -63,7 +62,7 @@ def merge(boxes_m: FloatArray, regions_of: Regions, size_max_m: float) -> Merged
 
 
 def _united(merged: Merged, size_max_m: float) -> list[int] | None:
-    """Return which box each is to be part of; None if each stays what it is."""
+    """Return for each box the index of the box that it becomes part of; None if nothing merges."""
     parents = list(range(len(merged.members)))
     boxes: dict[int, tuple[float, ...]] = {}
 

@@ -1,4 +1,4 @@
-"""Whether an obstacle field lies where the mission flies, or in other coordinates."""
+"""Checks that an obstacle field lies where the mission flies, not in other coordinates."""
 
 from __future__ import annotations
 
@@ -8,28 +8,28 @@ from itertools import pairwise
 import numpy as np
 
 from gcs_tools.preflight.field_check import FieldRule
-from onboard.files.models import Mission
+from onboard.files.mission_file import Mission
 from onboard.files.obstacle_field import ObstacleField
 from onboard.geometry.frames import FloatArray
 
-# A survey of the site may reach far beyond the mission; none of it within this is another site.
+# A survey may reach far beyond the mission; without an obstacle this near it is of another site.
 SITE_M = 1000.0
 AXES = "x_m and center_ned_m begin with metres north, then metres east, of the mission's origin"
 
 
 def check_placement(obstacles: ObstacleField, mission: Mission, range_m: float) -> FieldRule:
-    """Return a rule that a field breaks which can hardly be meant for this mission.
+    """Return a rule that a field breaks if it is probably not meant for this mission.
 
-    It is broken if no obstacle comes within sensor range of the mission and either the nearest is
-    `SITE_M` away, or some would with north and east swapped.
+    It is broken if no obstacle is within sensor range of the mission, and either the nearest one is
+    more than `SITE_M` away, or some would be within range with north and east swapped.
 
     Args:
         obstacles: the field.
-        mission: what is to be flown.
-        range_m: how far the sensor sees.
+        mission: whose legs count.
+        range_m: of the sensor.
     """
     nearest_m = float(_distances_m(obstacles, obstacles.center_ned_m, mission).min())
-    name, reason = "placement", "the field has to be where the mission is"
+    name, reason = "placement", "the field must be where the mission is"
     if nearest_m <= range_m:
         return FieldRule(name, nearest_m, range_m, "m", reason)
     swapped_m = _distances_m(obstacles, obstacles.center_ned_m[:, ::-1], mission)
@@ -47,7 +47,7 @@ def check_placement(obstacles: ObstacleField, mission: Mission, range_m: float) 
 def _distances_m(
     obstacles: ObstacleField, centers_ned_m: FloatArray, mission: Mission
 ) -> FloatArray:
-    """Return how far each obstacle is from the nearest leg, at the least, (N,)."""
+    """Return a lower bound of each obstacle's distance from the nearest leg, (N,)."""
     points = np.array([mission.start_ned_m, *(leg.end_ned_m for leg in mission.legs)])
     distances_m = np.full(len(centers_ned_m), math.inf)
     for start_m, end_m in pairwise(points):

@@ -1,4 +1,4 @@
-"""One thing that a pre-flight check looked at, and how it came out."""
+"""The verdict of a pre-flight check, and of each single check of something live."""
 
 from __future__ import annotations
 
@@ -7,12 +7,12 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any, Final
 
-# Name of the check that says which vehicle was looked at.
+# Name of the finding that identifies the vehicle.
 VEHICLE_IDENTITY: Final = "identity"
 
 
 class Verdict(enum.Enum):
-    """How a check came out; what is not known is never fine."""
+    """Result of a check; what could not be checked never counts as holding."""
 
     HOLDS = "holds"
     BROKEN = "broken"
@@ -20,12 +20,12 @@ class Verdict(enum.Enum):
 
     @classmethod
     def of(cls, *, holds: bool) -> Verdict:
-        """Return the verdict on what is known."""
+        """Return the verdict for something that could be checked."""
         return cls.HOLDS if holds else cls.BROKEN
 
     @classmethod
     def worst(cls, verdicts: Iterable[Verdict]) -> Verdict:
-        """Return the verdict on all together: broken beats unknown, unknown beats holding."""
+        """Return the verdict on several checks: broken beats unknown, unknown beats holding."""
         found = set(verdicts)
         return next((v for v in (cls.BROKEN, cls.UNKNOWN) if v in found), cls.HOLDS)
 
@@ -35,10 +35,10 @@ class Finding:
     """One check of something live.
 
     Attributes:
-        subject: what was looked at: ``vehicle``, ``detections``, ``daemon``.
-        name: of the check; of the parameter, where it is one.
-        verdict: how it came out.
-        text: what was found and what is required, for people.
+        subject: ``vehicle``, ``detections`` or ``daemon``.
+        name: of the check or the parameter.
+        verdict: its result.
+        text: found and required values, for people.
     """
 
     subject: str
@@ -48,7 +48,7 @@ class Finding:
 
     @property
     def holds(self) -> bool:
-        """Whether it is known to be fine."""
+        """Whether it could be checked and holds."""
         return self.verdict is Verdict.HOLDS
 
     def document(self) -> dict[str, Any]:

@@ -1,4 +1,4 @@
-"""A picture of an obstacle field: the legs, the regions of influence, and what breaks a rule."""
+"""Draws an obstacle field: legs, regions of influence, and in red the regions that break a rule."""
 
 from __future__ import annotations
 
@@ -22,12 +22,12 @@ BoolArray = NDArray[np.bool_]
 
 _OBSTACLE, _REGION, _BROKEN, _LEG = "#5b7f4f", "#8aa6c8", "#b03a48", "#1f5fa8"
 _MARGIN_M = 4.0
-# Far from every leg there is nothing to decide; a survey of a whole forest would hide the legs.
+# Obstacles farther from every leg are left out; a survey of a whole forest would hide the legs.
 _SHOWN_BESIDE_M = 60.0
 
 
 def draw_field(legs: tuple[LegField, ...], title: str, path: Path) -> None:
-    """Draw the field as the legs meet it: obstacles, regions, and in red those that break a rule.
+    """Draw a field as its legs meet it.
 
     Args:
         legs: the field, leg by leg; the first leg's boxes are drawn as the obstacles.
@@ -55,7 +55,7 @@ def draw_field(legs: tuple[LegField, ...], title: str, path: Path) -> None:
 
 
 def _draw_leg(axes: Axes, leg: LegField, near: BoolArray) -> FloatArray:
-    """Draw what is near; return the corners of what was drawn, (N, 2)."""
+    """Draw the near obstacles of a leg; return the corners of their regions, (N, 2)."""
     boxes_m = _corners_ned_m(leg.stretch.frame, leg.boxes_m)
     regions_m = _corners_ned_m(leg.stretch.frame, leg.regions_m)
     broken = offending(leg)
@@ -78,7 +78,7 @@ def _draw_leg(axes: Axes, leg: LegField, near: BoolArray) -> FloatArray:
 
 
 def _line_ned_m(leg: LegField) -> FloatArray:
-    """Ends of the leg, (2, 2); without a mission it ends behind the last obstacle."""
+    """Return the ends of a leg, (2, 2); without a mission it ends behind the last obstacle."""
     length_m = leg.stretch.end.x_min_m
     if not np.isfinite(length_m):
         length_m = float(leg.regions_m[:, 1].max(initial=0.0))
@@ -96,7 +96,7 @@ def _near(leg: LegField, lines_ned_m: FloatArray) -> BoolArray:
 
 
 def _corners_ned_m(frame: LegFrame, boxes_m: FloatArray) -> FloatArray:
-    """Corners of leg-frame boxes, north and east; (N, 4) -> (N, 4, 2)."""
+    """Return the corners of leg-frame boxes, north and east; (N, 4) -> (N, 4, 2)."""
     x_m, y_m = boxes_m[:, [0, 1, 1, 0]], boxes_m[:, [2, 2, 3, 3]]
     corners_m = np.stack((x_m, y_m, np.zeros_like(x_m)), axis=-1).reshape(-1, 3)
     ned_m: FloatArray = frame.position_ned_from_leg(corners_m)[:, :2].reshape(-1, 4, 2)
@@ -104,7 +104,7 @@ def _corners_ned_m(frame: LegFrame, boxes_m: FloatArray) -> FloatArray:
 
 
 def _frame(axes: Axes, points_m: FloatArray) -> None:
-    """Seen from above with north to the right, east is down."""
+    """Set the limits: north to the right, so that east is down as seen from above."""
     lowest_m, highest_m = points_m.min(axis=0) - _MARGIN_M, points_m.max(axis=0) + _MARGIN_M
     axes.set_xlim(lowest_m[0], highest_m[0])
     axes.set_ylim(highest_m[1], lowest_m[1])

@@ -1,7 +1,7 @@
-"""What would make a broken clause hold: the smallest change of one key of the contract.
+"""Finds the smallest change of one key of the contract that satisfies a broken clause.
 
-From the declared value outwards, each key is tried in steps that grow, until the clause holds; the
-limit in between is then bisected with the very function that decides before a flight.
+Tries each key in growing steps from the declared value outwards until the clause holds, then
+bisects the limit, with the function that the pre-flight check uses.
 """
 
 from __future__ import annotations
@@ -12,10 +12,10 @@ from dataclasses import dataclass
 
 from gcs_tools.contract.keys import ContractKey, contract_key
 from onboard.contract.assessment import Assessment, assess
-from onboard.files.models import Contract, InputSet
+from onboard.files.contract_file import Contract, InputSet
 from onboard.files.yaml_file import FileError
 
-# What an operator can do something about, and how to say it.
+# Keys that an operator can influence, and the words for each.
 _ADVICE = {
     "vehicle.cruise_speed_mps": "cruise at",
     "sensor.detection_range_m": "see",
@@ -42,7 +42,7 @@ _ADVICE = {
 
 _FIRST_STEP = 1e-3
 _STEP_GROWTH = 1.3
-# A change beyond these factors is another vehicle.
+# Changes beyond this factor are not suggested.
 _LARGEST_FACTOR = 30.0
 _BISECTIONS = 30
 _DIGITS = (3, 4, 6, 9)
@@ -50,14 +50,14 @@ _DIGITS = (3, 4, 6, 9)
 
 @dataclass(frozen=True)
 class Remedy:
-    """One change of one key with which a broken clause holds.
+    """One change of one key that satisfies a broken clause.
 
     Attributes:
         clause: that it satisfies.
         key: dotted key, as for ``--set``.
         declared, value: before and after, in ``unit``; rounded to the complying side.
         unit: of both.
-        settles_all: whether every other clause holds then as well.
+        settles_all: every other clause holds then, too.
     """
 
     clause: str
@@ -69,7 +69,7 @@ class Remedy:
 
     @property
     def change(self) -> float:
-        """Size of the change as a part of what is declared."""
+        """Size of the change as a share of declared."""
         return abs(self.value - self.declared) / abs(self.declared)
 
     def __str__(self) -> str:
@@ -81,7 +81,7 @@ class Remedy:
 def remedies(assessment: Assessment) -> tuple[Remedy, ...]:
     """Return the changes that satisfy each broken clause, clause by clause, smallest first.
 
-    A clause that no single key can satisfy has none.
+    Clauses that no single key can satisfy have none.
     """
     found: list[Remedy] = []
     for clause in assessment.clauses:
@@ -95,7 +95,7 @@ def _remedy(assessment: Assessment, clause: str, key: ContractKey) -> Remedy | N
     contract, input_set = assessment.contract, assessment.terms.input_set
     altitude_m = assessment.terms.mission_altitude_m
     declared = key.value_in(contract)
-    if not declared:  # nothing stated, or nothing left to take away
+    if not declared:  # None or 0, which cannot be scaled
         return None
 
     def satisfies(value: float) -> bool:
@@ -138,7 +138,7 @@ def _bisected(
 
 
 def _rounded(inside: float, outside: float, satisfies: Callable[[float], bool]) -> float:
-    """Return few digits, on the side that satisfies."""
+    """Round to few digits, towards the side that satisfies."""
     towards = math.ceil if inside > outside else math.floor
     for digits in _DIGITS:
         unit = 10.0 ** (math.floor(math.log10(inside)) + 1 - digits)
@@ -155,7 +155,7 @@ def _assessed(
     input_set: InputSet,
     mission_altitude_m: float | None,
 ) -> Assessment | None:
-    """Return the verdict on a changed contract; None where the value is not admissible."""
+    """Assess a changed contract; None if the value is not admissible."""
     try:
         return assess(
             key.changed(contract, value), input_set, mission_altitude_m=mission_altitude_m

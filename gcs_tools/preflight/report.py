@@ -1,4 +1,4 @@
-"""What an operator reads before a flight: the verdict first, then why, then everything else."""
+"""Prints the pre-flight check for the operator: the verdict, its reasons, then every margin."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from onboard.contract.assessment import Assessment, Clause
 
 _OFFENDERS_SHOWN = 5
 _REMEDIES_SHOWN = 3
-# A bar is full where all that is declared is required; what is beyond is lacking.
+# A bar is full where required equals declared; cells beyond that show what is lacking.
 _BAR_FULL, _BAR_MAX = 16, 22
 
 _TITLES = {
@@ -30,14 +30,14 @@ _MARKS = {
 
 
 def print_title(verdict: Verdict, title: str, reasons: tuple[str, ...], console: Console) -> None:
-    """Say whether to fly, and what speaks against it."""
+    """Print whether the flight may take place, and the reasons if not."""
     console.print(f"{_TITLES[verdict]}  {escape(title)}")
     for reason in reasons:
         console.print(f"  • {reason}", style="red", markup=False, soft_wrap=True)
 
 
 def print_contract(assessment: Assessment, remedies: tuple[Remedy, ...], console: Console) -> None:
-    """Show the binding clause, all margins as bars, and what would satisfy what is broken."""
+    """Print the binding clause, all margins as bars, and changes that satisfy broken clauses."""
     clause = assessment.binding
     say = "tightest" if assessment.compliant else "most violated"
     console.print(
@@ -66,7 +66,7 @@ def advice(clause: str, remedies: tuple[Remedy, ...]) -> str:
 
 
 def _bar(clause: Clause[float]) -> Text:
-    """Draw how much of what is declared is required, up to the mark and beyond it."""
+    """Draw required as a share of declared, up to the mark at 100 % and beyond it."""
     share = clause.required / clause.declared
     cells = min(round(share * _BAR_FULL), _BAR_MAX)
     if not clause.holds:
@@ -84,7 +84,7 @@ def print_field(
     cruise_mps: float,
     console: Console,
 ) -> None:
-    """Show every rule of the field, and how fast it may be flown."""
+    """Print every rule of the field, and the fastest cruise that complies."""
     table = Table("rule", "", title="Obstacle field", title_justify="left")
     for column in ("required", "declared", "unit", "offenders"):
         table.add_column(column, justify="right" if column.endswith("ed") else "left")
@@ -106,7 +106,7 @@ def print_field(
 
 
 def print_findings(findings: tuple[Finding, ...], console: Console) -> None:
-    """Show what was looked at live."""
+    """Print the findings of the live check."""
     table = Table("of", "check", "", "found", title="Live", title_justify="left")
     for each in findings:
         table.add_row(each.subject, each.name, _MARKS[each.verdict], escape(each.text))
@@ -114,6 +114,6 @@ def print_findings(findings: tuple[Finding, ...], console: Console) -> None:
 
 
 def some(offenders: tuple[str, ...]) -> str:
-    """Name the first few."""
+    """Return the first few offenders, as one text."""
     shown = "; ".join(offenders[:_OFFENDERS_SHOWN])
     return shown if len(offenders) <= _OFFENDERS_SHOWN else f"{shown}; …"

@@ -1,4 +1,4 @@
-"""How fast this mission may be flown among these obstacles."""
+"""Finds the fastest cruise speed that complies with a contract in a given field."""
 
 from __future__ import annotations
 
@@ -6,10 +6,11 @@ from gcs_tools.contract.keys import contract_key
 from gcs_tools.contract.solve import LARGEST_TRIED, solve
 from gcs_tools.preflight.field_check import RULES_OF_SPEED, check_field, legs_of, regions_clear
 from onboard.contract.assessment import assess
-from onboard.files.models import Contract, InputSet, Mission
+from onboard.files.contract_file import Contract, InputSet
+from onboard.files.mission_file import Mission
 from onboard.files.obstacle_field import ObstacleField
 
-# Slower than this is not flying; finer than this nobody sets a cruise speed.
+# Slowest speed tried, and the resolution of the result.
 _SLOWEST_TRIED_MPS = 0.1
 _RESOLUTION_MPS = 0.005
 
@@ -17,9 +18,9 @@ _RESOLUTION_MPS = 0.005
 def fastest_speed_mps(
     contract: Contract, obstacles: ObstacleField, mission: Mission | None, input_set: InputSet
 ) -> float | None:
-    """Return the fastest cruise, all else as stated, that contract and field allow.
+    """Return the fastest cruise speed [m/s] that contract and field allow, all else as stated.
 
-    None if no speed would do: what is broken then does not depend on it.
+    None if no speed complies: the broken clause or rule does not depend on speed.
     """
     key = contract_key("vehicle.cruise_speed_mps")
 

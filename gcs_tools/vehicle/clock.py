@@ -1,8 +1,8 @@
-"""Link delay and the vehicle's clock: by TIMESYNC, else by PING and SYSTEM_TIME.
+"""Measures the link delay and the vehicle's clock by TIMESYNC, else by PING and SYSTEM_TIME.
 
-PX4 before November 2025 answers TIMESYNC with an uninitialised target, and MAVSDK drops what is
-addressed to others.  PING is answered right by the same firmware but tells no time, SYSTEM_TIME
-tells it one way: together they bound the same quantities.
+PX4 before November 2025 answers TIMESYNC with an uninitialized target, and MAVSDK drops messages to
+other targets.  The same firmware answers PING correctly, which carries no time, and SYSTEM_TIME
+carries the time one way: together they bound the same quantities.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ COLLECT_S: Final = 2.5
 _SYSTEM_TIME_HZ: Final = 5.0
 # SYSTEM_TIME.time_boot_ms is rounded down.
 _RESOLUTION_S: Final = 1e-3
-# Earlier than this a Unix time has not been set: without GPS, autopilots start at 1970.
+# A Unix time before this has not been set: without GPS, autopilots start at 1970.
 _UNIX_TIME_MIN_S: Final = 1.5e9
 
 Exchange = tuple[int, int, int]
@@ -40,9 +40,9 @@ class ClockComparison:
 
     Attributes:
         round_trip_s: the slowest.
-        unsteady_s: by how much the vehicle's clock changed for certain, what the link may have
-            taken allowed for; None where it told no time.
-        source: messages that this is known by.
+        unsteady_s: least step of the vehicle's clock that the link delay does not explain; None
+            where it told no time.
+        source: messages that this was measured by.
         unix_offset_s: the vehicle's Unix time less this computer's; None where it has none.
     """
 
@@ -57,8 +57,8 @@ class SystemTime:
     """One SYSTEM_TIME.
 
     Attributes:
-        arrived_s, arrived_unix_s: when, by this computer's clocks.
-        boot_s, unix_s: what it says; ``unix_s`` is 0 if the vehicle does not know.
+        arrived_s, arrived_unix_s: time of arrival, by this computer's clocks.
+        boot_s, unix_s: its content; ``unix_s`` is 0 if the vehicle does not know it.
     """
 
     arrived_s: float
@@ -75,7 +75,7 @@ async def compare_vehicle_clock(system: Any) -> ClockComparison | None:
     """
     direct = MavlinkDirectAsync(system)
     times: list[SystemTime] = []
-    with suppress(MavsdkError):  # refused, it may be streamed all the same
+    with suppress(MavsdkError):  # the vehicle may stream it even if it refuses
         await TelemetryAsync(system).set_rate_unix_epoch_time(_SYSTEM_TIME_HZ)
     async with running(_collect_times(direct, times)):
         collected = asyncio.create_task(asyncio.sleep(COLLECT_S))
@@ -104,7 +104,7 @@ def compare_clocks(exchanges: list[Exchange]) -> ClockComparison:
 
 
 def compare_one_way(round_trip_s: float, times: list[SystemTime]) -> ClockComparison:
-    """Evaluate times that the vehicle told without being asked.
+    """Evaluate times that the vehicle streamed.
 
     Args:
         round_trip_s: the slowest, by PING.
@@ -120,7 +120,7 @@ def compare_one_way(round_trip_s: float, times: list[SystemTime]) -> ClockCompar
 
 
 def unix_offset_s(times: list[SystemTime]) -> float | None:
-    """Return the vehicle's Unix time less ours, from what was on its way for the least time."""
+    """Return the vehicle's Unix time less ours, from the message with the shortest transit."""
     known = [each for each in times if each.unix_s > _UNIX_TIME_MIN_S]
     return max((each.unix_s - each.arrived_unix_s for each in known), default=None)
 
@@ -139,14 +139,14 @@ async def _exchanges(
     ask: Callable[[int, int], dict[str, int]],
     answered: Callable[[dict[str, int]], tuple[int, int] | None],
 ) -> list[Exchange]:
-    """Ask and be answered several times; empty if one answer did not come in time.
+    """Return several exchanges; none if one answer did not come in time.
 
     Args:
         direct: of the vehicle.
         name: of the message.
         ask: returns its fields, from a number and our time [ns].
-        answered: returns, from the fields of an answer, which `ask` it belongs to and the
-            vehicle's time [ns]; None for what is not an answer.
+        answered: returns, from the fields of an answer, our time [ns] in the question and the
+            vehicle's time [ns]; None if the message is not an answer.
     """
     found: list[Exchange] = []
     async with listening(direct, name) as heard:
@@ -174,7 +174,7 @@ async def _answer_to(
     heard: asyncio.Queue[Any],
     answered: Callable[[dict[str, int]], tuple[int, int] | None],
 ) -> int:
-    """Wait for the answer to what was sent at an instant; return the vehicle's time [ns]."""
+    """Wait for the answer to the question of an instant; return the vehicle's time [ns]."""
     while True:
         answer = answered(json.loads((await heard.get()).fields_json))
         if answer is not None and answer[0] == sent_ns:

@@ -1,4 +1,4 @@
-"""Connections to vehicles by MAVSDK: opened, and one autopilot found on them."""
+"""Opens MAVSDK connections, and finds the one autopilot on them."""
 
 from __future__ import annotations
 
@@ -8,39 +8,38 @@ import logging
 import math
 from collections.abc import AsyncIterator, Callable
 from contextlib import aclosing, asynccontextmanager
-from types import MappingProxyType
 from typing import Any
 
 from mavsdk import LogLevel, log_subscribe, log_unsubscribe
-from mavsdk.asyncio import Autopilot, ComponentType, Configuration, Mavsdk, MavsdkError
+from mavsdk.asyncio import ComponentType, Configuration, Mavsdk, MavsdkError
 from mavsdk.asyncio.plugins.mavlink_direct import MavlinkDirectAsync
 
 from gcs_tools.console.errors import CommandError
 from gcs_tools.console.interruption import Interruption
 from gcs_tools.vehicle.operator import Vehicle, VehicleError
+from onboard.mavlink.profiles.profile import AutopilotProfile
+from onboard.mavlink.profiles.registry import OTHER, profile_of
 
 log = logging.getLogger("mavsdk")
 
 CONNECT_TIMEOUT_S = 20.0
-# Heartbeats come every second: how long another autopilot may take to be heard too.
+# How long another autopilot may take to be heard too; heartbeats come every second.
 COMPANY_S = 1.5
 IDENTIFY_TIMEOUT_S = 3.0
 
 _POLL_S = 0.05
 _AUTOPILOT_COMPONENT = 1
-# MAV_AUTOPILOT -> MAVSDK's own numbers.
-_AUTOPILOTS = MappingProxyType({12: Autopilot.PX4, 3: Autopilot.ARDUPILOT})
-# MAVSDK's own words are not for the operator, but its last complaint explains what went wrong.
+# MAVSDK's messages go to the log, not to the operator; its last error explains what went wrong.
 _LOG_LEVELS = (logging.DEBUG, logging.DEBUG, logging.INFO, logging.INFO)
 _URLS = "udpin://HOST:PORT, udpout://HOST:PORT, tcpout://HOST:PORT or serial://DEVICE:BAUD"
 
 
 class UrlError(VehicleError):
-    """A connection URL that cannot be opened."""
+    """A connection URL cannot be opened."""
 
 
 class AmbiguousVehicleError(CommandError):
-    """Several vehicles on one connection, and none was chosen."""
+    """Several vehicles are on one connection, and none was chosen."""
 
 
 @asynccontextmanager
@@ -54,10 +53,10 @@ async def connected_vehicle(
     """Connect to the autopilot on a MAVSDK URL, and keep its state up to date.
 
     Args:
-        url: where it is.
+        url: of the connection.
         interruption: set by an operator who gives up.
         timeout_s: how long to wait for an autopilot.
-        while_waiting: called now and then until one is heard; may raise.
+        while_waiting: called repeatedly until one is heard; may raise.
         system_id: of the autopilot; None if there is only one.
 
     Raises:
@@ -78,7 +77,7 @@ async def connected_vehicle(
             system, number = await chosen_system(mavsdk, url, system_id, timeout_s, waiting)
         except VehicleError as error:
             raise VehicleError("; ".join([str(error), *complaints[-1:]])) from error
-        vehicle = Vehicle(system, number, await _autopilot_of(system), interruption)
+        vehicle = Vehicle(system, number, await _profile_of(system), interruption)
         tasks = [asyncio.ensure_future(watcher) for watcher in vehicle.watchers()]
         try:
             await vehicle.request_rates()
@@ -94,9 +93,9 @@ async def open_connection(mavsdk: Mavsdk, url: str, complaints: list[str]) -> No
     """Open a connection.
 
     Args:
-        mavsdk: to be connected.
-        url: where.
-        complaints: of MAVSDK so far, from `quiet`.
+        mavsdk: to connect.
+        url: of the connection.
+        complaints: errors that MAVSDK has logged so far, from `quiet`.
 
     Raises:
         UrlError: it cannot be opened.
@@ -149,8 +148,8 @@ def _not_heard(url: str, system_id: int | None, timeout_s: float, others: list[i
     return f"{url}: no {wanted} heard in {timeout_s:g} s{heard}"
 
 
-async def _autopilot_of(system: Any) -> Autopilot:
-    """Return which autopilot it is, by its own heartbeat.
+async def _profile_of(system: Any) -> AutopilotProfile:
+    """Return the profile of the autopilot, by its own heartbeat.
 
     MAVSDK goes by the first heartbeat of the system, which may be the daemon's.
     """
@@ -159,16 +158,15 @@ async def _autopilot_of(system: Any) -> Autopilot:
         async with aclosing(heartbeats), asyncio.timeout(IDENTIFY_TIMEOUT_S):
             async for message in heartbeats:
                 if message.component_id == _AUTOPILOT_COMPONENT:
-                    number = json.loads(message.fields_json).get("autopilot")
-                    return _AUTOPILOTS.get(number, Autopilot.GENERIC)
+                    return profile_of(json.loads(message.fields_json).get("autopilot"))
     except TimeoutError:
         log.debug("no heartbeat of an autopilot in %g s", IDENTIFY_TIMEOUT_S)
-    return Autopilot.UNKNOWN
+    return OTHER
 
 
 @asynccontextmanager
 async def quiet() -> AsyncIterator[list[str]]:
-    """Send MAVSDK's chatter to the ``mavsdk`` logger, not the terminal; collect its complaints."""
+    """Send MAVSDK's output to the ``mavsdk`` logger, not the terminal; collect its errors."""
     complaints: list[str] = []
 
     def receive(level: LogLevel, message: str, _file: str | None, _line: int) -> bool:

@@ -1,4 +1,4 @@
-"""A geofence of polygons and circles (MAV_CMD_NAV_FENCE_*), and how far a mission stays from it."""
+"""A geofence of polygons and circles (MAV_CMD_NAV_FENCE_*), and its margin to a mission."""
 
 from __future__ import annotations
 
@@ -10,22 +10,22 @@ from typing import Final, NamedTuple
 from shapely import LineString, Point, Polygon
 
 _RETURN_POINT: Final = 5000
-_POLYGON: Final = {5001: True, 5002: False}  # whether the vehicle has to stay within
+_POLYGON: Final = {5001: True, 5002: False}  # whether the vehicle must stay inside
 _CIRCLE: Final = {5003: True, 5004: False}
 _EARTH_RADIUS_M: Final = 6_371_000.0
 
 
 class FenceError(ValueError):
-    """Items that make no geofence; the message is for people."""
+    """Items that do not form a geofence; the message is for the operator."""
 
 
 class FenceItem(NamedTuple):
-    """One item as it is on board.
+    """One item of the geofence on board.
 
     Attributes:
         command: MAV_CMD.
-        amount: corners of its polygon, or radius of its circle [m].
-        latitude_deg, longitude_deg: where.
+        amount: number of corners of its polygon, or radius of its circle [m].
+        latitude_deg, longitude_deg: its position.
     """
 
     command: int
@@ -35,13 +35,13 @@ class FenceItem(NamedTuple):
 
 
 class GeographicOrigin(NamedTuple):
-    """Where local NED has its origin on the Earth."""
+    """The origin of local NED on the Earth."""
 
     latitude_deg: float
     longitude_deg: float
 
     def north_east_m(self, item: FenceItem) -> tuple[float, float]:
-        """Place an item in local NED, on a sphere: for a few kilometres."""
+        """Return an item's position in local NED; the Earth is a sphere, good for kilometres."""
         north_m = math.radians(item.latitude_deg - self.latitude_deg) * _EARTH_RADIUS_M
         per_rad_m = _EARTH_RADIUS_M * math.cos(math.radians(self.latitude_deg))
         return north_m, math.radians(item.longitude_deg - self.longitude_deg) * per_rad_m
@@ -50,7 +50,7 @@ class GeographicOrigin(NamedTuple):
     def of_home(
         cls, latitude_deg: float, longitude_deg: float, home_ned_m: Sequence[float]
     ) -> GeographicOrigin:
-        """Return the origin, from a home that is known in both ways."""
+        """Return the origin, from a home known in both coordinate systems."""
         per_rad_m = _EARTH_RADIUS_M * math.cos(math.radians(latitude_deg))
         return cls(
             latitude_deg - math.degrees(home_ned_m[0] / _EARTH_RADIUS_M),
@@ -65,7 +65,7 @@ class FenceArea:
     Attributes:
         corners_ned_m: of a polygon; of a circle, its centre alone.
         radius_m: of a circle; None for a polygon.
-        keeps_in: whether the vehicle has to stay within, rather than without.
+        keeps_in: whether the vehicle must stay inside, rather than outside.
     """
 
     corners_ned_m: tuple[tuple[float, float], ...]
@@ -77,7 +77,7 @@ class FenceArea:
         return f"{kind} {'polygon' if self.radius_m is None else 'circle'}"
 
     def margin_m(self, path: LineString) -> float:
-        """Return how wide the corridor around a path may be on each side; negative if not at all.
+        """Return the greatest half-width [m] of a corridor around a path; negative if none fits.
 
         Raises:
             FenceError: the polygon's edges cross each other.
@@ -89,16 +89,16 @@ class FenceArea:
             return float(path.distance(centre)) - self.radius_m
         area = Polygon(self.corners_ned_m)
         if not area.is_valid:
-            raise FenceError(f"{self}: its edges cross each other")
+            raise FenceError(f"{self}: its edges cross each other, expected a simple polygon")
         right = path.within(area) if self.keeps_in else path.disjoint(area)
         return float(path.distance(area.exterior)) if right else -math.inf
 
 
 def fence_areas(items: Sequence[FenceItem], origin: GeographicOrigin) -> list[FenceArea]:
-    """Put the items of a geofence together.
+    """Assemble the areas of a geofence from its items.
 
     Raises:
-        FenceError: an item is not of a geofence, or a polygon is not complete.
+        FenceError: an item does not belong to a geofence, or a polygon is not complete.
     """
     areas, left = [], list(items)
     while left:
@@ -107,22 +107,22 @@ def fence_areas(items: Sequence[FenceItem], origin: GeographicOrigin) -> list[Fe
             count = _corner_count(first)
             corners, left = left[:count], left[count:]
             if len(corners) < count or {each[:2] for each in corners} != {first[:2]}:
-                raise FenceError(f"a polygon of {count} corners is not complete")
+                raise FenceError(f"a polygon has {len(corners)} corners in a row, expected {count}")
             outline = tuple(map(origin.north_east_m, corners))
             areas.append(FenceArea(outline, None, _POLYGON[first.command]))
             continue
         del left[0]
         if first.command in _CIRCLE:
             if not 0.0 < first.amount < math.inf:
-                raise FenceError(f"a circle of radius {first.amount:g} m")
+                raise FenceError(f"a circle has radius {first.amount:g} m, expected more than 0 m")
             centre = origin.north_east_m(first)
             areas.append(FenceArea((centre,), first.amount, _CIRCLE[first.command]))
         elif first.command != _RETURN_POINT:
-            raise FenceError(f"command {first.command} is not known in a geofence")
+            raise FenceError(f"MAV_CMD {first.command} does not belong to a geofence")
     return areas
 
 
 def _corner_count(item: FenceItem) -> int:
     if not (math.isfinite(item.amount) and item.amount >= 3):
-        raise FenceError(f"a polygon of {item.amount:g} corners")
+        raise FenceError(f"a polygon has {item.amount:g} corners, expected 3 or more")
     return int(item.amount)

@@ -1,9 +1,12 @@
-"""The operator's hands on a live vehicle, over MAVSDK: arm, take off, hand over, land.
+"""Commands a live vehicle over MAVSDK, as an operator does: arm, take off, hand over, land.
 
-Every wait has a limit and says what it waited for.  Nothing here is ever cancelled half-way: MAVSDK
-hangs when it is closed while one of its calls is in flight, so an interruption is noticed by the
-wait in progress, and every call made so far is awaited.  Setpoints are not sent from here: MAVSDK's
-offboard plugin repeats the last one on its own, which would defeat the autopilot's failsafe.
+Every wait has a limit and says what it waited for.  Each MAVSDK call is awaited to its end, because
+MAVSDK hangs when it is closed while one of its calls is in flight; an interruption ends the wait in
+progress.  This module sends no setpoints: MAVSDK's offboard plugin repeats the last one on its own,
+which would defeat the autopilot's failsafe.
+
+Modes and take-off follow the autopilot's profile, not MAVSDK, which takes the autopilot to be
+whatever the first heartbeat of the system states: that may be the daemon's.
 """
 
 from __future__ import annotations
@@ -13,17 +16,18 @@ import json
 import math
 from collections.abc import AsyncGenerator, Awaitable, Callable
 from dataclasses import dataclass
-from types import MappingProxyType
 from typing import Any, TypeVar
 
-from mavsdk.asyncio import Autopilot, MavsdkError
+from mavsdk.asyncio import MavsdkError
 from mavsdk.asyncio.plugins.action import ActionAsync
 from mavsdk.asyncio.plugins.mavlink_direct import MavlinkDirectAsync, MavlinkMessage
-from mavsdk.asyncio.plugins.telemetry import FlightMode, LandedState, TelemetryAsync
+from mavsdk.asyncio.plugins.param import ParamAsync
+from mavsdk.asyncio.plugins.telemetry import LandedState, TelemetryAsync
 
 from gcs_tools.console.errors import CommandError
 from gcs_tools.console.interruption import Interruption
 from onboard.geometry.rest import RestDetector
+from onboard.mavlink.profiles.profile import AutopilotProfile, Mode
 
 T = TypeVar("T")
 
@@ -40,25 +44,26 @@ _RETRY_S = 0.3
 # PX4 ends its climb up to 0.35 m off the height asked for.
 _HEIGHT_TOLERANCE_M = 0.5
 
+_AUTOPILOT_COMPONENT = 1
+_MAV_CMD_NAV_TAKEOFF = 22
 _MAV_CMD_DO_SET_MODE = 176
 _MAV_RESULT_ACCEPTED = 0
-_CUSTOM_MODE_ARMED = 129.0
-
-# MAV_CMD_DO_SET_MODE params 2 and 3: PX4's OFFBOARD, ArduCopter's GUIDED.
-_OFFBOARD = MappingProxyType({Autopilot.PX4: (6.0, 0.0), Autopilot.ARDUPILOT: (4.0, 0.0)})
+# MAV_MODE_FLAG: custom mode enabled, safety armed.
+_CUSTOM_MODE, _ARMED = 1, 128
 
 
 class VehicleError(CommandError):
-    """The vehicle did not do what was asked, or is not there."""
+    """The vehicle did not do what was asked, or cannot be reached."""
 
 
 @dataclass
 class VehicleState:
-    """What telemetry has said last; NaN and None before it has said anything."""
+    """The newest telemetry; NaN before the first."""
 
     healthy: bool = False
     armed: bool = False
-    mode: FlightMode = FlightMode.UNKNOWN
+    mode: str = "unknown"
+    external_control: bool = False
     landed: LandedState = LandedState.UNKNOWN
     connected: bool = True
     position_ned_m: tuple[float, float, float] = (math.nan, math.nan, math.nan)
@@ -72,34 +77,35 @@ class VehicleState:
 
     @property
     def in_air(self) -> bool:
-        """Whether the vehicle says that it flies."""
+        """Whether the vehicle reports that it flies."""
         return self.landed in {LandedState.IN_AIR, LandedState.LANDING, LandedState.TAKING_OFF}
 
 
 class Vehicle:
-    """A connected vehicle; made by `vehicle_connection.connected_vehicle`.
+    """A connected vehicle; made by `gcs_tools.vehicle.connection.connected_vehicle`.
 
     Args:
         system: MAVSDK's system.
         system_id: of its MAVLink messages.
-        autopilot: which flavour of commands it takes.
+        profile: of its autopilot.
         interruption: set by an operator who gives up.
 
     Attributes:
-        state: what telemetry has said last.
-        autopilot, system, system_id: as given.
+        state: the newest telemetry.
+        profile, system, system_id: as given.
     """
 
     def __init__(
-        self, system: Any, system_id: int, autopilot: Autopilot, interruption: Interruption
+        self, system: Any, system_id: int, profile: AutopilotProfile, interruption: Interruption
     ) -> None:
         self.state = VehicleState()
         self._rest = RestDetector()
-        self.autopilot = autopilot
+        self.profile = profile
         self.system = system
         self.system_id = system_id
         self._interruption = interruption
         self._action = ActionAsync(system)
+        self._parameters = ParamAsync(system)
         self._telemetry = TelemetryAsync(system)
         self._direct = MavlinkDirectAsync(system)
 
@@ -109,34 +115,38 @@ class Vehicle:
         return [
             self._follow(telemetry.subscribe_health_all_ok(), "healthy"),
             self._follow(telemetry.subscribe_armed(), "armed"),
-            self._follow(telemetry.subscribe_flight_mode(), "mode"),
             self._follow(telemetry.subscribe_landed_state(), "landed"),
             self._follow(self.system.is_connected_state(), "connected"),
+            self._follow_mode(),
             self._follow_health(),
             self._follow_position(),
         ]
 
     async def request_rates(self) -> None:
-        """Ask for the telemetry that is waited for; ArduPilot sends none of it unasked."""
-        if self.autopilot is Autopilot.ARDUPILOT:
+        """Request the telemetry that the commands below wait for."""
+        if self.profile.needs_health_request:
             await self._done(self._telemetry.set_rate_health(2.0), "sending its health")
         await self._done(self._telemetry.set_rate_position_velocity_ned(10.0), "position")
 
     async def wait_healthy(self) -> None:
-        """Wait until the autopilot calls itself ready to arm."""
+        """Wait until the autopilot reports that it may be armed."""
         await self.until(
             lambda: self.state.healthy, HEALTH_TIMEOUT_S, lambda: "healthy: " + self.state.unhealthy
         )
 
     async def arm(self) -> None:
-        """Arm, and see it armed."""
+        """Arm, and wait until the vehicle reports it.
+
+        An autopilot that takes off in the mode of our setpoints is switched to it first.
+        """
+        if self.profile.take_off.in_external_control and not self.state.external_control:
+            await self._take_mode(self._external_control)
         await self._done(self._action.arm(), "arming")
         await self.until(lambda: self.state.armed, ARM_TIMEOUT_S, lambda: "armed")
 
     async def take_off(self, altitude_m: float) -> None:
         """Take off, and wait until the vehicle hovers at ``altitude_m`` above the origin."""
-        await self._done(self._action.set_takeoff_altitude(altitude_m), "take-off altitude")
-        await self._done(self._action.takeoff(), "taking off")
+        await self._start_climb(altitude_m)
         await self.until(
             lambda: self.state.in_air and self._hovers_at(altitude_m),
             TAKE_OFF_TIMEOUT_S + TAKE_OFF_TIMEOUT_S_PER_M * altitude_m,
@@ -146,27 +156,50 @@ class Vehicle:
             ),
         )
 
+    async def _start_climb(self, altitude_m: float) -> None:
+        parameter = self.profile.take_off.height_parameter
+        if parameter is None:
+            result = await self._command(_MAV_CMD_NAV_TAKEOFF, (*(0.0,) * 6, altitude_m))
+            if result != _MAV_RESULT_ACCEPTED:
+                raise VehicleError(f"taking off: refused by the vehicle (MAV_RESULT {result})")
+        else:
+            setting = self._parameters.set_param_float(parameter, altitude_m)
+            await self._done(setting, f"setting {parameter}")
+            # MAVSDK states no place and no height, so that the parameter counts.
+            await self._done(self._action.takeoff(), "taking off")
+
     @property
     def at_rest(self) -> bool:
         """Whether the vehicle has stood still for a second, as far as its estimate can tell."""
         return self._rest.at_rest
 
     async def hand_over(self) -> None:
-        """Switch to OFFBOARD (ArduPilot: GUIDED), where the daemon's setpoints fly the vehicle.
+        """Switch to the mode in which the daemon's setpoints fly the vehicle."""
+        await self._take_mode(self._external_control)
 
-        Autopilots reject the mode until setpoints have arrived for a while, so it is asked for
-        again until `MODE_TIMEOUT_S` has passed.
+    @property
+    def _external_control(self) -> Mode:
+        mode = self.profile.modes.external_control
+        if mode is None:
+            raise VehicleError(f"{self.profile.name}: no mode is known that obeys setpoints")
+        return mode
+
+    async def _take_mode(self, mode: Mode) -> None:
+        """Switch to a mode, and wait until the vehicle reports it.
+
+        Autopilots may reject a mode until setpoints have arrived for a while, so the request is
+        repeated until `MODE_TIMEOUT_S` has passed.
         """
-        main, sub = _OFFBOARD.get(self.autopilot, _OFFBOARD[Autopilot.PX4])
         result, deadline_s = None, asyncio.get_running_loop().time() + MODE_TIMEOUT_S
         while result != _MAV_RESULT_ACCEPTED:
             if asyncio.get_running_loop().time() > deadline_s:
-                raise VehicleError(f"OFFBOARD: refused by the vehicle (MAV_RESULT {result})")
-            result = await self._command(_MAV_CMD_DO_SET_MODE, (_CUSTOM_MODE_ARMED, main, sub))
+                raise VehicleError(f"{mode.name}: refused by the vehicle (MAV_RESULT {result})")
+            base_mode = float(_CUSTOM_MODE | (_ARMED if self.state.armed else 0))
+            result = await self._command(_MAV_CMD_DO_SET_MODE, (base_mode, mode.main, mode.sub))
             self._interruption.check()
             await asyncio.sleep(_RETRY_S if result != _MAV_RESULT_ACCEPTED else 0.0)
         await self.until(
-            lambda: self.state.mode is FlightMode.OFFBOARD, MODE_TIMEOUT_S, lambda: "in OFFBOARD"
+            lambda: self.state.mode == mode.name, MODE_TIMEOUT_S, lambda: f"in {mode.name}"
         )
 
     async def land(self) -> None:
@@ -201,9 +234,8 @@ class Vehicle:
     def _hovers_at(self, altitude_m: float) -> bool:
         height_m = -self.state.position_ned_m[2]
         near = abs(height_m - altitude_m) < _HEIGHT_TOLERANCE_M
-        # ArduPilot climbs in GUIDED: the daemon flies on as soon as it has climbed.
-        guided = self.autopilot is Autopilot.ARDUPILOT
-        return near and (guided or self.at_rest)
+        # In the mode of our setpoints, the daemon flies on as soon as the vehicle has climbed.
+        return near and (self.profile.take_off.in_external_control or self.at_rest)
 
     async def _done(self, call: Awaitable[T], what: str) -> T:
         try:
@@ -230,6 +262,15 @@ class Vehicle:
         ack = await self._done(self._direct.send_command(message), f"command {command}")
         result: int | None = json.loads(ack.fields_json).get("result")
         return result
+
+    async def _follow_mode(self) -> None:
+        heartbeats = self._direct.subscribe_message("HEARTBEAT")
+        async for message in heartbeats:
+            if message.component_id == _AUTOPILOT_COMPONENT:
+                custom_mode = int(json.loads(message.fields_json)["custom_mode"])
+                modes = self.profile.modes
+                self.state.mode = modes.name_of(custom_mode)
+                self.state.external_control = modes.is_external_control(custom_mode)
 
     async def _follow(self, values: AsyncGenerator[Any, None], name: str) -> None:
         async for value in values:

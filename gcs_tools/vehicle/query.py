@@ -1,7 +1,7 @@
-"""Questions to a vehicle by single messages: subscribe, then ask, then ask again.
+"""Requests single messages from a vehicle: subscribes first, then asks, several times.
 
 An autopilot on the same computer answers within a millisecond, so that a subscription made after
-the question misses the answer; and one that is busy may drop a question.
+the request misses the answer; and a busy one may drop a request.
 """
 
 from __future__ import annotations
@@ -15,8 +15,8 @@ from typing import Any, Final
 from mavsdk.asyncio import MavsdkError
 from mavsdk.asyncio.plugins.mavlink_direct import MavlinkDirectAsync, MavlinkMessage
 
-# How often a message is asked for, and how long each answer may take: the slowest stream that is
-# relied upon (ESTIMATOR_STATUS of PX4 on a radio link) comes every 2 s.
+# How often a message is requested, and how long each answer may take: the slowest stream that this
+# relies on (ESTIMATOR_STATUS of PX4 on a radio link) comes every 2 s.
 TRIES: Final = 4
 WAIT_S: Final = 0.75
 
@@ -26,9 +26,9 @@ _AUTOPILOT: Final = 1  # MAV_COMP_ID
 
 @asynccontextmanager
 async def listening(direct: MavlinkDirectAsync, name: str) -> AsyncIterator[asyncio.Queue[Any]]:
-    """Collect the autopilot's messages of one name while the context lasts, from before it begins.
+    """Collect the autopilot's messages of one name for the duration of the context.
 
-    Companions of the same system are left out: they may send messages of the same name.
+    Those of companions of the same system are ignored.
     """
     heard: asyncio.Queue[Any] = asyncio.Queue()
 
@@ -44,9 +44,9 @@ async def listening(direct: MavlinkDirectAsync, name: str) -> AsyncIterator[asyn
 
 @asynccontextmanager
 async def running(work: Coroutine[Any, Any, None]) -> AsyncIterator[None]:
-    """Run a task that waits for queues, never for a call into MAVSDK, beside the context."""
+    """Run a task during the context; it may wait for queues, never for a call into MAVSDK."""
     task = asyncio.create_task(work)
-    await asyncio.sleep(0.0)  # it gets as far as its first wait
+    await asyncio.sleep(0.0)  # the task runs up to its first wait
     try:
         yield
     finally:
@@ -57,7 +57,7 @@ async def running(work: Coroutine[Any, Any, None]) -> AsyncIterator[None]:
 async def answer(
     direct: MavlinkDirectAsync, system_id: int, message_id: int, name: str
 ) -> dict[str, Any] | None:
-    """Ask for one message, up to `TRIES` times; return its fields, None without an answer.
+    """Request one message, up to `TRIES` times; return its fields, None without an answer.
 
     Args:
         direct: of the vehicle.
@@ -69,7 +69,7 @@ async def answer(
     asked = {"command": _REQUEST_MESSAGE, "confirmation": 0, "param1": message_id, **parameters}
     async with listening(direct, name) as heard:
         for _ in range(TRIES):
-            with suppress(MavsdkError):  # it may be streamed all the same
+            with suppress(MavsdkError):  # the vehicle may stream it even if it refuses
                 await send(direct, system_id, "COMMAND_LONG", asked)
             with suppress(TimeoutError):
                 message = await asyncio.wait_for(heard.get(), WAIT_S)
@@ -81,7 +81,7 @@ async def answer(
 async def send(
     direct: MavlinkDirectAsync, system_id: int, name: str, fields: dict[str, Any]
 ) -> None:
-    """Send a message that is addressed to the autopilot.
+    """Send a message to the autopilot.
 
     Raises:
         MavsdkError: it cannot be sent.

@@ -1,6 +1,6 @@
-"""What MAVSDK can learn of a live vehicle.
+"""Asks a live vehicle, over MAVSDK, for everything that the pre-flight check needs to know.
 
-Every question has a time limit, and none is abandoned half-way, since MAVSDK hangs when it is
+Every question has a time limit, and each call is awaited to its end, since MAVSDK hangs when it is
 closed while one of its calls is in flight.  A question without an answer leaves its fact unknown.
 """
 
@@ -8,12 +8,12 @@ from __future__ import annotations
 
 import asyncio
 import math
-from collections.abc import AsyncGenerator, Callable, Mapping
+from collections.abc import AsyncGenerator, Callable
 from contextlib import AsyncExitStack, aclosing
 from dataclasses import dataclass, field
 from typing import Any
 
-from mavsdk.asyncio import Autopilot, MavsdkError
+from mavsdk.asyncio import MavsdkError
 from mavsdk.asyncio.plugins.mavlink_direct import MavlinkDirectAsync
 from mavsdk.asyncio.plugins.mission_raw import MissionRawAsync
 from mavsdk.asyncio.plugins.param import ParamAsync
@@ -23,21 +23,12 @@ from gcs_tools.vehicle.clock import ANSWER_TIMEOUT_S, ClockComparison, compare_v
 from gcs_tools.vehicle.geofence import FenceItem, GeographicOrigin
 from gcs_tools.vehicle.operator import Vehicle, VehicleError
 from gcs_tools.vehicle.query import answer, listening
+from onboard.mavlink.profiles.profile import AutopilotProfile
 
-FLAVOURS: Mapping[Autopilot, str] = {Autopilot.PX4: "px4", Autopilot.ARDUPILOT: "ardupilot"}
 # How long telemetry is counted.
 LISTEN_S = 2.0
 COUNTED = ("ATTITUDE", "LOCAL_POSITION_NED")
 
-# ESTIMATOR_STATUS and EKF_STATUS_REPORT: number, and the fields of its test ratios.
-_ESTIMATOR = {
-    "px4": (230, "ESTIMATOR_STATUS", ("vel_ratio", "pos_horiz_ratio", "mag_ratio")),
-    "ardupilot": (
-        193,
-        "EKF_STATUS_REPORT",
-        ("velocity_variance", "pos_horiz_variance", "compass_variance"),
-    ),
-}
 _SYS_STATUS, _AUTOPILOT_VERSION, _HOME_POSITION = 1, 148, 242
 _RADIO_RECEIVER = 65536  # MAV_SYS_STATUS_SENSOR
 # FIRMWARE_VERSION_TYPE, from which on.
@@ -46,12 +37,12 @@ _STAGES = ((255, ""), (192, "rc"), (128, "beta"), (64, "alpha"))
 
 @dataclass(frozen=True)
 class EstimatorStatus:
-    """The estimator's own judgement.
+    """How the estimator rates itself.
 
     Attributes:
-        flags: ESTIMATOR_STATUS_FLAGS of PX4, EKF_STATUS_FLAGS of ArduPilot.
+        flags: of the message that the profile names.
         worst_ratio: of the innovations of velocity, position and heading to where they are
-            rejected; NaN if it gives none.
+            rejected; NaN if it reports none.
     """
 
     flags: int
@@ -60,18 +51,18 @@ class EstimatorStatus:
 
 @dataclass
 class VehicleFacts:
-    """What was learnt; None where the vehicle did not say.
+    """What was learnt of a vehicle; None where it did not answer.
 
     Attributes:
-        flavour: ``px4``, ``ardupilot``, or None for another autopilot.
+        profile: of its autopilot.
         system_id: of its MAVLink messages.
         version: of the firmware.
         stage: of its development: ``dev``, ``alpha``, ``beta``, ``rc``; empty for a release.
         unhealthy: what is not healthy; empty if everything is.
         parameters: by name.
         parameters_complete: whether they are all that the vehicle has.
-        rates_hz: of the messages that the service lives on, on this link.
-        estimator: what its estimator says of itself.
+        rates_hz: of the messages that the service needs, on this link.
+        estimator: how its estimator rates itself.
         on_ground: whether it says that it stands on the ground.
         radio_heard: whether it hears the pilot's radio.
         clock: how the vehicle's clock compares with ours, and how long the link takes.
@@ -79,12 +70,12 @@ class VehicleFacts:
         origin: of the local frame on the Earth.
         position_ned_m: where the vehicle stands.
         battery_share: remaining charge, 0 to 1.
-        battery_time_s: remaining time, as the vehicle reckons.
+        battery_time_s: remaining time, as the vehicle estimates it.
         fence: corners, circles and return points of the geofence on board that is kept like a
             mission, not as parameters.
     """
 
-    flavour: str | None
+    profile: AutopilotProfile
     system_id: int = 1
     version: tuple[int, int, int] | None = None
     stage: str = ""
@@ -109,12 +100,12 @@ async def survey(vehicle: Vehicle, report: Callable[[str], None] = lambda _: Non
 
     Args:
         vehicle: to be asked.
-        report: told of every step before it is taken.
+        report: called before each step.
 
     Raises:
         Interrupted: the operator gave up.
     """
-    facts = VehicleFacts(FLAVOURS.get(vehicle.autopilot), vehicle.system_id)
+    facts = VehicleFacts(vehicle.profile, vehicle.system_id)
     report("health")
     try:
         await vehicle.wait_healthy()
@@ -181,12 +172,11 @@ async def _ask_home(vehicle: Vehicle, facts: VehicleFacts) -> None:
 
 
 async def _ask_estimator(vehicle: Vehicle, facts: VehicleFacts) -> None:
-    if facts.flavour is None:
-        return
-    message_id, name, ratios = _ESTIMATOR[facts.flavour]
-    fields = await _answer(vehicle, message_id, name)
+    message = facts.profile.estimator.message
+    fields = await _answer(vehicle, message.message_id, message.name)
     if fields is not None:
-        # What is not finite is not in the JSON as a number.
+        ratios = (message.velocity, message.position, message.heading)
+        # What is not finite is not a number in the JSON.
         values = [float(fields[each]) for each in ratios if isinstance(fields[each], int | float)]
         facts.estimator = EstimatorStatus(int(fields["flags"]), max(values, default=math.nan))
 

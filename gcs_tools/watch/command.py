@@ -1,4 +1,4 @@
-"""``clearway watch``: a flight as it happens, on a local page or in the terminal; read-only."""
+"""``clearway watch``: shows a flight live on a page, in the terminal, in Foxglove; read-only."""
 
 from __future__ import annotations
 
@@ -13,10 +13,11 @@ import zenoh
 from gcs_tools.console.errors import CommandError, Interrupted
 from gcs_tools.console.interruption import Interruption, interruptible
 from gcs_tools.preflight.live.bus import BusConfig, load_bus
-from gcs_tools.watch.feed import KEYS, Feed
+from gcs_tools.watch.feed import Feed
 from gcs_tools.watch.server import serving
-from onboard.files.models import DaemonConfig
+from onboard.files.daemon_config import DaemonConfig
 from onboard.files.yaml_file import FileError, load_yaml
+from onboard.recording.messages import ZENOH_KEYS
 from onboard.zenoh_session import open_session
 
 _POLL_S = 0.1
@@ -47,15 +48,25 @@ def bus_of(zenoh_config: Path | None, daemon_config: Path | None) -> BusConfig:
     return BusConfig(vehicle=daemon.vehicle, mode=mode, connect=endpoints, listen=())
 
 
-def watch(bus: BusConfig, *, host: str, port: int, terminal: bool) -> None:
+def watch(
+    bus: BusConfig, *, host: str, port: int, terminal: bool, foxglove_port: int | None = None
+) -> None:
     """Show a flight until Ctrl-C.
 
+    Args:
+        bus: the vehicle, and how to reach it.
+        host: address to serve on.
+        port: of the page; 0 for any that is free.
+        terminal: show it in this terminal instead of a page.
+        foxglove_port: of a WebSocket for Foxglove beside it; None for none.
+
     Raises:
-        CommandError: no Zenoh session, or the page cannot be served.
+        CommandError: no Zenoh session, or an address cannot be served on.
     """
     feed = Feed()
     with (
         interruptible() as interruption,
+        _serving_foxglove(feed, bus.vehicle, host, foxglove_port),
         _listening(feed, bus),
         # Ctrl-C is how this is meant to end.
         contextlib.suppress(Interrupted),
@@ -68,13 +79,29 @@ def watch(bus: BusConfig, *, host: str, port: int, terminal: bool) -> None:
             _serve(feed, bus.vehicle, host, port, interruption)
 
 
+@contextlib.contextmanager
+def _serving_foxglove(feed: Feed, vehicle: str, host: str, port: int | None) -> Iterator[None]:
+    if port is None:
+        yield
+        return
+    from gcs_tools.watch.foxglove_server import serving_foxglove  # noqa: PLC0415  optional SDK
+
+    with serving_foxglove(feed, vehicle, host, port) as url:
+        _print_url(url)
+        yield
+
+
 def _serve(feed: Feed, vehicle: str, host: str, port: int, interruption: Interruption) -> None:
     with serving(feed, vehicle, host, port) as url:
-        sys.stdout.write(f"{url}\n")
-        sys.stdout.flush()
+        _print_url(url)
         while True:
             interruption.check()
             time.sleep(_POLL_S)
+
+
+def _print_url(url: str) -> None:
+    sys.stdout.write(f"{url}\n")
+    sys.stdout.flush()
 
 
 @contextlib.contextmanager
@@ -90,6 +117,6 @@ def _listening(feed: Feed, bus: BusConfig) -> Iterator[None]:
         except zenoh.ZError as error:
             where = ", ".join((*bus.connect, *bus.listen)) or "multicast"
             raise CommandError(f"no Zenoh session with {where}: {error}") from error
-        for key in KEYS:
+        for key in ZENOH_KEYS.values():
             session.declare_subscriber(prefix + key, receive)
         yield

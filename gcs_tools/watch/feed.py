@@ -1,93 +1,121 @@
-"""What a daemon says on Zenoh, kept for those who watch: the latest of each kind, and a past."""
+"""Keeps what a daemon publishes on Zenoh for the viewers: the latest of each kind, and a past."""
 
 from __future__ import annotations
 
-import json
 import threading
 from collections import deque
+from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import Any, Final
+from typing import Final, TypeVar, cast
 
-# Keys of the daemon, under ``clearway/<vehicle>/``.
-KEYS: Final = ("status", "monitors", "margins", "map", "plan", "events")
+from pydantic import ValidationError
+from pydantic_core import to_json
+
+from onboard.recording.messages import (
+    ADAPTERS,
+    ZENOH_KEYS,
+    EventRecord,
+    Record,
+    StateRecord,
+    as_json,
+)
+
 TRAIL_POINTS: Final = 5000
 EVENTS_KEPT: Final = 200
-# A listener that is this far behind starts anew from what is known now.
+# A listener that is further behind starts anew with a snapshot.
 _BACKLOG: Final = 500
+_TYPES: Final[dict[str, type[Record]]] = {key: kind for kind, key in ZENOH_KEYS.items()}
 
-Payload = dict[str, Any]
+_R = TypeVar("_R", bound=Record)
+
+
+@dataclass(frozen=True)
+class Trail:
+    """The path flown so far; each point is north, east, down."""
+
+    points_ned_m: tuple[tuple[float, float, float], ...]
 
 
 @dataclass(frozen=True)
 class Message:
-    """One message: key without its prefix, and content."""
+    """A record, or the trail, as the page receives it."""
 
-    key: str
-    payload: Payload
+    content: Record | Trail
+
+    @property
+    def key(self) -> str:
+        """The daemon's key of the record, or ``trail``."""
+        return "trail" if isinstance(self.content, Trail) else ZENOH_KEYS[type(self.content)]
 
     def as_json(self) -> str:
-        """Return both as one JSON object."""
-        return json.dumps({"key": self.key, "payload": self.payload}, separators=(",", ":"))
+        """Return key and payload as one JSON object on one line."""
+        content = self.content
+        payload = to_json(content) if isinstance(content, Trail) else as_json(content)
+        return f'{{"key":"{self.key}","payload":{payload.decode()}}}'
 
 
 @dataclass
 class Feed:
-    """Collects messages in one thread and hands them out in others.
+    """Collects records in one thread and hands them out in others.
 
     Attributes:
         dropped: malformed messages.
+        on_record: called with each record, in the thread that received it.
     """
 
     dropped: int = 0
-    _latest: dict[str, Payload] = field(default_factory=dict)
-    _trail: deque[list[float]] = field(default_factory=lambda: deque(maxlen=TRAIL_POINTS))
-    _events: deque[Payload] = field(default_factory=lambda: deque(maxlen=EVENTS_KEPT))
+    on_record: Callable[[Record], None] | None = None
+    _latest: dict[type[object], Record] = field(default_factory=dict)
+    _trail: deque[tuple[float, float, float]] = field(
+        default_factory=lambda: deque(maxlen=TRAIL_POINTS)
+    )
+    _events: deque[EventRecord] = field(default_factory=lambda: deque(maxlen=EVENTS_KEPT))
     _recent: deque[Message] = field(default_factory=lambda: deque(maxlen=_BACKLOG))
     _count: int = 0
     _closed: bool = False
     _changed: threading.Condition = field(default_factory=threading.Condition)
 
     def receive(self, key: str, data: bytes) -> None:
-        """Take a message as it came; what is no JSON object is counted and dropped."""
+        """Take a message as it came; a malformed one is counted and dropped."""
         try:
-            payload = json.loads(data)
-        except ValueError:
-            payload = None
-        with self._changed:
-            if not isinstance(payload, dict):
+            record: Record = ADAPTERS[_TYPES[key]].validate_json(data, strict=True)
+        except (KeyError, ValidationError):
+            with self._changed:
                 self.dropped += 1
-                return
-            self._keep(key, payload)
-            self._recent.append(Message(key, payload))
+            return
+        with self._changed:
+            self._keep(record)
+            self._recent.append(Message(record))
             self._count += 1
             self._changed.notify_all()
+        if (on_record := self.on_record) is not None:
+            on_record(record)
 
-    def _keep(self, key: str, payload: Payload) -> None:
-        if key == "events":
-            self._events.append(payload)
+    def _keep(self, record: Record) -> None:
+        if isinstance(record, EventRecord):
+            self._events.append(record)
             return
-        self._latest[key] = payload
-        position_ned_m = payload.get("position_ned_m") if key == "status" else None
-        if position_ned_m is not None:
-            self._trail.append(position_ned_m)
+        self._latest[type(record)] = record
+        if isinstance(record, StateRecord) and record.position_ned_m is not None:
+            self._trail.append(record.position_ned_m)
 
-    def latest(self, key: str) -> Payload:
-        """Return what was last said under a key; empty before that."""
+    def latest(self, record_type: type[_R]) -> _R | None:
+        """Return the last record of a type; None before the first."""
         with self._changed:
-            return self._latest.get(key, {})
+            return cast("_R | None", self._latest.get(record_type))
 
-    def events(self) -> list[Payload]:
+    def events(self) -> list[EventRecord]:
         """Return the latest events, in order."""
         with self._changed:
             return list(self._events)
 
     def snapshot(self) -> tuple[list[Message], int]:
-        """Return all that somebody who joins now has missed, and where `wait` goes on from."""
+        """Return all that a viewer who joins now has missed, and where `wait` goes on from."""
         with self._changed:
-            missed = [Message(key, payload) for key, payload in self._latest.items()]
+            missed = [Message(record) for record in self._latest.values()]
             # After the status, whose position it holds already.
-            missed.append(Message("trail", {"points_ned_m": list(self._trail)}))
-            missed += [Message("events", event) for event in self._events]
+            missed.append(Message(Trail(tuple(self._trail))))
+            missed += [Message(event) for event in self._events]
             return missed, self._count
 
     def wait(self, after: int, timeout_s: float) -> tuple[list[Message], int]:
@@ -104,11 +132,11 @@ class Feed:
 
     @property
     def closed(self) -> bool:
-        """Whether nothing more will come."""
+        """Whether no further messages will come."""
         return self._closed
 
     def close(self) -> None:
-        """Let everybody who waits go."""
+        """Wake every waiting listener for the last time."""
         with self._changed:
             self._closed = True
             self._changed.notify_all()

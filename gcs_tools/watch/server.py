@@ -11,24 +11,16 @@ from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from typing import Final
 
 from gcs_tools.console.errors import CommandError
-from gcs_tools.page import asset
+from gcs_tools.page import render
 from gcs_tools.watch.feed import Feed
 
-_SCRIPTS: Final = ("map.js", "watch.js")
 # How often a silent stream says that it is still there.
 _KEEP_ALIVE_S: Final = 1.0
 
 
 def page(vehicle: str) -> str:
     """Return the page of the live view."""
-    text = asset("watch.html")
-    for mark, content in {
-        "/*style*/": asset("page.css"),
-        "/*script*/": "\n".join(asset(name).replace('"use strict";\n', "") for name in _SCRIPTS),
-        "/*vehicle*/": vehicle,
-    }.items():
-        text = text.replace(mark, content)
-    return text
+    return render("watch.html", vehicle=vehicle)
 
 
 @contextlib.contextmanager

@@ -8,23 +8,22 @@ and run-on included.  The clauses use the inflated one.  Proofs: THEORY.md.
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, replace
 from functools import cached_property
 
-from onboard.contract.agility import GRAVITY_MPS2, AccelerationLimits, Agility
+from onboard.contract.agility import AccelerationLimits, available_limits, reserved_trim_mps2
+from onboard.contract.arithmetic import SCALAR
 from onboard.contract.clauses import TICK_S, Clause, clauses, recentring_drift
 from onboard.contract.derivation import (
     Derived,
     derive,
     face_error_m,
-    reserved_trim_mps2,
     worst_encounter,
 )
 from onboard.contract.recentring import Corridor
-from onboard.contract.region import SCALAR, RegionOfInfluence
+from onboard.contract.region import RegionOfInfluence
 from onboard.contract.terms import Terms
-from onboard.files.models import Contract, InputSet
+from onboard.files.contract_file import Contract, InputSet
 from onboard.geometry.box import Box
 
 __all__ = [
@@ -72,13 +71,6 @@ class Assessment:
         return max(self.clauses, key=lambda clause: clause.required / clause.declared)
 
     @cached_property
-    def agility(self) -> Agility:
-        """Roll, pitch and thrust limits."""
-        return Agility(
-            self.terms.roll_max_rad, self.terms.pitch_max_rad, self.terms.thrust_to_weight
-        )
-
-    @cached_property
     def corridor(self) -> Corridor | None:
         """What has to be free for a drift back to the leg line; None where none is to be flown."""
         if not (self.compliant and self.terms.recentring_speed_mps > 0.0):
@@ -96,11 +88,6 @@ class Assessment:
         """Acceleration that the limits leave for the wind (theory J)."""
         return reserved_trim_mps2(self.terms, SCALAR)
 
-    @property
-    def trim_tilt_rad(self) -> float:
-        """Tilt that holds a place in the strongest wind declared; 0 where none is (theory J)."""
-        return math.atan2(self.terms.trim_mps2, GRAVITY_MPS2)
-
     def at_altitude(self, mission_altitude_m: float) -> Assessment:
         """Return the same contract for a mission at another height."""
         terms = replace(self.terms, mission_altitude_m=mission_altitude_m)
@@ -113,10 +100,17 @@ class Assessment:
             obstacle: the measured box, leg frame.
             position_error_m: of each face; at least the contract's is used.
         """
-        terms = self.terms
-        error_m = max(position_error_m, self.face_error_m)
-        inflated = obstacle.inflated(terms.radius_m + terms.tracking_error_m + error_m)
-        return RegionOfInfluence.around(inflated, worst_encounter(terms, *inflated.size_m, SCALAR))
+        inflated = obstacle.inflated(self.inflation_m(position_error_m))
+        encounter = worst_encounter(self.terms, *inflated.size_m, SCALAR)
+        return RegionOfInfluence.around(inflated, encounter)
+
+    def inflation_m(self, position_error_m: float = 0.0) -> float:
+        """Return how far the faces of a measured box move out for a plan, r + E + e' (theory B).
+
+        Args:
+            position_error_m: of each face; at least the contract's is used.
+        """
+        return self.terms.body_m + max(position_error_m, self.face_error_m)
 
 
 def assess(
@@ -141,12 +135,11 @@ def assess_terms(contract: Contract, terms: Terms[float]) -> Assessment:
         terms: its numbers, some of them replaced.
     """
     inflated = derive(terms, SCALAR)
-    agility = Agility(terms.roll_max_rad, terms.pitch_max_rad, terms.thrust_to_weight)
-    limits = agility.acceleration_limits(terms.input_set)
+    x_mps2, y_mps2 = available_limits(terms, SCALAR)
     return Assessment(
         contract=contract,
         terms=terms,
-        limits=limits.reduced(reserved_trim_mps2(terms, SCALAR)),
+        limits=AccelerationLimits(x_mps2, x_mps2, y_mps2, y_mps2),
         nominal=derive(terms.idealised(), SCALAR),
         inflated=inflated,
         clauses=clauses(terms, inflated, SCALAR),

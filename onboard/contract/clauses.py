@@ -6,9 +6,10 @@ import math
 from dataclasses import dataclass
 from typing import Any, Generic
 
-from onboard.contract.derivation import Derived, tilt_limits
+from onboard.contract.agility import thrust_to_weight_at_corner, tilt_limits
+from onboard.contract.arithmetic import Arithmetic
+from onboard.contract.derivation import Derived
 from onboard.contract.recentring import Drift, drift_of, required_view
-from onboard.contract.region import Arithmetic
 from onboard.contract.terms import Terms
 from onboard.geometry.frames import Q
 
@@ -59,12 +60,10 @@ def clauses(terms: Terms[Q], derived: Derived[Q], ops: Arithmetic[Q]) -> tuple[C
 
 
 def _agility_clauses(terms: Terms[Q], ops: Arithmetic[Q]) -> tuple[Clause[Q], ...]:
-    tan_roll, tan_pitch = ops.tan(terms.roll_max_rad), ops.tan(terms.pitch_max_rad)
-    corner = ops.sqrt((1.0 + tan_roll * tan_roll) * (1.0 + tan_pitch * tan_pitch))
     return (
         Clause(
             "thrust",
-            corner,
+            thrust_to_weight_at_corner(terms, ops),
             terms.thrust_to_weight,
             "T/W",
             "height must be held at the roll and pitch limits together",
@@ -81,7 +80,7 @@ def _wind_clauses(terms: Terms[Q], ops: Arithmetic[Q]) -> tuple[Clause[Q], ...]:
             terms.trim_mps2,
             ops.minimum(*tilt_limits(terms, ops)),
             "m/s²",
-            "the tilt against the strongest steady wind must leave some of it to avoid with",
+            "tilting against the strongest declared wind must leave tilt to avoid with",
         ),
     )
 
@@ -146,7 +145,7 @@ def _stopping_clauses(terms: Terms[Q], derived: Derived[Q]) -> tuple[Clause[Q], 
             fixed_m + stop_m + e.speed_mps * e.reaction_time_s,
             terms.detection_range_m,
             "m",
-            "braking to hover before an obstacle must be possible once it is seen",
+            "braking to hover in front of an obstacle must be possible once it is seen",
         ),
         Clause(
             "sensor_silence",
@@ -169,7 +168,7 @@ def _passive_safety_clauses(
             _slant(derived.required_detection_range_m, derived.edge_offset_m, ops),
             terms.detection_range_m,
             "m",
-            "an obstacle must be seen early enough that even a dead daemon does no harm",
+            "an obstacle must be seen early enough to avoid a collision even if the daemon dies",
         ),
     )
 

@@ -9,8 +9,9 @@ import math
 from dataclasses import dataclass
 from typing import Generic
 
-from onboard.contract.agility import GRAVITY_MPS2
-from onboard.contract.region import Arithmetic, Dimensions, Encounter, dimensions
+from onboard.contract.agility import available_limits
+from onboard.contract.arithmetic import Arithmetic
+from onboard.contract.region import Dimensions, Encounter, dimensions
 from onboard.contract.terms import Terms
 from onboard.geometry.frames import Q, heading_displacement_m
 
@@ -24,7 +25,7 @@ class Derived(Generic[Q]):
         region: its Region of Influence.
         margin_m: rho, by which obstacle faces move out (theory B, I).
         edge_offset_m: lateral distance to the farthest point that must be seen to decide.
-        roi_length_m, roi_width_m: L_x, L_y of theory.md, "Separation".
+        roi_length_m, roi_width_m: L_x, L_y of THEORY.md, "Many obstacles".
     """
 
     encounter: Encounter[Q]
@@ -41,8 +42,8 @@ class Derived(Generic[Q]):
 def worst_encounter(
     terms: Terms[Q], size_along_m: Q, size_across_m: Q, ops: Arithmetic[Q]
 ) -> Encounter[Q]:
-    """Meet an obstacle of this (already inflated) size under everything that may go wrong."""
-    x_mps2, y_mps2 = _accelerations(terms, ops)
+    """Return the worst encounter with an obstacle of this (already inflated) size."""
+    x_mps2, y_mps2 = available_limits(terms, ops)
     speed_mps = terms.cruise_speed_mps + terms.velocity_error_x_mps
     run_on_m, coast_time_s = _run_on(terms, speed_mps, x_mps2, ops)
     return Encounter(
@@ -62,34 +63,8 @@ def worst_encounter(
     )
 
 
-def tilt_limits(terms: Terms[Q], ops: Arithmetic[Q]) -> tuple[Q, Q]:
-    """Accelerations along and across the leg that the tilt gives in still air, in m/s²."""
-    tan_pitch = ops.tan(terms.pitch_max_rad)
-    y_mps2 = GRAVITY_MPS2 * ops.tan(terms.roll_max_rad)
-    if terms.input_set == "paper":
-        y_mps2 = y_mps2 * ops.sqrt(1.0 + tan_pitch * tan_pitch)
-    return GRAVITY_MPS2 * tan_pitch, y_mps2
-
-
-def _accelerations(terms: Terms[Q], ops: Arithmetic[Q]) -> tuple[Q, Q]:
-    """What the trim against the wind leaves of the tilt limits (theory J).
-
-    Where it leaves nothing the clause ``wind`` is broken, and the others are read in still air.
-    """
-    x_mps2, y_mps2 = tilt_limits(terms, ops)
-    reserved_mps2 = reserved_trim_mps2(terms, ops)
-    return x_mps2 - reserved_mps2, y_mps2 - reserved_mps2
-
-
-def reserved_trim_mps2(terms: Terms[Q], ops: Arithmetic[Q]) -> Q:
-    """Acceleration set aside for the wind; 0 where that would leave nothing, in m/s²."""
-    trim_mps2 = terms.trim_mps2
-    enough = trim_mps2 < ops.minimum(*tilt_limits(terms, ops))
-    return ops.where(enough, trim_mps2, trim_mps2 * 0.0)
-
-
 def face_error_m(terms: Terms[Q], ops: Arithmetic[Q]) -> Q:
-    """e': map error of a face, what a heading error displaces included, in metres (theory I).
+    """Return e' [m], the map error of a face, with what a heading error displaces (theory I).
 
     No corner of an obstacle that is at all within the detection range is farther away than that
     range and the diagonal of the largest obstacle.
@@ -100,7 +75,7 @@ def face_error_m(terms: Terms[Q], ops: Arithmetic[Q]) -> Q:
 
 
 def _run_on(terms: Terms[Q], speed_mps: Q, brake_mps2: Q, ops: Arithmetic[Q]) -> tuple[Q, Q]:
-    """Forward run [m] and coasting time [s] once the setpoint stream stops (theory H).
+    """Return forward run [m] and coasting time [s] after the setpoint stream stops (theory H).
 
     A measured run is read as coasting for the time that, followed by braking, gives that run.  It
     is scaled below the speed at which it was measured, and unknown (NaN) above it.
@@ -126,8 +101,8 @@ def _run_on(terms: Terms[Q], speed_mps: Q, brake_mps2: Q, ops: Arithmetic[Q]) ->
 
 
 def derive(terms: Terms[Q], ops: Arithmetic[Q]) -> Derived[Q]:
-    """Everything that the clauses compare, for the largest obstacle."""
-    body_m = terms.radius_m + terms.tracking_error_m
+    """Return every quantity that the clauses compare, for the largest obstacle."""
+    body_m = terms.body_m
     margin_m = body_m + 2.0 * face_error_m(terms, ops)
     size_m = terms.obstacle_size_max_m + 2.0 * margin_m
     e = worst_encounter(terms, size_m, size_m, ops)
@@ -158,7 +133,7 @@ def derive(terms: Terms[Q], ops: Arithmetic[Q]) -> Derived[Q]:
 
 
 def _edge_offset(e: Encounter[Q], region: Dimensions[Q], margin_m: Q, ops: Arithmetic[Q]) -> Q:
-    """Lateral distance to the farthest point that must be seen in time (erratum 13).
+    """Return the lateral distance to the farthest point that must be seen in time (erratum 13).
 
     Where there is room to stop, that is the nearest edge of an obstacle that the vehicle would
     only just meet; where there is not, it is the edge round which it has to pass.

@@ -19,13 +19,14 @@ import math
 from dataclasses import dataclass
 from typing import Final, Generic
 
-from onboard.contract.region import Arithmetic, Encounter
+from onboard.contract.arithmetic import Arithmetic
+from onboard.contract.region import Encounter
 from onboard.geometry.box import Box
 from onboard.geometry.frames import Q
 
-# A wider view is not relied upon: the corridor would be all beside and nothing ahead.
+# A wider view is counted as this wide: the corridor would have no length ahead.
 _HALF_VIEW_MAX_RAD: Final = math.radians(80.0)
-# A drift ends with a residue; a shorter way is not worth beginning one.
+# A drift ends with a residue; for less than this none is begun.
 DEAD_BAND_M: Final = 0.05
 _ROUND_OFF_MPS: Final = 1e-6
 
@@ -85,7 +86,7 @@ def required_view(drift: Drift[Q], range_m: Q, ops: Arithmetic[Q]) -> Q:
 
 @dataclass(frozen=True)
 class Corridor:
-    """What has to be free of known obstacles while the vehicle drifts.
+    """The rectangle that has to be free of known obstacles while the vehicle drifts.
 
     Attributes:
         reach_m: ahead; also the straight way that has to be flown before a drift, so that what is
@@ -110,7 +111,10 @@ class Corridor:
         tangent = math.tan(min(field_of_view_rad / 2.0, _HALF_VIEW_MAX_RAD))
         slope = drift.lateral_mps / drift.speed_min_mps
         if not 0.0 < slope < tangent:
-            raise ValueError(f"a drift of slope {slope:.3f} leaves a view of slope {tangent:.3f}")
+            raise ValueError(
+                f"slope of the drift = {slope:.3f}: must lie above 0 and below {tangent:.3f}, the "
+                "slope of the edge of the view"
+            )
         reach_m = drift.room_m / (tangent - slope)
         return cls(reach_m, reach_m * tangent, drift.speed_min_mps, drift.ending_s)
 
@@ -124,5 +128,5 @@ class Corridor:
         return min(now_mps, soon_mps) >= self.speed_min_mps - _ROUND_OFF_MPS
 
     def seen(self, y_m: float, *, straight_m: float) -> bool:
-        """Tell whether a drift is worth its while, and what is beside has been in view."""
+        """Tell whether a drift is long enough to begin, and what is beside has been in view."""
         return abs(y_m) > DEAD_BAND_M and straight_m >= self.reach_m

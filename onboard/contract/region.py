@@ -2,7 +2,7 @@
 
 Everything is in the leg frame: x along the cruise leg, y to its right (the paper's "up").
 The derivations, errata and proofs are in THEORY.md; the formulas run on floats and, unchanged, on
-NumPy arrays (`SCALAR`, `ARRAY`), so that a contract surface is the same code as a flight.
+NumPy arrays (`onboard.contract.arithmetic`), so a contract surface is the same code as a flight.
 
 Notation (only inside the formulas):
 
@@ -23,56 +23,18 @@ P     distance from the front face within which the entry speed is regained
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any, Generic
 
-import numpy as np
-
 from onboard.contract.agility import AccelerationLimits
+from onboard.contract.arithmetic import SCALAR, Arithmetic
 from onboard.geometry.box import Box
-from onboard.geometry.frames import FloatArray, Q
-
-
-@dataclass(frozen=True)
-class Arithmetic(Generic[Q]):
-    """The functions that differ between floats and arrays."""
-
-    sqrt: Callable[[Q], Q]
-    sin: Callable[[Q], Q]
-    tan: Callable[[Q], Q]
-    atan2: Callable[[Q, Q], Q]
-    minimum: Callable[[Q, Q], Q]
-    maximum: Callable[[Q, Q], Q]
-    where: Callable[[Any, Q, Q], Q]
-    anywhere: Callable[[Any], Any]
-
-
-SCALAR: Arithmetic[float] = Arithmetic(
-    sqrt=math.sqrt,
-    sin=math.sin,
-    tan=math.tan,
-    atan2=math.atan2,
-    minimum=min,
-    maximum=max,
-    where=lambda condition, yes, no: yes if condition else no,
-    anywhere=bool,
-)
-ARRAY: Arithmetic[FloatArray] = Arithmetic(
-    sqrt=np.sqrt,
-    sin=np.sin,
-    tan=np.tan,
-    atan2=np.arctan2,
-    minimum=np.minimum,
-    maximum=np.maximum,
-    where=np.where,
-    anywhere=np.any,
-)
+from onboard.geometry.frames import Q
 
 
 @dataclass(frozen=True)
 class Encounter(Generic[Q]):
-    """One obstacle and the way the vehicle meets it; all the formulas need, and nothing else.
+    """One obstacle and how the vehicle meets it: all inputs of the formulas.
 
     Attributes:
         brake_mps2, forward_mps2, left_mps2, right_mps2: acceleration limits, magnitudes.
@@ -99,26 +61,6 @@ class Encounter(Generic[Q]):
     run_on_m: Q
     coast_time_s: Q
     coast_drift_m: Q
-
-    @classmethod
-    def ideal(
-        cls, limits: AccelerationLimits, speed_mps: float, size_m: tuple[float, float]
-    ) -> Encounter[float]:
-        """Return the paper's idealisation: a point mass that reacts at once, without errors."""
-        return Encounter(
-            limits.brake_mps2,
-            limits.forward_mps2,
-            limits.left_mps2,
-            limits.right_mps2,
-            speed_mps,
-            0.0,
-            *size_m,
-            0.0,
-            0.0,
-            0.0,
-            0.0,
-            0.0,
-        )
 
 
 @dataclass(frozen=True)
@@ -304,7 +246,7 @@ class RegionOfInfluence:
         )
 
     def shifted_by(self, x_m: float, y_m: float) -> RegionOfInfluence:
-        """Return the same region elsewhere."""
+        """Return the region moved by (x_m, y_m)."""
         return replace(
             self,
             obstacle=self.obstacle.shifted_by(x_m, y_m),
@@ -320,16 +262,16 @@ class RegionOfInfluence:
         return self.extent.x_max_m
 
     @property
-    def way_m(self) -> tuple[float, float]:
-        """Between which y a vehicle that flies along x would meet the obstacle."""
+    def conflict_band_y_m(self) -> tuple[float, float]:
+        """The y between which a vehicle that flies along x would meet the obstacle."""
         return (
             self.obstacle.y_min_m - self.drift_left_m,
             self.obstacle.y_max_m + self.drift_right_m,
         )
 
-    def lies_ahead(self, x_m: float, y_m: float) -> bool:
+    def on_collision_course(self, x_m: float, y_m: float) -> bool:
         """Tell whether the vehicle at (x, y), flying along x, would meet the obstacle."""
-        left_m, right_m = self.way_m
+        left_m, right_m = self.conflict_band_y_m
         return left_m <= y_m <= right_m and x_m <= self.obstacle.x_max_m
 
 

@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass, replace
 from typing import Generic
 
-from onboard.files.models import Contract, InputSet
+from onboard.files.contract_file import Contract, InputSet
 from onboard.geometry.frames import Q
 
 
@@ -15,7 +15,7 @@ class Terms(Generic[Q]):
     """Every number of a contract in SI units, as floats or as arrays of one shape.
 
     `mission_altitude_m`, the lowest height of the mission above the local origin, is not a key of a
-    contract: where it is None there is no clause about it.
+    contract; where it is None, the clause about it is left out.
     """
 
     roll_max_rad: Q
@@ -90,6 +90,11 @@ class Terms(Generic[Q]):
             mission_altitude_m=mission_altitude_m,
             input_set=input_set,
         )
+
+    @property
+    def body_m(self) -> Q:
+        """R + E: how far a part of the vehicle may be from the reference (theory B)."""
+        return self.radius_m + self.tracking_error_m
 
     @property
     def trim_mps2(self) -> Q:

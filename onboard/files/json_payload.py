@@ -1,4 +1,4 @@
-"""JSON that came over the wire: a model of it, or one line that says what is wrong with it."""
+"""Parse a JSON payload into a model; an error is one line that names the offending key."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ M = TypeVar("M", bound=BaseModel)
 
 
 class MalformedPayloadError(ValueError):
-    """A payload that is not what its key promises."""
+    """A payload that is not JSON, or does not have the form that its key requires."""
 
 
 def parse(payload: bytes, model: type[M]) -> M:
     """Read a payload.
 
     Raises:
-        MalformedPayloadError: it is no JSON, or not of this model; names the first offending key.
+        MalformedPayloadError: not JSON, or not of this model; names the first offending key.
     """
     try:
         return model.model_validate_json(payload)

@@ -1,7 +1,8 @@
-"""MAVLink frames out of a stream of bytes, so that garbage takes no intact one with it.
+"""Finds MAVLink frames in a stream of bytes.
 
-pymavlink's own parser gives up the whole length that a damaged frame claims, and with it the intact
-frames therein.  Here the search goes on at the very next byte; decoding stays pymavlink's.
+It resynchronises at the next byte, so corruption never discards a valid frame: pymavlink's own
+parser skips the whole length that a damaged frame claims, and with it the valid frames therein.
+Decoding is pymavlink's.
 """
 
 from __future__ import annotations
@@ -26,8 +27,8 @@ class FrameReader:
         wanted: ids of the messages to decode; all if None.  Of others only the checksum is looked
             at, which takes a tenth of the time.
         trusts_unknown: whether to pass over a MAVLink 2 frame whose id is outside the dialect, of
-            which the checksum says nothing.  An autopilot sends many of them; but where garbage
-            looks like one, it takes with it what lies within.
+            which the checksum cannot be checked.  An autopilot sends many of them; but corrupted
+            bytes that look like one discard the frames within.
 
     Attributes:
         bytes_dropped: bytes that were no part of a valid frame.
@@ -41,7 +42,7 @@ class FrameReader:
         self._trusts_unknown = trusts_unknown
         self._codec = dialect.MAVLink(None)
         self._error = dialect.MAVError
-        # Else an environment variable would have pymavlink believe damaged frames.
+        # Otherwise an environment variable would make pymavlink accept damaged frames.
         dialect.MAVLINK_IGNORE_CRC = False
         self._crc = dialect.x25crc
         self._kinds = dialect.mavlink_map
@@ -110,7 +111,7 @@ def frame_length(data: bytearray, start: int, kinds: Mapping[int, Any]) -> int |
         return None
     length = header_length + data[start + 1] + _CHECKSUM_LENGTH
     if data[start] == mavlink.PROTOCOL_MARKER_V1:
-        # In this version nothing is extended, and no other dialect's messages are believed.
+        # MAVLink 1 has no extension fields; messages of other dialects are not accepted.
         kind = kinds.get(data[start + 5])
         if kind is None or data[start + 1] > kind.unpacker.size:
             return 0

@@ -20,7 +20,7 @@ from onboard.files.yaml_file import FileModel, read_document, validate
 
 FloatArray = NDArray[np.float64]
 
-# Flights stay within this of the origin: larger numbers are map coordinates.
+# Flights stay within this distance of the origin: larger numbers are map coordinates.
 Coordinate = Annotated[float, Field(ge=-DISTANCE_MAX_M, le=DISTANCE_MAX_M)]
 PositiveLength = Annotated[float, Field(gt=0.0, le=DISTANCE_MAX_M)]
 

@@ -19,9 +19,9 @@ if TYPE_CHECKING:
     from pathlib import Path
 
 COLUMNS: Final = {"x_m": "metres north", "y_m": "metres east", "dbh_cm": "stem diameter in cm"}
-# Flights stay within this of the origin; map coordinates such as UTM's lie beyond it.
+# Flights stay within this distance of the origin; map coordinates such as UTM's lie beyond it.
 DISTANCE_MAX_M: Final = 1e5
-# The thickest tree known has 12 m: more is another unit.
+# The thickest known tree has a diameter of 12 m: larger numbers are in another unit.
 DIAMETER_MAX_CM: Final = 2000.0
 _HEADER_SHOWN: Final = 80
 

@@ -1,8 +1,8 @@
 """YAML in which every value has one meaning: the core schema of YAML 1.2, less what is ambiguous.
 
 PyYAML reads YAML 1.1, in which ``1e3`` is a word, ``014`` is twelve, ``1:30`` is ninety and
-``2026-13-45`` is a defect of the program.  Here numbers are decimal, words are words, and what two
-versions of YAML read differently is refused.  See https://yaml.org/spec/1.2.2/#103-core-schema.
+``2026-13-45`` raises an internal error.  Here numbers are decimal, and a value that two versions of
+YAML read differently is refused.  See https://yaml.org/spec/1.2.2/#103-core-schema.
 """
 
 from __future__ import annotations
@@ -73,7 +73,7 @@ def load(text: str) -> Any:
         UnclearValueError: a value or key that is ambiguous, nested too deeply or too large.
         yaml.YAMLError: not YAML.
     """
-    return yaml.load(text, Loader=_Loader)  # noqa: S506  it makes values, never objects
+    return yaml.load(text, Loader=_Loader)  # noqa: S506  it constructs values, never objects
 
 
 def dump(document: Any) -> str:
@@ -143,7 +143,7 @@ def _float(text: str) -> float:
 
 
 class _Inspection:
-    """Looks at every node of a document once, before anything is made of it."""
+    """Checks every node of a document once, before values are made of it."""
 
     def __init__(self) -> None:
         # Values below each node, aliases expanded; None while it is being looked at.

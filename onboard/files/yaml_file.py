@@ -1,7 +1,7 @@
 """YAML file -> validated, frozen model; every error names file, key, value and unit.
 
-The one reader of Clearway's own files.  It holds no mathematics, which is why the simulated
-vehicle may share it with the daemon that it tests.
+The one reader of Clearway's own files.  It contains no flight code, so the simulated vehicle
+may share it with the daemon that it tests.
 """
 
 from __future__ import annotations
@@ -10,17 +10,19 @@ from typing import TYPE_CHECKING, Any, Final, TypeVar
 
 import yaml
 from pydantic import BaseModel, ConfigDict, ValidationError
+from pydantic_core import PydanticCustomError
 
 from onboard.files import strict_yaml
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
     from pathlib import Path
 
     from pydantic_core import ErrorDetails
 
 ModelT = TypeVar("ModelT", bound=BaseModel)
 
-# Longest suffix first: `_mps2` ends like `_mps` would not, but `_m` ends like nothing else.
+# A suffix that is the end of another comes after it: `_m` after `_ned_m`.
 _UNITS = {
     "_per_s": "1/s",
     "_mps3": "m/s³",
@@ -49,6 +51,24 @@ class FileModel(BaseModel):
     """Base of every model read from a file: frozen, no unknown keys, no NaN, no silent casts."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False, strict=True)
+
+
+def refuse_renamed_keys(data: Any, renamed: Mapping[str, str]) -> Any:
+    """Return the input of a model unchanged; for validators that run before the model's own.
+
+    Args:
+        data: keys and values as read.
+        renamed: old names of keys, and the new ones.
+
+    Raises:
+        PydanticCustomError: an old name is used; `validate` names file, old and new key.
+    """
+    if isinstance(data, dict):
+        for old, new in renamed.items():
+            if old in data:
+                names = {"old": old, "new": new}
+                raise PydanticCustomError("renamed_key", "{old} is now called {new}", names)
+    return data
 
 
 def unit_of(key: str) -> str:
@@ -164,6 +184,10 @@ def _explain(error: ErrorDetails) -> str:
             return f"{where} is missing"
         case "extra_forbidden":
             return f"{where} is not a known key (value {_describe(error['input'])})"
+        case "renamed_key":
+            names = error["ctx"]
+            section = "".join(f"{part}." for part in error["loc"])
+            return f"{section}{names['old']} is now called {section}{names['new']}"
         case _:
             reason = error["msg"].removeprefix("Value error, ")
             return f"{where} = {_describe(error['input'])}: {reason[:1].lower()}{reason[1:]}"

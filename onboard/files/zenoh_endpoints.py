@@ -1,4 +1,4 @@
-"""How a process joins Zenoh, as our files say it."""
+"""How a process joins Zenoh, as Clearway's files state it."""
 
 from __future__ import annotations
 
@@ -32,15 +32,15 @@ class ZenohEndpoints(FileModel):
     @model_validator(mode="after")
     def _keys_fit(self) -> Self:
         if self.mode == "client" and self.listen and "listen" in self.model_fields_set:
-            raise ValueError(f"mode: client cannot listen ({', '.join(self.listen)})")
+            raise ValueError(f"a client cannot listen (listen: {', '.join(self.listen)})")
         if self.config_file is not None:
             for key in ("mode", "connect", "listen"):
                 if getattr(self, key) != type(self).model_fields[key].default:
-                    raise ValueError(f"config_file says everything: leave {key} out")
+                    raise ValueError(f"config_file replaces {key}: leave {key} out")
         return self
 
     def relative_to(self, directory: Path) -> Self:
-        """Return the same with ``config_file`` relative to the directory of the file it was in."""
+        """Return the same with ``config_file`` resolved against the directory of its file."""
         if self.config_file is None:
             return self
         return self.model_copy(update={"config_file": directory / self.config_file})

@@ -1,1 +1,1 @@
-"""Frames and geometry without any other knowledge: what all rooms may import."""
+"""Frames, boxes and keep-outs: geometry without dependencies, for every room to import."""

@@ -1,11 +1,11 @@
-"""Frames, and the only place where they change.
+"""Coordinate frames, and every transformation between them.
 
 * **NED**: local north, east, down; origin where the autopilot put it.
 * **FRD**: body forward, right, down.
 * **leg**: origin at the start of a cruise leg, x along the leg, y to its right, z down.
 
-Rotations are named after what they do: ``rotation_ned_from_leg @ vector_leg`` is in NED; adjacent
-frame names cancel.
+Rotations are named so that adjacent frame names cancel: ``rotation_ned_from_leg @ vector_leg`` is
+in NED.
 """
 
 from __future__ import annotations
@@ -41,14 +41,16 @@ class LegFrame:
     def between(
         cls, start_ned_m: tuple[float, float, float], end_ned_m: tuple[float, float, float]
     ) -> LegFrame:
-        """Return the frame of the leg between two points; their heights do not turn it.
+        """Return the frame of the leg between two points, whatever their heights.
 
         Raises:
             ValueError: the two points are less than a centimetre apart on the ground.
         """
         north_m, east_m = end_ned_m[0] - start_ned_m[0], end_ned_m[1] - start_ned_m[1]
         if math.hypot(north_m, east_m) < 0.01:
-            raise ValueError(f"a leg needs length: {start_ned_m} to {end_ned_m} m (NED)")
+            raise ValueError(
+                f"leg start and end are less than 1 cm apart: {start_ned_m} to {end_ned_m} m (NED)"
+            )
         return cls(start_ned_m, math.atan2(east_m, north_m))
 
     @cached_property

@@ -1,17 +1,22 @@
-"""Why control that was granted is not taken, and how often that is said."""
+"""The reasons for not leaving STANDBY although control is granted, and how often to report them."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from enum import StrEnum, unique
 from typing import Final
 
-from onboard.events import Event, Severity
+from onboard.events import Event, EventName, RefusalReason, Severity
+from onboard.guidance.envelope import at_rest_speed_mps
+from onboard.guidance.situation import Situation
+from onboard.vehicle_state import Pose
 
-# A refusal that changes in kind is said, but not more often than this.
+# A change in the kinds of refusals is reported, but not more often than this.
 REFUSAL_PERIOD_S: Final = 5.0
+# How near the vehicle must hover to the start of the mission.
+START_TOLERANCE_M: Final = 1.5
 
 
 @unique
@@ -40,9 +45,9 @@ class Refusal:
     """One reason for not leaving STANDBY.
 
     Attributes:
-        kind: what it is.
-        text: the same for people, with numbers that may change from tick to tick.
-        subject: what it is about, such as an obstacle's id.
+        kind: the reason, for machines.
+        text: the reason, for people, with numbers that may change from tick to tick.
+        subject: what the reason is about, such as an obstacle's id.
     """
 
     kind: RefusalKind
@@ -50,31 +55,80 @@ class Refusal:
     subject: str = ""
 
 
+def departure_refusals(situation: Situation, pose: Pose) -> list[Refusal]:
+    """Return why the leg may not be started or resumed from a pose; empty if it may."""
+    x_m, y_m, _ = situation.leg.position_leg(pose.position_ned_m)
+    refusals = [
+        Refusal(kind, text) for kind, passed, text in _checks(situation, pose) if not passed
+    ]
+    refusals += [
+        Refusal(
+            RefusalKind.INSIDE_REGION,
+            f"inside the region of influence of obstacle {obstacle.id}",
+            obstacle.id,
+        )
+        for obstacle in situation.obstacles.between(x_m, x_m)
+        if obstacle.region.lane_left_m <= y_m <= obstacle.region.lane_right_m
+    ]
+    return refusals
+
+
+def _checks(situation: Situation, pose: Pose) -> Iterator[tuple[RefusalKind, bool, str]]:
+    """Yield each check of a pose: its kind, whether it passes, and the refusal if it does not."""
+    x_m, y_m, z_m = situation.leg.position_leg(pose.position_ned_m)
+    limit_m = START_TOLERANCE_M
+    text = f"{-x_m:.1f} m before the start of the leg (limit {limit_m:g} m)"
+    yield RefusalKind.BEFORE_LEG, x_m >= -limit_m, text
+    before_end = x_m < situation.route.length_m - limit_m
+    yield RefusalKind.LEG_FLOWN, before_end, "the leg is already flown"
+    beside_max_m = situation.route.leg.target_half_width_m
+    text = f"{abs(y_m):.1f} m beside the leg (limit {beside_max_m:g} m)"
+    yield RefusalKind.BESIDE_LEG, abs(y_m) <= beside_max_m, text
+    lower_m = _start_lower_max_m(situation)
+    limits = f"limits {limit_m:g} m above, {lower_m:.1f} m below"
+    text = f"{abs(z_m):.1f} m off the cruise height ({limits})"
+    yield RefusalKind.OFF_HEIGHT, -limit_m <= z_m <= lower_m, text
+    # From rest only: the way that braking would take is not certified.
+    speed_mps = math.hypot(*pose.velocity_ned_mps)
+    at_rest_mps = at_rest_speed_mps(situation.assessment)
+    text = f"not at rest ({speed_mps:.1f} m/s, limit {at_rest_mps:.1f} m/s)"
+    yield RefusalKind.MOVING, speed_mps < at_rest_mps, text
+
+
+def _start_lower_max_m(situation: Situation) -> float:
+    """How far below the cruise height a flight may start: only as near to the ground as is safe.
+
+    Where the contract does not comply, a flight outside it starts all the same.
+    """
+    margins_m = [c.margin for c in situation.assessment.clauses if c.name == "ground_clearance"]
+    return min([START_TOLERANCE_M, *(margin_m for margin_m in margins_m if margin_m > 0.0)])
+
+
 class RefusalReport:
-    """Says why the service does not leave STANDBY when that changes in kind, not in numbers."""
+    """Reports why the service stays in STANDBY, when the kinds of reasons change."""
 
     def __init__(self) -> None:
-        self._said: frozenset[tuple[RefusalKind, str]] = frozenset()
+        self._reported: frozenset[tuple[RefusalKind, str]] = frozenset()
         self._due_s = -math.inf
 
     def end(self) -> None:
-        """Forget what was said: control was taken, or taken back."""
-        self._said = frozenset()
+        """Forget what was reported: control was taken, or taken back."""
+        self._reported = frozenset()
 
     def news(self, refusals: Sequence[Refusal], now_s: float) -> Event | None:
-        """Return what there is to say, at most once in `REFUSAL_PERIOD_S`.
+        """Return what there is to report, at most once in `REFUSAL_PERIOD_S`.
 
         Args:
             refusals: every reason that holds now, at least one.
             now_s: the time.
         """
         kinds = frozenset((refusal.kind, refusal.subject) for refusal in refusals)
-        if kinds == self._said or now_s < self._due_s:
+        if kinds == self._reported or now_s < self._due_s:
             return None
-        self._said, self._due_s = kinds, now_s + REFUSAL_PERIOD_S
+        self._reported, self._due_s = kinds, now_s + REFUSAL_PERIOD_S
         text = "not leaving standby: " + "; ".join(refusal.text for refusal in refusals)
-        reasons = [
+        reasons: list[RefusalReason] = [
             {"kind": refusal.kind.value, "subject": refusal.subject, "text": refusal.text}
             for refusal in refusals
         ]
-        return Event(now_s, "refused", Severity.WARNING, text, {"reasons": reasons})
+        return Event(now_s, EventName.REFUSED, Severity.WARNING, text, {"reasons": reasons})

@@ -1,4 +1,4 @@
-"""Which leg is flown: one after another, until another mission takes the place of what is left.
+"""The legs that are flown, one after another, until another mission replaces those left.
 
 A leg begins where the vehicle has come to rest, since an avoidance may have left it beside the end
 of the leg before (erratum 16).  That is why a mission can be replaced in flight: the vehicle comes
@@ -9,19 +9,19 @@ from __future__ import annotations
 
 import math
 
-from onboard.files.models import LEG_LENGTH_MIN_M, Leg, Mission
+from onboard.files.mission_file import LEG_LENGTH_MIN_M, Leg, Mission
 from onboard.geometry.frames import LegFrame
 
 
-class Itinerary:
-    """Where a mission leads.
+class Route:
+    """The legs of a mission, and the one that is flown.
 
     Args:
         mission: where to fly.
 
     Attributes:
         mission: what is flown.
-        successor: what is to be flown instead; None unless somebody wants that.
+        successor: the mission to fly next instead; None if there is none.
         frame: of the leg that is flown.
     """
 
@@ -38,7 +38,7 @@ class Itinerary:
 
     @property
     def length_m(self) -> float:
-        """How long that leg is."""
+        """Length of that leg."""
         return math.dist(self.frame.origin_ned_m[:2], self.leg.end_ned_m)
 
     def restart(self) -> None:

@@ -1,7 +1,7 @@
 """MAVLink connection URLs -> asyncio endpoints (UDP, TCP, serial); bytes in, bytes out.
 
-Names are resolved once, when a link is opened: a name server that does not answer must not delay a
-tick.  A port that listens sends to the vehicle alone (`onboard.mavlink.vehicle_peer`).
+Host names are resolved once, when a link is opened: a name server that does not answer must not
+delay a tick.  A port that listens sends to the vehicle alone (`onboard.mavlink.vehicle_peer`).
 """
 
 from __future__ import annotations
@@ -26,9 +26,10 @@ Address = tuple[Any, ...]
 RECONNECT_S: Final = 1.0
 READ_BYTES: Final = 65_536
 CONNECTIONS_MAX: Final = 8
-# A peer that acknowledges nothing for this long is gone; by itself TCP believes in it for minutes.
+# The kernel closes a connection whose peer acknowledges nothing for this long; by default it waits
+# for minutes.
 TCP_SILENCE_S: Final = 5.0
-# Set-points that wait for longer than a few seconds have no use.
+# Setpoints that would wait behind this much are dropped: late ones have no use.
 TCP_BACKLOG_BYTES: Final = 16_384
 
 
@@ -47,11 +48,11 @@ async def open_link(url: str, receive: Receive, system_id: int) -> Link:
 
     Args:
         url: as `onboard.mavlink.link_url` describes.
-        receive: called in the event loop with what arrives.
-        system_id: MAVLink id of the vehicle, to which a port that listens keeps.
+        receive: called in the event loop with the bytes that arrive.
+        system_id: MAVLink id of the vehicle, which alone may use a port that listens.
 
     Raises:
-        LinkError: the URL is malformed, its host unknown, the port in use, the device unusable.
+        LinkError: the URL is malformed, its host unknown, the port in use, or the device unusable.
     """
     parsed = LinkUrl.parse(url)
     if parsed.scheme == "serial":
@@ -89,7 +90,7 @@ async def _resolve(url: LinkUrl) -> tuple[socket.AddressFamily, Address]:
 
 
 class _Udp(asyncio.DatagramProtocol):
-    """What both ends of UDP have in common."""
+    """The common part of both ends of UDP."""
 
     def __init__(self, receive: Receive) -> None:
         self._receive = receive
@@ -100,7 +101,7 @@ class _Udp(asyncio.DatagramProtocol):
         self._transport = cast("asyncio.DatagramTransport", transport)
 
     def error_received(self, exc: Exception) -> None:
-        # The other side does not listen: normal before it has started.
+        # The other side does not listen, which is normal before it has started.
         log.debug("UDP: %s", exc)
 
     def close(self) -> None:
@@ -109,7 +110,7 @@ class _Udp(asyncio.DatagramProtocol):
 
 
 class _UdpServer(_Udp):
-    """Bound to a port; sends to the vehicle once it was heard."""
+    """Bound to a port; sends to the vehicle once it has been heard."""
 
     def __init__(self, receive: Receive, system_id: int) -> None:
         super().__init__(receive)
@@ -135,7 +136,7 @@ class _UdpServer(_Udp):
 
 
 class _UdpClient(_Udp):
-    """Sends to one address and reads what comes from there.
+    """Sends to one address, and reads only what comes from there.
 
     The socket is not connected: that would fail where the network comes up after the daemon.
     """
@@ -164,13 +165,13 @@ class _UdpClient(_Udp):
 
 
 def _host_and_port(address: Address) -> tuple[str, int]:
-    """Return an address as asyncio takes it; the host is numeric, so it resolves nothing anew."""
+    """Return an address as asyncio takes it; the numeric host needs no further look-up."""
     host, port = socket.getnameinfo(address, socket.NI_NUMERICHOST | socket.NI_NUMERICSERV)
     return host, int(port)
 
 
 class _TcpServer:
-    """Listens; of those who connect it keeps to the vehicle."""
+    """Listens for connections, and exchanges data with the one from the vehicle."""
 
     def __init__(self, receive: Receive, system_id: int) -> None:
         self._receive = receive
@@ -219,7 +220,7 @@ class _TcpServer:
 
 
 class _TcpClient:
-    """Connects, and connects again when the other side went away."""
+    """Connects, and reconnects when the other side has closed the connection."""
 
     def __init__(
         self, url: str, family: socket.AddressFamily, address: Address, receive: Receive
@@ -227,7 +228,7 @@ class _TcpClient:
         self._url, self._family, self._address = url, family, address
         self._receive = receive
         self._writer: asyncio.StreamWriter | None = None
-        self._said = ""
+        self._reported = ""
         self._task = asyncio.get_running_loop().create_task(self._run(), name=url)
 
     async def _run(self) -> None:
@@ -236,16 +237,16 @@ class _TcpClient:
                 await self._connect()
             except OSError as error:
                 reason = error.strerror or str(error)
-                if reason != self._said:  # each second anew would fill the log
-                    self._said = reason
+                if reason != self._reported:  # once, not every second
+                    self._reported = reason
                     log.info("%s: %s; trying again", self._url, reason)
             await asyncio.sleep(RECONNECT_S)
 
     async def _connect(self) -> None:
-        """Be connected until the other side ends it."""
+        """Connect, and read until the other side closes the connection."""
         host, port = _host_and_port(self._address)
         reader, writer = await asyncio.open_connection(host, port, family=self._family)
-        self._writer, self._said = writer, ""
+        self._writer, self._reported = writer, ""
         _expect_acknowledgement(writer)
         try:
             while data := await reader.read(READ_BYTES):
@@ -264,7 +265,7 @@ class _TcpClient:
 
 
 def _expect_acknowledgement(writer: asyncio.StreamWriter) -> None:
-    """Have the kernel end a connection whose other side no longer acknowledges."""
+    """Have the kernel close a connection whose other side no longer acknowledges."""
     connection = writer.get_extra_info("socket")
     if hasattr(socket, "TCP_USER_TIMEOUT"):
         connection.setsockopt(
@@ -273,7 +274,7 @@ def _expect_acknowledgement(writer: asyncio.StreamWriter) -> None:
 
 
 def _write(writer: asyncio.StreamWriter, data: bytes) -> None:
-    """Write, unless the other side has stopped to read."""
+    """Write, unless the other side has stopped reading."""
     backlog_bytes = writer.transport.get_write_buffer_size()
     if not writer.is_closing() and backlog_bytes <= TCP_BACKLOG_BYTES:
         writer.write(data)

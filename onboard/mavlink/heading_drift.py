@@ -1,9 +1,9 @@
-"""How the estimated heading wanders against the gyros.
+"""Drift of the estimated heading against the gyros.
 
-Over seconds, integrated turn rates are exact to a fraction of a degree, so what the estimated
-heading turns beyond them is its own error that changes.  This needs neither a magnetometer nor
-anything in sight.  Recorded flights of PX4: 7° within 10 s, and 18° before the contact that a
-wandering heading caused; of ArduPilot: 4°, of which the gyros themselves drift by 0.5°.
+Over seconds, integrated turn rates are exact to a fraction of a degree, so any turn of the
+estimated heading beyond them is a change of its own error.  This needs neither a magnetometer nor
+obstacles.  Recorded flights of PX4: 7° within 10 s, and 18° before the contact that a drifting
+heading caused; of ArduPilot: 4°, of which the gyros themselves drift by 0.5°.
 """
 
 from __future__ import annotations
@@ -38,11 +38,11 @@ class Attitude(NamedTuple):
 
 
 class HeadingDrift:
-    """Sums up what the estimated heading turns beyond the gyros.
+    """Integrates the turn of the estimated heading beyond that of the gyros.
 
     Attributes:
-        drift_rad: the sum.
-        begun: how often the sum began anew, because there was a silence.
+        drift_rad: the integral.
+        begun: how often the integral was reset, because of a silence.
     """
 
     def __init__(self) -> None:
@@ -51,7 +51,7 @@ class HeadingDrift:
         self._latest: Attitude | None = None
 
     def add(self, attitude: Attitude) -> None:
-        """Take the next attitude; one that a later one has overtaken is left out."""
+        """Take the next attitude; one that arrives after a later one is ignored."""
         latest = self._latest
         step_s = math.inf if latest is None else attitude.measured_s - latest.measured_s
         if -_SILENCE_MAX_S <= step_s <= 0.0:

@@ -11,12 +11,12 @@ from typing import Final
 
 SCHEMES: Final = ("udpin", "udpout", "tcpin", "tcpout", "serial")
 PORT_MAX: Final = 65_535
-# No UART is faster; a larger number is a slip of the keyboard.
+# No UART is faster; a larger number is a typing error.
 BAUD_MAX: Final = 20_000_000
 
 
 class LinkError(RuntimeError):
-    """A link that cannot be opened; the message names the URL."""
+    """A link cannot be opened; the message names the URL."""
 
 
 @dataclass(frozen=True)
@@ -40,7 +40,7 @@ class LinkUrl:
         """Parse a URL.
 
         Raises:
-            LinkError: the scheme, the host or device, the port or baud rate is missing or wrong.
+            LinkError: scheme, host or device, or port or baud rate is missing or not valid.
         """
         scheme, _, rest = url.partition("://")
         if scheme not in SCHEMES:
@@ -55,7 +55,7 @@ class LinkUrl:
             form = "/dev/DEVICE:BAUD" if serial else "HOST:PORT"
             raise LinkError(f"{url}: expected {scheme}://{form}")
         name, limit = ("baud rate", BAUD_MAX) if serial else ("port", PORT_MAX)
-        # A longer number is beyond the limit, and Python refuses to read a very long one.
+        # A longer number is beyond the limit, and Python refuses to parse a very long one.
         valid = number.isascii() and number.isdecimal() and len(number) <= len(str(BAUD_MAX))
         if not valid or not 1 <= int(number) <= limit:
             raise LinkError(f"{url}: {name} {number!r} is not a number from 1 to {limit}")

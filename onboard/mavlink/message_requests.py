@@ -1,8 +1,8 @@
-"""Which messages are asked of the autopilot, and how often: judged by what arrives, not by acks.
+"""Decides which messages to request from the autopilot, by the rates at which they arrive.
 
-PX4 streams some messages unasked, but slower than they are needed; ArduPilot sends nothing until it
-is asked, and forgets what it was asked when it restarts.  An acknowledgement tells neither which
-message it is about nor what the link lets through, so the rate that arrives is what counts.
+An autopilot may stream messages slower than they are needed, or not at all, and forgets requests
+when it restarts.  An acknowledgement tells neither which message it belongs to nor what the link
+lets through, so only the rate of arrival counts.
 """
 
 from __future__ import annotations
@@ -10,18 +10,18 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import Final
 
-# How often the rates are looked at.
+# How often the rates are checked.
 REQUEST_PERIOD_S: Final = 2.0
-# Less than this share of what is wanted counts as too slow; links lose a little.
+# A message that arrives at less than this share of its wanted rate is too slow; links lose a few.
 RATE_SHARE: Final = 0.8
-# A message that comes, but stays too slow, has been limited by the link or by another client of it:
-# after this many requests it is asked for only now and then.
+# A message that arrives, but stays too slow, is limited by the link or by another client of it:
+# after this many requests, the next ones are `PATIENT_PERIOD_S` apart.
 EAGER_REQUESTS: Final = 3
 PATIENT_PERIOD_S: Final = 30.0
 
 
 class MessageRequests:
-    """Counts what arrives and says what to ask for."""
+    """Counts the messages that arrive, and returns those to request."""
 
     def __init__(self) -> None:
         self._counts: dict[int, int] = {}
@@ -34,10 +34,10 @@ class MessageRequests:
         self._counts[message_id] = self._counts.get(message_id, 0) + 1
 
     def due(self, wanted_hz: Iterable[tuple[int, float]], now_s: float) -> list[tuple[int, float]]:
-        """Return the messages to ask for now, with their rates [Hz].
+        """Return the messages to request now, with their rates [Hz].
 
-        At first those that have not been heard; then, every `REQUEST_PERIOD_S`, those that come too
-        slowly.  What comes faster than wanted is left alone: others may need it.
+        At first those that have not been heard; then, every `REQUEST_PERIOD_S`, those that are too
+        slow.  A message that is faster than wanted is not slowed down: others may need it.
         """
         first = self._looked_s is None
         elapsed_s = REQUEST_PERIOD_S if self._looked_s is None else now_s - self._looked_s
@@ -58,7 +58,7 @@ class MessageRequests:
         return slow
 
     def _may_ask(self, message_id: int, counts: dict[int, int], now_s: float) -> bool:
-        """Tell whether to ask again: always for what is silent, patiently for what stays slow."""
+        """Tell whether to repeat a request: at once if silent, less often if it stays slow."""
         if counts.get(message_id, 0):
             requests = self._slow_requests.get(message_id, 0) + 1
             self._slow_requests[message_id] = requests
@@ -66,7 +66,7 @@ class MessageRequests:
             if requests > EAGER_REQUESTS and waited_s < PATIENT_PERIOD_S:
                 return False
         else:
-            # Silent: the autopilot may have restarted, and then answers eager requests again.
+            # The autopilot may have restarted, and then needs the requests at once.
             self._slow_requests.pop(message_id, None)
         self._asked_s[message_id] = now_s
         return True

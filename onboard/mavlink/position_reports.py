@@ -1,4 +1,4 @@
-"""What the autopilot has said about its position: decoded facts, no judgement."""
+"""What the autopilot has said about its position, decoded; `onboard.monitoring` evaluates it."""
 
 from __future__ import annotations
 
@@ -8,22 +8,23 @@ from typing import Final, Generic, NamedTuple, TypeVar
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from onboard.mavlink.autopilot_facts import OTHER, AutopilotFacts
+from onboard.mavlink.profiles.profile import EstimatorFacts
+from onboard.mavlink.profiles.registry import OTHER
 
-# A source is silent after this, or after some of its usual intervals, if those are longer: links
-# lose messages.  GPS silence is how ArduPilot shows a loss, and counts sooner.
+# A source is silent after this time, or after some of its usual intervals, whichever is longer:
+# links lose messages.  GPS silence is how ArduPilot shows a loss, and counts sooner.
 SILENCE_S: Final = 1.5
 SILENCE_INTERVALS: Final = 6.0
 GPS_SILENCE_S: Final = 1.0
 GPS_SILENCE_INTERVALS: Final = 5.0
 FIX_TYPE_MIN: Final[int] = mavlink.GPS_FIX_TYPE_3D_FIX
-# Share of a new interval in the usual one.
+# Weight of a new interval in the running average.
 _INTERVAL_SHARE: Final = 0.25
 _TEXTS_MAX: Final = 20
 
 
 class EstimatorReport(NamedTuple):
-    """ESTIMATOR_STATUS or EKF_STATUS_REPORT; NaN where it says nothing."""
+    """ESTIMATOR_STATUS or EKF_STATUS_REPORT; NaN where the message lacks a value."""
 
     name: str
     flags: int
@@ -40,7 +41,7 @@ class GpsReport(NamedTuple):
 
     @property
     def has_fix(self) -> bool:
-        """Whether the receiver knows its place in three dimensions."""
+        """Whether the receiver has a fix in three dimensions."""
         return self.fix_type >= FIX_TYPE_MIN
 
 
@@ -53,12 +54,12 @@ class HealthReport(NamedTuple):
 
     @property
     def working(self) -> int:
-        """Sensors that are there, in use and healthy."""
+        """Sensors that are present, enabled and healthy."""
         return self.present & self.enabled & self.health
 
     @property
     def failed(self) -> int:
-        """Sensors that are there, in use, but not healthy."""
+        """Sensors that are present and enabled, but not healthy."""
         return self.present & self.enabled & ~self.health
 
 
@@ -73,7 +74,7 @@ class Source(Generic[Report]):
         report: None until heard.
         heard_s: when.
         interval_s: usual time between two of them; 0 until known.
-        silence_least_s, silence_intervals: which silence is too long.
+        silence_least_s, silence_intervals: the longest silence, in seconds and in usual intervals.
     """
 
     report: Report | None = None
@@ -91,7 +92,7 @@ class Source(Generic[Report]):
         self.report, self.heard_s = report, now_s
 
     def silence_s(self, now_s: float) -> float | None:
-        """Return for how long the source has been silent, if that is too long."""
+        """Return how long the source has been silent; None if that is not too long."""
         silent_s = now_s - self.heard_s
         return silent_s if silent_s > self.silence_limit_s else None
 
@@ -103,16 +104,16 @@ class Source(Generic[Report]):
 
 @dataclass
 class PositionReports:
-    """What the autopilot has said about its position: decoded facts, no judgement.
+    """What the autopilot has said about its position, decoded.
 
     Attributes:
-        facts: how to read them.
+        facts: how its profile reads them.
         estimator, gps, health: the latest of each kind.
         fix_s: when the GPS last had a fix.
         texts: STATUSTEXT of severity WARNING and worse, with their times.
     """
 
-    facts: AutopilotFacts = OTHER
+    facts: EstimatorFacts = OTHER.estimator
     estimator: Source[EstimatorReport] = field(default_factory=Source)
     gps: Source[GpsReport] = field(
         default_factory=lambda: Source(

@@ -1,4 +1,9 @@
-"""A raw serial line, read when the event loop says so, opened again when it breaks."""
+"""A raw serial connection in the event loop, reopened when it is lost.
+
+On termios rather than a library: pyserial-asyncio-fast and serialx lock the device by flock alone,
+which other programs ignore, and queue what a slow line cannot take, where late setpoints must be
+dropped.  Waiting for a device, its errors and reopening it would remain to be written here.
+"""
 
 from __future__ import annotations
 
@@ -24,25 +29,28 @@ _ABSENT: Final = frozenset({errno.ENOENT, errno.ENXIO, errno.ENODEV, errno.EIO})
 
 
 class SerialLine:
-    """A serial line to the autopilot; a device that is missing, from the start too, is waited for.
+    """A serial connection to the autopilot, which waits for a device that is missing.
 
     Args:
         url: device and baud rate.
-        receive: called in the event loop with what arrives.
+        receive: called in the event loop with the bytes that arrive.
 
     Raises:
-        LinkError: not a standard baud rate, not permitted, in use, not a serial device.
+        LinkError: the baud rate is not standard, or the device is not permitted, in use, or not
+            serial.
     """
 
     def __init__(self, url: LinkUrl, receive: Callable[[bytes], None]) -> None:
         speed = getattr(termios, f"B{url.number}", None)
         if speed is None:
-            raise LinkError(f"{url.url}: {url.number} baud is not a standard rate")
+            raise LinkError(
+                f"{url.url}: {url.number} baud is not a standard rate, expected one such as 57600"
+            )
         self._url, self._receive, self._speed = url, receive, speed
         self._loop = asyncio.get_running_loop()
         self._descriptor: int | None = None
         self._retry: asyncio.TimerHandle | None = None
-        self._said = ""
+        self._reported = ""
         try:
             self._open()
         except (OSError, termios.error) as error:
@@ -58,7 +66,7 @@ class SerialLine:
             settings = termios.tcgetattr(descriptor)
             settings[4] = settings[5] = self._speed
             termios.tcsetattr(descriptor, termios.TCSANOW, settings)
-            # Two daemons on one line would each read half of every frame.
+            # Two processes on one device would each read half of every frame.
             fcntl.ioctl(descriptor, termios.TIOCEXCL)
         except (OSError, termios.error):
             os.close(descriptor)
@@ -72,13 +80,13 @@ class SerialLine:
         except (OSError, termios.error) as error:
             self._wait_for_device(error)
         else:
-            self._said = ""
+            self._reported = ""
             log.info("%s: opened", self._url.url)
 
     def _wait_for_device(self, error: OSError | termios.error) -> None:
         reason = self._reason(error)
-        if reason != self._said:  # each second anew would fill the log
-            self._said = reason
+        if reason != self._reported:  # once, not every second
+            self._reported = reason
             log.warning("%s: %s; waiting for it", self._url.url, reason)
         self._retry = self._loop.call_later(RETRY_S, self._reopen)
 
@@ -95,7 +103,7 @@ class SerialLine:
                 return os.strerror(number)
 
     def _group(self) -> str:
-        """Return the group that may open the device; ``dialout`` where that cannot be seen."""
+        """Return the group that may open the device; ``dialout`` if it cannot be read."""
         try:
             return Path(self._url.target).group()
         except (OSError, KeyError):
@@ -119,7 +127,7 @@ class SerialLine:
         self._retry = self._loop.call_later(RETRY_S, self._reopen)
 
     def send(self, data: bytes) -> None:
-        """Send bytes; drop them while the device is missing, or what it is too slow for."""
+        """Send bytes; drop them while the device is missing, and what it is too slow to take."""
         if self._descriptor is None:
             return
         try:
@@ -139,7 +147,7 @@ class SerialLine:
             self._descriptor = None
 
     def close(self) -> None:
-        """Close the device, and wait for it no longer."""
+        """Close the device, and stop waiting for it."""
         if self._retry is not None:
             self._retry.cancel()
         self._release()

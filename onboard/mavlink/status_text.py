@@ -1,4 +1,4 @@
-"""Texts for the operator as STATUSTEXT carries them: in chunks, where one is too short.
+"""Splits texts for the operator into the chunks of STATUSTEXT.
 
 https://mavlink.io/en/messages/common.html#STATUSTEXT: chunks share an ``id`` and are numbered by
 ``chunk_seq``; the first NUL ends the text, so every chunk but the last is full, and a last chunk
@@ -20,8 +20,8 @@ _CONTROL: Final = dict.fromkeys((*range(0x20), *range(0x7F, 0xA0)), " ")
 def chunks(text: str) -> list[bytes]:
     """Return a text as UTF-8 in chunks of 50 bytes, the last one shorter unless it is the only one.
 
-    A character that would straddle two chunks is moved to the second behind spaces: receivers
-    decode each chunk by itself.  What is longer than `TEXT_BYTES_MAX` ends in dots.
+    Receivers decode each chunk by itself, so spaces move a character that would straddle two chunks
+    to the second.  A text longer than `TEXT_BYTES_MAX` is cut and ends in dots.
     """
     data = _aligned(text.translate(_CONTROL))
     if len(data) > TEXT_BYTES_MAX:
@@ -33,9 +33,9 @@ def chunks(text: str) -> list[bytes]:
 
 
 def _aligned(text: str) -> bytes:
-    """Return the text's bytes, no character of which crosses a multiple of `CHUNK_BYTES`."""
+    """Return the text's bytes, padded so that no character crosses a multiple of `CHUNK_BYTES`."""
     data = bytearray()
-    # A lone surrogate has no bytes.
+    # A lone surrogate cannot be encoded.
     for character in text.encode(errors="replace").decode():
         encoded = character.encode()
         left = -len(data) % CHUNK_BYTES

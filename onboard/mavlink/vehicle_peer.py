@@ -1,4 +1,4 @@
-"""Which of those who send to a listening port is the vehicle: set-points go to that one alone."""
+"""Identifies the vehicle among the peers of a listening port: setpoints go to that one alone."""
 
 from __future__ import annotations
 
@@ -13,26 +13,26 @@ from onboard.files.mavlink_frames import frame_length
 
 log = logging.getLogger(__name__)
 
-# A vehicle that restarts from another port is followed there after this much silence: as long as
-# three of its heartbeats, after which its word no longer counts anyhow.
+# A vehicle that restarts on another port is recognized there after this much silence: three of its
+# heartbeats, by when its telemetry has expired anyhow.
 SILENCE_S: Final = 3.0
 
 PeerT = TypeVar("PeerT", bound=Hashable)
 
 
 class VehiclePeer(Generic[PeerT]):
-    """Keeps to the peer from which the vehicle's heartbeat was heard first.
+    """Admits data only from the peer that first sent the vehicle's heartbeat.
 
     A heartbeat is the vehicle's if it comes from the autopilot component of its system id and its
-    checksum is right.  Another peer that sends one takes over only when the present peer has sent
-    none for `SILENCE_S`, or is gone.
+    checksum is right.  Another peer that sends one is admitted instead only when the present peer
+    has sent none for `SILENCE_S`, or has disconnected.
 
     Args:
         system_id: MAVLink id of the vehicle.
 
     Attributes:
-        peer: where the vehicle is; None before it was heard.
-        ignored: pieces of data that came from elsewhere and were dropped.
+        peer: the vehicle; None before its first heartbeat.
+        ignored: pieces of data of other peers that were dropped.
     """
 
     def __init__(self, system_id: int) -> None:
@@ -44,13 +44,13 @@ class VehiclePeer(Generic[PeerT]):
         self._stranger_named = False
 
     def admit(self, data: bytes, peer: PeerT, now_s: float) -> bool:
-        """Take note of who sends; tell whether the data are to be read.
+        """Tell whether to read data; recognize the vehicle by its heartbeat.
 
-        Before the vehicle is known everything is read, afterwards only what its peer sends.
+        Before the vehicle is known, data of every peer are admitted.
 
         Args:
-            data: as they arrived, whole frames at their start.
-            peer: who sent them.
+            data: as they arrived, beginning with a whole frame.
+            peer: the sender.
             now_s: the time.
         """
         if _has_heartbeat(data, self._system_id, self._codec):
@@ -69,7 +69,7 @@ class VehiclePeer(Generic[PeerT]):
         return False
 
     def forget(self, peer: PeerT) -> None:
-        """Let the next one be the vehicle: this peer is gone."""
+        """Forget a peer that has disconnected; the next heartbeat identifies the vehicle."""
         if peer == self.peer:
             self.peer, self._heard_s = None, -math.inf
 

@@ -1,1 +1,1 @@
-"""Checks every assumption of the contract in flight, one file each."""
+"""Checks every assumption of the contract in flight; `supervisor` runs all monitors."""

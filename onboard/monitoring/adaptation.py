@@ -1,9 +1,9 @@
-"""Re-solving the contract in flight, when the world turns out worse than it assumes.
+"""Solve the contract again in flight, for an environment or a vehicle worse than it assumes.
 
-The contract is solved again for what has been seen.  If it still complies, the flight goes on as it
-was; else at the highest speed at which it complies; else not at all.  What has been seen only ever
-gets worse and the speed only ever falls, each by a least step, so that the answer cannot chatter:
-after finitely many steps it is final (tests/onboard/monitoring/test_adaptation.py).
+If the contract still complies with what was measured, the flight goes on at the same speed; else at
+the highest speed at which it complies; else it ends in a hover.  The terms only worsen and the
+speed only falls, in steps of a least size, so the response cannot chatter: after finitely many
+steps it is final (tests/onboard/monitoring/test_adaptation.py).
 """
 
 from __future__ import annotations
@@ -16,11 +16,11 @@ from typing import Final
 from onboard.contract.assessment import Assessment, Terms, assess_terms
 from onboard.monitoring.assumptions import Assumption, Violation
 
-# An error that was exceeded once is assumed to be exceeded again, by up to this share.
+# An error that was exceeded once is assumed to reach this multiple of what was measured.
 HEADROOM: Final = 1.25
-# And errors beyond this multiple of what was declared are no errors of tracking any more.
+# Errors beyond this multiple of the declared one indicate a fault, and are not adapted to.
 ERROR_FACTOR_MAX: Final = 2.0
-# Slower than this is not worth flying: hover, and let the operator decide.
+# Below this speed the vehicle hovers instead, and the operator decides.
 SPEED_MIN_MPS: Final = 0.3
 SPEED_STEP_MPS: Final = 0.05
 
@@ -30,7 +30,7 @@ class Adaptation:
     """The contract solved again.
 
     Attributes:
-        assessment: for what has been seen, at the speed that complies.
+        assessment: for what was measured, at a speed at which it complies.
         slower: whether that speed is below the one before.
     """
 
@@ -41,8 +41,8 @@ class Adaptation:
 def _with_speed_error(terms: Terms[float], seen_mps: float) -> Terms[float]:
     """Return the terms with a larger speed error.
 
-    A measured run-on covers the speed flown when it was measured, errors included: a larger error
-    leaves less of it for the cruise.
+    A measured run-on covers the speed at which it was measured, errors included: a larger error
+    leaves less of that speed for the cruise.
     """
     error_mps = max(terms.velocity_error_x_mps, seen_mps)
     measured_at_mps = terms.setpoint_loss_run_on_speed_mps
@@ -55,8 +55,8 @@ def _with_speed_error(terms: Terms[float], seen_mps: float) -> Terms[float]:
 
 Worsening = Callable[[Terms[float], float], Terms[float]]
 
-# What each assumption says about the terms, when it is seen broken by a measured value.
-# The measured value has the unit of the contract's key: degrees, not radians.
+# How a measured violation of each assumption changes the terms; the key is the assumption and, for
+# the velocity error, its axis.  The measured value has the unit of the contract's key: degrees.
 WORSENINGS: Final[dict[tuple[Assumption, str], Worsening]] = {
     (Assumption.DETECTION_RANGE, ""): lambda terms, seen: replace(
         terms, detection_range_m=min(terms.detection_range_m, seen)
@@ -95,11 +95,15 @@ WORSENINGS: Final[dict[tuple[Assumption, str], Worsening]] = {
 def adapt(assessment: Assessment, violation: Violation) -> Adaptation | None:
     """Solve the contract again for a violated assumption.
 
+    Args:
+        assessment: the contract in force.
+        violation: what was measured.
+
     Returns:
-        None if no speed complies, or if the assumption is not one that a contract states in
-        numbers (a blind sensor, an unknown position), or not those that were measured: a nose off
-        its command, a rejected magnetometer and turned sightings tell that the heading is wrong,
-        and nothing tells by how much.
+        None if no speed complies, if the measured error indicates a fault, or if the contract has
+        no number for what failed: it has none for a blind sensor or an unknown position, and a nose
+        off its command, a rejected magnetometer or turned sightings show that the heading is wrong
+        but not by how much.
     """
     axis = violation.subject if violation.assumption is Assumption.VELOCITY_ERROR else ""
     worsening = WORSENINGS.get((violation.assumption, axis))
@@ -107,12 +111,13 @@ def adapt(assessment: Assessment, violation: Violation) -> Adaptation | None:
         return None
     before = assessment.terms
     terms = worsening(before, violation.measured)
-    if _beyond_belief(terms, Terms.of(assessment.contract)):
+    if _indicates_fault(terms, Terms.of(assessment.contract)):
         return None
     return at_compliant_speed(replace(assessment, terms=terms), before.cruise_speed_mps)
 
 
-def _beyond_belief(terms: Terms[float], declared: Terms[float]) -> bool:
+def _indicates_fault(terms: Terms[float], declared: Terms[float]) -> bool:
+    """Tell whether an error is too large for the vehicle that the contract describes."""
     errors = (
         (terms.tracking_error_z_m, declared.tracking_error_z_m),
         (terms.wind_max_mps or 0.0, declared.wind_max_mps or 0.0),
@@ -126,8 +131,11 @@ def _beyond_belief(terms: Terms[float], declared: Terms[float]) -> bool:
 def at_compliant_speed(assessment: Assessment, speed_max_mps: float) -> Adaptation | None:
     """Return the assessment at the highest speed that complies, in steps from ``speed_max_mps``.
 
-    Bisection: every requirement but the field of view's grows with speed.  Where that one decides,
-    a speed may be missed, never one returned that does not comply.
+    Bisection: every requirement except that on the field of view grows with speed.  Where that one
+    decides, the search may miss a speed, but never returns one that does not comply.
+
+    Returns:
+        None if no speed down to `SPEED_MIN_MPS` complies.
     """
     if _at(assessment, speed_max_mps).compliant:
         return Adaptation(_at(assessment, speed_max_mps), slower=False)
@@ -149,28 +157,28 @@ def _at(assessment: Assessment, speed_mps: float) -> Assessment:
 
 
 def slowing_distance(before: Assessment, speed_mps: float, adapted: Assessment) -> float:
-    """Bound the way made from a speed until the adapted one is reached, in metres.
+    """Bound the distance flown while slowing down to the adapted speed, in metres.
 
     Braking builds up and ends within the lag T, as if it began T/2 later and ended T/2 earlier;
-    before that it takes up to T/2 to end the half acceleration with which cruises speed up.
+    before that, it takes up to T/2 to end the half acceleration with which cruises speed up.
 
     Args:
         before: the contract until now.
-        speed_mps: greatest speed on the way.
+        speed_mps: greatest speed while slowing down.
         adapted: the contract from now on.
     """
     final_mps = adapted.terms.cruise_speed_mps
-    # What is seen, a wind for instance, may have left less to brake with.
+    # The adaptation, to wind for instance, may leave less to brake with.
     brake_mps2 = min(before.limits.brake_mps2, adapted.limits.brake_mps2)
     change_m = max(0.0, speed_mps**2 - final_mps**2) / (2.0 * brake_mps2)
     return change_m + 1.5 * speed_mps * before.terms.attitude_lag_s
 
 
 def slows_in_time(before: Assessment, speed_mps: float, adapted: Assessment) -> bool:
-    """Tell whether the adapted speed is reached before anything yet unseen could matter.
+    """Tell whether the adapted speed is reached before an unseen obstacle could matter.
 
-    What lies within the range declared before is known, but for the age of the newest frame; the
-    region of an obstacle just beyond it must not begin before the vehicle has slowed down.  The
+    Obstacles within the range declared before are known, except for the age of the newest frame;
+    the region of an obstacle just beyond must not begin before the vehicle has slowed down.  The
     arguments are those of `slowing_distance`.
     """
     terms = before.terms

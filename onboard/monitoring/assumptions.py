@@ -2,9 +2,9 @@
 
 Each `Assumption` names one thing that the guarantee rests on.  A check returns a `Violation` with
 what was seen and what was allowed; `onboard.guidance.navigator` responds to it.  What cannot be
-confirmed counts as failed: no frame is a blind sensor, no telemetry is an unknown position.  The
+confirmed counts as failed: no frame means a blind sensor, no telemetry an unknown position.  The
 checks here need one observation; those that need a history have a module each: `loop_overrun`,
-`detections`, `detection_consistency`, and the rooms `estimator` and `response`.
+`detections`, `detection_consistency`, and those in the rooms `estimator` and `response`.
 """
 
 from __future__ import annotations
@@ -13,11 +13,12 @@ import math
 from dataclasses import dataclass
 from enum import StrEnum, unique
 
+from onboard.contract.arithmetic import SCALAR
 from onboard.contract.derivation import face_error_m
-from onboard.contract.region import SCALAR
 from onboard.contract.terms import Terms
-from onboard.events import Event, Severity
-from onboard.perception.obstacle_map import DetectionFrame, Obstacle
+from onboard.events import Event, EventData, EventName, Severity
+from onboard.perception.detection import DetectionFrame
+from onboard.perception.obstacle_map import Obstacle
 
 
 @unique
@@ -60,7 +61,7 @@ class Violation:
         measured, limit, unit: what was seen and what was allowed.
         subject: what it was seen on, such as an obstacle's id.
         note: what else helps to find the cause, for people.
-        sentence: for people, where numbers alone would not tell; else made of the numbers.
+        sentence: for people, in place of the numbers where they would not tell enough.
     """
 
     assumption: Assumption
@@ -86,7 +87,7 @@ class Violation:
 
     def event(self, now_s: float) -> Event:
         """Return the event that reports it."""
-        data = {
+        data: EventData = {
             "assumption": self.assumption.value,
             # JSON has no infinity; a sensor that was never heard has no age.
             "measured": self.measured if math.isfinite(self.measured) else None,
@@ -94,11 +95,11 @@ class Violation:
             "unit": self.unit,
             "subject": self.subject,
         }
-        return Event(now_s, "violation", Severity.ERROR, str(self), data)
+        return Event(now_s, EventName.VIOLATION, Severity.ERROR, str(self), data)
 
 
 def check_frame(frame: DetectionFrame, terms: Terms[float]) -> list[Violation]:
-    """Hold what a sensor declares in a frame against what the contract assumes of it."""
+    """Check a frame's declared range, field of view and uncertainty against the contract."""
     found: list[Violation] = []
     if frame.range_m < terms.detection_range_m:
         found.append(
@@ -134,7 +135,7 @@ def check_frame(frame: DetectionFrame, terms: Terms[float]) -> list[Violation]:
 def check_obstacle(
     obstacle: Obstacle, conflicting: Obstacle | None, terms: Terms[float]
 ) -> list[Violation]:
-    """Hold one obstacle against the environment that the contract assumes."""
+    """Check one obstacle against the environment that the contract assumes."""
     found: list[Violation] = []
     # What was seen from afar only is known no better than that.
     unknown_m = max(obstacle.position_error_m - face_error_m(terms, SCALAR), 0.0)

@@ -1,12 +1,12 @@
-"""Whether successive sightings of one obstacle can be of one box that stands still.
+"""Check whether successive sightings of one obstacle can be of one box that stands still.
 
 Each face of a box lies within its stated error of where it was measured.  A sensor may see more of
 an obstacle from one place than from another: a box that grows or shrinks says nothing, and one side
-may go out of sight after another came into sight.  But a box of which both faces of an axis went
-the same way by more than the errors of both measurements, and which was never seen as large as
-both together, cannot be the same one.  Behind such a contradiction is an obstacle that moves, a
-heading or a position that is wrong, or a tracker that mixes up its tracks.  Which sighting is true
-is unknown then, so every place where the obstacle was seen stays a place to keep out of.
+may go out of sight after another came into sight.  But if both faces of an axis moved the same way
+by more than the errors of both measurements, and the box was never seen as large as both sightings
+together, it cannot be the same box.  The cause is an obstacle that moves, a wrong heading or
+position, or a tracker that mixes up its tracks.  Which sighting is true is unknown then, so the
+vehicle keeps out of every place where the obstacle was seen.
 """
 
 from __future__ import annotations
@@ -16,7 +16,8 @@ from dataclasses import dataclass, field
 from typing import Final, NamedTuple
 
 from onboard.monitoring.assumptions import Assumption, Violation
-from onboard.perception.obstacle_map import MAX_TRACKS, Corners
+from onboard.perception.detection import Corners
+from onboard.perception.obstacle_map import MAX_TRACKS
 
 # A contradiction that has not been seen for this long is over.
 SETTLED_AFTER_S: Final = 2.0

@@ -1,8 +1,8 @@
-"""What each sensor last saw and when: silence, lateness, and stamps of a wrong clock.
+"""Check each sensor for silence, lateness, and stamps of a wrong clock.
 
-Silence and a wrong clock look alike to what only reads stamps: the newest stamp grows old.  So the
-monitor also keeps when frames arrived: frames that arrive with stamps of another time are a fault
-of a clock, and are named so.
+By stamps alone, silence and a wrong clock look alike: the newest stamp grows old.  So the monitor
+also keeps when frames arrived: frames that arrive with stamps of another time show the fault of a
+clock, and the violation says so.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ class SensorState:
 
 
 class DetectionMonitor:
-    """Checks age and stamps of what each sensor saw; a sensor once heard is relied upon."""
+    """Checks age and stamps of what each sensor saw; the flight relies on each one once heard."""
 
     def __init__(self) -> None:
         self._sensors: dict[str, SensorState] = {}
@@ -59,7 +59,7 @@ class DetectionMonitor:
         return now_s - min(stamps_s, default=-math.inf)
 
     def forget_stamps(self) -> None:
-        """Believe no earlier stamp: the clock that they were read with has been set."""
+        """Discard every earlier stamp: the clock that they were read with has been set."""
         for sensor in self._sensors.values():
             sensor.newest_stamp_s = sensor.stamp_s = -math.inf
 

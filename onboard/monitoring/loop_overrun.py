@@ -1,4 +1,4 @@
-"""Whether the service decides on time."""
+"""Check that the service decides on time."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ TICK_OVERRUN_S: Final = 3.0 * TICK_S
 
 
 class LoopOverrunMonitor:
-    """Whether decisions are made on time; time that stands still or runs backwards is not."""
+    """Checks the time between ticks; time that stands still or runs backwards is a fault too."""
 
     def __init__(self) -> None:
         self._previous_s: float | None = None
 
     def check(self, now_s: float) -> Violation | None:
-        """Take note of a tick."""
+        """Record a tick; return the violation if it is late."""
         previous_s, self._previous_s = self._previous_s, now_s
         if previous_s is None or 0.0 < now_s - previous_s <= TICK_OVERRUN_S:
             return None

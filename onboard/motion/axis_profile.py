@@ -1,6 +1,6 @@
 """Motion along one axis in segments of constant jerk, and the quickest change of its speed.
 
-The building bricks of the closed-form manoeuvres: every function here is a formula, none searches.
+The building blocks of the closed-form manoeuvres.
 """
 
 from __future__ import annotations
@@ -131,7 +131,7 @@ class Profile:
 
 
 class AxisLimits(NamedTuple):
-    """What one axis may be asked for; a jerk limit of ``math.inf`` lets acceleration jump."""
+    """Limits on one axis; a jerk limit of ``math.inf`` lets acceleration jump."""
 
     acceleration_min_mps2: float
     acceleration_max_mps2: float
@@ -151,14 +151,14 @@ class AxisLimits(NamedTuple):
         )
 
     def mirrored(self) -> AxisLimits:
-        """Return the limits seen from the other side."""
+        """Return the limits for the axis with its sign reversed."""
         return AxisLimits(
             -self.acceleration_max_mps2, -self.acceleration_min_mps2, self.jerk_max_mps3
         )
 
 
 def coasting_speed(state: AxisState, jerk_max_mps3: float) -> float:
-    """Velocity [m/s] reached when the acceleration is taken off as fast as the jerk allows."""
+    """Return the velocity [m/s] after the acceleration was ended as fast as the jerk allows."""
     acceleration_mps2 = state.acceleration_mps2
     return state.velocity_mps + acceleration_mps2 * abs(acceleration_mps2) / (2.0 * jerk_max_mps3)
 
@@ -184,7 +184,7 @@ def largest(excess: Callable[[float], float], low: float, high: float) -> float 
         if not low < middle < high:
             middle = 0.5 * (low + high)
         value = excess(middle)
-        # An end that stays twice running counts half, or the other would creep.
+        # An end that stays twice in succession counts half; else the other would converge slowly.
         if value <= 0.0:
             low, excess_low, weight_low, weight_high = middle, value, value, weight_high / 2.0
         else:

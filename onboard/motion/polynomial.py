@@ -2,8 +2,7 @@
 
 Coefficients run from the constant upwards: ``c[0] + c[1] t + c[2] t² + c[3] t³``.  A polynomial is
 cut at the roots of its derivative into monotone pieces, and a sign change is bisected: slower
-than a formula, but exact to round-off for degenerate coefficients too, which closed formulas
-are not.
+than a closed formula, but exact to round-off for degenerate coefficients too.
 """
 
 from __future__ import annotations
@@ -48,7 +47,7 @@ def roots(coefficients: Sequence[float], end: float) -> list[float]:
 
 
 def _keeps_its_sign(coefficients: Sequence[float], end: float) -> bool:
-    """Tell, if that is seen at once: the curve lies within the range of its Bernstein points."""
+    """Tell whether all Bernstein points have one sign: the curve lies within their range."""
     c0, c1, c2, c3 = coefficients
     first, second, third = c1 * end / 3.0, c2 * end * end / 3.0, c3 * end * end * end
     points = (c0, c0 + first, c0 + 2.0 * first + second, c0 + 3.0 * (first + second) + third)

@@ -1,7 +1,7 @@
-"""What the vehicle is to fly: constant jerk in pieces, on three axes with common knots.
+"""Trajectories: pieces of constant jerk, on three axes with common knots.
 
-Everything is in the leg frame (x along the leg, y right, z down).  A trajectory knows nothing of
-obstacles or limits; it answers questions about itself exactly, by roots, never by sampling.
+Everything is in the leg frame (x along the leg, y right, z down).  A trajectory does not depend on
+obstacles or limits.  Its ranges and times are exact: found by roots, never by sampling.
 """
 
 from __future__ import annotations
@@ -33,19 +33,19 @@ class State(NamedTuple):
     acceleration_leg_mps2: Vector = (0.0, 0.0, 0.0)
 
     def axis(self, axis: int) -> AxisState:
-        """Return what happens on one axis."""
+        """Return the state on one axis."""
         return AxisState(
             self.position_leg_m[axis], self.velocity_leg_mps[axis], self.acceleration_leg_mps2[axis]
         )
 
 
 class CannotCoastError(ValueError):
-    """A trajectory does not end in a coast that reaches where it should."""
+    """A trajectory does not end in a coast that reaches the position asked for."""
 
 
 @dataclass(frozen=True, eq=False)
 class Trajectory:
-    """Pieces of constant jerk; before the first it waits at its start, after the last it coasts.
+    """Pieces of constant jerk; before the first it stays at its start, after the last it coasts.
 
     Attributes:
         start_s: absolute time of the first knot.
@@ -53,8 +53,11 @@ class Trajectory:
         position_leg_m, velocity_leg_mps, acceleration_leg_mps2: (n, 3), at the start of each piece.
         jerk_leg_mps3: (n, 3), constant over each piece.
 
-    The arrays are stated, not integrated: that the pieces join is for the certifier to check, and
-    holds for everything built by `from_profiles`, `from_time` and `followed_by`.
+    The arrays are taken as given: whether the pieces join is for the certifier to check.
+
+    Raises:
+        ValueError: no pieces, arrays of different lengths, a duration that is not above zero, or a
+            value that is not finite.
     """
 
     start_s: float
@@ -67,12 +70,14 @@ class Trajectory:
     def __post_init__(self) -> None:
         count = len(self.durations_s)
         if count == 0 or not (self.durations_s > 0.0).all():
-            raise ValueError("a trajectory needs pieces, each with a duration above zero")
+            raise ValueError(
+                f"durations_s = {self.durations_s}: expected at least one, all above zero"
+            )
         for array in self.motion:
             if array.shape != (count, 3):
-                raise ValueError(f"{count} durations, but an array of shape {array.shape}")
+                raise ValueError(f"array of shape {array.shape}: expected ({count}, 3)")
         if not (np.isfinite(self.durations_s).all() and np.isfinite(np.hstack(self.motion)).all()):
-            raise ValueError("a trajectory must be finite")
+            raise ValueError("durations and motion of a trajectory must be finite")
 
     @property
     def motion(self) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
@@ -89,7 +94,7 @@ class Trajectory:
         """Merge three single-axis profiles that start together; the shorter ones coast.
 
         Raises:
-            ValueError: none of the profiles lasts longer than no time.
+            ValueError: all profiles are empty, so that the trajectory has no duration.
         """
         profiles = (x, y, z)
         knots_s = np.unique([knot[0] for profile in profiles for knot in profile.knots])
@@ -121,7 +126,7 @@ class Trajectory:
 
         Raises:
             CannotCoastError: that x lies behind, or the vehicle does not fly towards it.
-            ValueError: the arrays make no trajectory.
+            ValueError: the arrays do not form a trajectory.
         """
         t = durations_s[:, None]
         begin, end = acceleration_leg_mps2[:-1], acceleration_leg_mps2[1:]
@@ -133,7 +138,10 @@ class Trajectory:
             return cls(start_s, durations_s, position[:-1], velocity[:-1], begin, jerk)
         left_m, speed_mps = coast_to_x_m - position[-1, X], velocity[-1, X]
         if not (left_m > 0.0 and speed_mps > 0.0):
-            raise CannotCoastError(f"{left_m:.3g} m are left, at {speed_mps:.3g} m/s")
+            raise CannotCoastError(
+                f"cannot coast over the last {left_m:.3g} m at {speed_mps:.3g} m/s: "
+                "both must be above zero"
+            )
         still = np.zeros((1, 3))
         return cls(
             start_s,
@@ -242,7 +250,7 @@ class Trajectory:
         time_s = max(time_s, self.start_s)
         piece = bisect_right(self.knots_s, time_s) - 1
         if piece >= len(self.durations_s):
-            raise ValueError(f"the trajectory ended at {self.end_s} s, before {time_s} s")
+            raise ValueError(f"time {time_s} s: the trajectory ends at {self.end_s} s")
         state = self.sample(time_s)
         durations_s = self.durations_s[piece:].copy()
         durations_s[0] = self.knots_s[piece + 1] - time_s
@@ -259,16 +267,12 @@ class Trajectory:
         )
 
     def followed_by(self, other: Trajectory) -> Trajectory:
-        """Return this trajectory and then ``other``, whose own start time is disregarded."""
+        """Return this trajectory followed by ``other``, whose own start time does not matter."""
         joined = (np.concatenate(pair) for pair in zip(self._arrays, other._arrays, strict=True))
         return Trajectory(self.start_s, *joined)
 
-    def starting_at(self, start_s: float) -> Trajectory:
-        """Return the same motion at another time."""
-        return Trajectory(start_s, *self._arrays)
-
     def shifted_by(self, shift_leg_m: Vector) -> Trajectory:
-        """Return the same motion elsewhere: every position moved by one vector, leg frame."""
+        """Return the same motion with every position moved by one vector, leg frame."""
         durations_s, position_leg_m, *rest = self._arrays
         moved_leg_m = position_leg_m + np.array(shift_leg_m)
         return Trajectory(self.start_s, durations_s, moved_leg_m, *rest)
@@ -297,7 +301,7 @@ class Trajectory:
 
 
 def _advanced(piece: tuple[Vector, Vector, Vector, Vector], t: float) -> State:
-    """State after a time in a piece.  Spelt out: this runs several times in every tick."""
+    """State after a time in a piece.  Written out: this runs several times in every tick."""
     (px, py, pz), (vx, vy, vz), (ax, ay, az), (jx, jy, jz) = piece
     return State(
         (

@@ -1,1 +1,1 @@
-"""From detections to remembered obstacles."""
+"""From detection messages to remembered obstacles; judges nothing."""

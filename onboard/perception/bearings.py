@@ -1,4 +1,4 @@
-"""Bearings of tracks that are seen again from the body: a wrong heading turns them all alike."""
+"""Bearings of tracks seen again from the body; a wrong heading turns all of them alike."""
 
 from __future__ import annotations
 
@@ -7,12 +7,13 @@ from collections.abc import Mapping
 from typing import Final, NamedTuple
 
 from onboard.geometry.frames import heading_displacement_m, wrap_angle
-from onboard.perception.obstacle_map import MAX_TRACKS, Corners
+from onboard.perception.detection import Corners
+from onboard.perception.obstacle_map import MAX_TRACKS
 from onboard.vehicle_state import Pose
 
 Point = tuple[float, float]
 
-# A wrong heading turns every track: these many of a frame tell, however crowded it is.
+# A wrong heading turns every track: this many of a frame suffice, however crowded it is.
 TRACKS_PER_FRAME: Final = 16
 # A track is known by the mean of this many sightings.
 KNOWN_AFTER: Final = 5
@@ -42,13 +43,13 @@ class _Known(NamedTuple):
 
 
 class BearingMemory:
-    """Remembers where tracks were first seen, and compares what is seen of them later."""
+    """Remembers where tracks were first seen, and compares later sightings with that."""
 
     def __init__(self) -> None:
         self._tracks: dict[str, _Known] = {}
 
     def forget(self) -> None:
-        """Begin anew, where the estimator has moved what was placed."""
+        """Start again: the estimator has moved what was placed."""
         self._tracks.clear()
 
     def residuals(

@@ -1,4 +1,4 @@
-"""Which boxes of a frame the sensor saw in full view, so that they say where an obstacle is.
+"""Which boxes of a frame the sensor saw in full view, so that they locate an obstacle.
 
 A box at the edge of the view, at the end of the range or behind another is seen in part, and the
 part that is seen moves with the vehicle; successive sightings of it need not agree.
@@ -13,12 +13,12 @@ from typing import Final
 import numpy as np
 
 from onboard.geometry.frames import FloatArray
-from onboard.perception.obstacle_map import Corners
+from onboard.perception.detection import Corners
 from onboard.vehicle_state import Pose
 
 # The edge of a view, and of what another box hides, is known no better than this.
 EDGE_RAD: Final = math.radians(2.0)
-# A frame of more boxes is not looked through for what hides what, and none counts as seen in full.
+# In a frame of more boxes, occlusion is not computed, and none counts as seen in full.
 BOXES_MAX: Final = 256
 
 

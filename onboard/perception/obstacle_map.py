@@ -1,9 +1,12 @@
-"""Detection frames -> remembered obstacles -> Regions of Influence -> the obstacle of interest.
+"""Placed boxes -> remembered obstacles -> Regions of Influence -> the obstacle of interest.
 
-Obstacles are static, so what has been seen is remembered: a frame that no longer mentions an
-obstacle does not remove it.  A box only ever grows, to enclose every measurement of its obstacle,
-but for those from afar, which a wrong heading displaces by more than the contract allows for: one
-in full view from nearer replaces them.  Measurements that contradict each other are kept apart.
+Obstacles are static, so the map remembers them: a frame that no longer mentions an obstacle does
+not remove it.  A box only ever grows, to enclose every measurement of its obstacle, except that
+one in full view from nearby replaces those from afar, which a wrong heading displaces by more than
+the contract allows for.  Measurements that contradict each other are kept apart.
+
+The map also carries how high obstacles reach, as the union of what was measured.  Nothing uses it
+yet: planner and certifier treat every obstacle as a pillar of any height, which is the safe side.
 """
 
 from __future__ import annotations
@@ -12,87 +15,17 @@ import bisect
 import functools
 import math
 from collections import defaultdict
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
-from typing import Annotated, Final, Literal
-
-from pydantic import BaseModel, ConfigDict, Field
+from typing import Final
 
 from onboard.contract.region import RegionOfInfluence
-from onboard.files.json_payload import parse
 from onboard.geometry.box import Box
 from onboard.geometry.frames import LegFrame
-from onboard.vehicle_state import Pose
+from onboard.perception.detection import Corners, DownRange, shifted_corners
 
-# Bounds of what a frame may claim: beyond them a frame is garbage, not an observation.
-MAX_OBSTACLES_PER_FRAME: Final = 10_000
+# A map that holds more is fed with garbage.
 MAX_TRACKS: Final = 100_000
-MAX_COORDINATE_M: Final = 1e6
-
-Coordinate = Annotated[float, Field(ge=-MAX_COORDINATE_M, le=MAX_COORDINATE_M)]
-Extent = Annotated[float, Field(ge=0.0, le=1e4)]
-
-# North and east of each [m].
-Corners = Sequence[tuple[float, float]]
-
-
-class _Message(BaseModel):
-    # Other fields than ours are tolerated on the wire: a newer sensor may say more.
-    model_config = ConfigDict(frozen=True, allow_inf_nan=False, extra="ignore")
-
-
-class Detection(_Message):
-    """One obstacle of a frame: a box, its extents along its own axes, its yaw in the frame."""
-
-    id: Annotated[str, Field(min_length=1, max_length=64)]
-    center_m: tuple[Coordinate, Coordinate]
-    size_m: tuple[Extent, Extent]
-    yaw_deg: float
-    uncertainty_m: Annotated[float, Field(ge=0.0, le=100.0)]
-
-
-class DetectionFrame(_Message):
-    """What a sensor saw at one instant; no obstacles means "looked, nothing there"."""
-
-    version: Literal[1]
-    source: Annotated[str, Field(min_length=1, max_length=64)]
-    sequence: Annotated[int, Field(ge=0)]
-    stamp_unix_s: float
-    frame: Literal["local_ned", "body_frd"]
-    range_m: Annotated[float, Field(gt=0.0)]
-    field_of_view_deg: Annotated[float, Field(gt=0.0, le=360.0)]
-    obstacles: Annotated[tuple[Detection, ...], Field(max_length=MAX_OBSTACLES_PER_FRAME)]
-
-
-def parse_frame(payload: bytes) -> DetectionFrame:
-    """Read one detection frame (design: Messages).
-
-    Raises:
-        MalformedPayloadError: the payload is not one.
-    """
-    return parse(payload, DetectionFrame)
-
-
-def corners_ned(detection: Detection, pose: Pose | None) -> Corners:
-    """Corners of a detected box.
-
-    Args:
-        detection: the box.
-        pose: where the body was, for a box in FRD; None for one in local NED.  A sensor levels
-            what it reports (pillars have no tilt), so that only the heading turns it.
-    """
-    center_m, yaw_rad = (*detection.center_m, 0.0), math.radians(detection.yaw_deg)
-    if pose is not None:
-        center_m = LegFrame(pose.position_ned_m, pose.yaw_rad).position_ned(center_m)
-        yaw_rad += pose.yaw_rad
-    box, (x_m, y_m) = LegFrame(center_m, yaw_rad), (side_m / 2.0 for side_m in detection.size_m)
-    corners = ((-x_m, -y_m, 0.0), (x_m, -y_m, 0.0), (x_m, y_m, 0.0), (-x_m, y_m, 0.0))
-    return [box.position_ned(corner)[:2] for corner in corners]
-
-
-def shifted_corners(corners_ned_m: Corners, shift_ned_m: tuple[float, float]) -> Corners:
-    """Corners moved north and east."""
-    return [(north + shift_ned_m[0], east + shift_ned_m[1]) for north, east in corners_ned_m]
 
 
 @dataclass(frozen=True)
@@ -105,6 +38,7 @@ class Obstacle:
         measured: the box that encloses every measurement of every member.
         position_error_m: the largest uncertainty reported for a face.
         region: its Region of Influence.
+        down_m: top and bottom in local NED over all measurements; None for any height.
     """
 
     id: str
@@ -112,6 +46,7 @@ class Obstacle:
     measured: Box
     position_error_m: float
     region: RegionOfInfluence
+    down_m: DownRange | None = None
 
     def shifted_by(self, x_m: float, y_m: float) -> Obstacle:
         """Return the same obstacle elsewhere in the leg frame."""
@@ -140,13 +75,15 @@ class Obstacle:
 class _Track:
     """One detected obstacle: what encloses its measurements, in NED for other legs too.
 
-    Tracks of one ``apart_from`` are places of an obstacle that contradict each other.
+    Tracks of one ``apart_from`` are places of an obstacle that contradict each other; ``down_m`` is
+    None once a measurement did not say how high the obstacle reaches.
     """
 
     corners_ned_m: Corners
     measured: Box
     position_error_m: float
-    apart_from: str | None = None
+    apart_from: str | None
+    down_m: DownRange | None
 
     def explains(self, measured: Box, position_error_m: float) -> bool:
         """Tell whether a worse measurement says nothing beyond the errors of both."""
@@ -161,8 +98,8 @@ class ObstacleMap:
     """Obstacles seen so far, ordered along the current leg.
 
     Obstacles whose regions intersect are merged into one as long as it is no larger than a single
-    obstacle may be, until no two regions intersect or nothing more fits; what then still conflicts
-    is for the monitors.
+    obstacle may be, until no two regions intersect or nothing more fits; the monitors report what
+    still conflicts then.
 
     Args:
         leg: the leg frame.
@@ -186,7 +123,7 @@ class ObstacleMap:
         # (front of the region, id), sorted; with the longest region it bounds every search.
         self._order: list[tuple[float, str]] = []
         self._longest_region_m = 0.0
-        # The same for each strip of a metre across the leg: who stands in the way there.
+        # The same for each strip of a metre across the leg, of the obstacles that conflict with it.
         self._strips: defaultdict[int, list[tuple[float, str]]] = defaultdict(list)
 
     def __len__(self) -> int:
@@ -203,7 +140,7 @@ class ObstacleMap:
     def rebuild(
         self, leg: LegFrame, region_around: RegionFactory, merged_size_max_m: float
     ) -> None:
-        """Express everything remembered anew: on another leg, or under other terms."""
+        """Express everything remembered on another leg, or under other terms."""
         tracks = self._tracks
         self._leg, self._region_around = leg, region_around
         self._merged_size_max_m = merged_size_max_m
@@ -216,13 +153,17 @@ class ObstacleMap:
                 track.corners_ned_m,
                 track.position_error_m,
                 apart_from=track.apart_from,
+                down_m=track.down_m,
             )
 
-    def shift(self, north_m: float, east_m: float) -> None:
-        """State everything remembered in the local frame of now, which a reset has moved."""
+    def shift(self, north_m: float, east_m: float, down_m: float) -> None:
+        """Move everything remembered into the present local frame, which a reset has moved."""
         for track_id, track in self._tracks.items():
             corners_ned_m = shifted_corners(track.corners_ned_m, (north_m, east_m))
-            self._tracks[track_id] = replace(track, corners_ned_m=corners_ned_m)
+            heights_m = track.down_m
+            if heights_m is not None:
+                heights_m = (heights_m[0] + down_m, heights_m[1] + down_m)
+            self._tracks[track_id] = replace(track, corners_ned_m=corners_ned_m, down_m=heights_m)
         self._shifted_ned_m = (self._shifted_ned_m[0] + north_m, self._shifted_ned_m[1] + east_m)
         self.rebuild(self._leg, self._region_around, self._merged_size_max_m)
 
@@ -237,7 +178,7 @@ class ObstacleMap:
         return shifted_corners(corners_ned_m, (-north_m, -east_m))
 
     def rejoin(self) -> None:
-        """Let places that contradict each other be one obstacle again: they may be merged."""
+        """Allow places that contradict each other to merge into one obstacle again."""
         if any(track.apart_from is not None for track in self._tracks.values()):
             self._tracks = {
                 track_id: replace(track, apart_from=None)
@@ -254,6 +195,7 @@ class ObstacleMap:
         apart_from: str | None = None,
         error_max_m: float = math.inf,
         in_full: bool = False,
+        down_m: DownRange | None = None,
     ) -> bool:
         """Remember a measurement; tell whether it changed what is known.
 
@@ -264,27 +206,22 @@ class ObstacleMap:
             apart_from: track that the measurement contradicts; the two are never merged, nor with
                 other places that contradict the same one.
             error_max_m: of a face by the contract; worse counts until it is seen in full within.
-            in_full: whether the whole obstacle was seen.
+            in_full: whether the sensor saw the whole obstacle.
+            down_m: top and bottom in local NED; None for any height.
 
         Raises:
             OverflowError: more obstacles than any sensor could have seen.
         """
-        known = self._tracks.get(track_id)
         measured = self._leg_box(corners_ned_m)
+        track = _Track(corners_ned_m, measured, position_error_m, apart_from, down_m)
+        known = self._tracks.get(track_id)
         if known is not None:
-            if position_error_m > error_max_m and known.explains(measured, position_error_m):
+            track = self._updated(known, track, error_max_m=error_max_m, in_full=in_full)
+            if track == known:
                 return False
-            if not (in_full and position_error_m <= error_max_m < known.position_error_m):
-                measured = known.measured.enclosing(measured)
-                position_error_m = max(known.position_error_m, position_error_m)
-            if measured == known.measured and position_error_m == known.position_error_m:
-                return False
-            # Sound for any later leg: what encloses every measurement in this one encloses them.
-            corners_ned_m = self._corners_of(measured)
-            apart_from = known.apart_from or apart_from
         elif len(self._tracks) >= MAX_TRACKS:
-            raise OverflowError(f"more than {MAX_TRACKS} obstacles remembered")
-        self._tracks[track_id] = _Track(corners_ned_m, measured, position_error_m, apart_from)
+            raise OverflowError(f"{len(self._tracks)} obstacles remembered, limit {MAX_TRACKS}")
+        self._tracks[track_id] = track
         self.revision += 1
         obstacle_id = self._obstacle_of_track.get(track_id)
         alone = (track_id,)
@@ -292,6 +229,28 @@ class ObstacleMap:
         for member in members:
             self._place(self._obstacle((member,)))
         return True
+
+    def _updated(self, known: _Track, new: _Track, *, error_max_m: float, in_full: bool) -> _Track:
+        """Return what is known of a track after one more measurement of it."""
+        down_m = _down_union((known.down_m, new.down_m))
+        if down_m != known.down_m:
+            known = replace(known, down_m=down_m)
+        measured, error_m = new.measured, new.position_error_m
+        if error_m > error_max_m and known.explains(measured, error_m):
+            return known
+        if not (in_full and error_m <= error_max_m < known.position_error_m):
+            measured = known.measured.enclosing(measured)
+            error_m = max(known.position_error_m, error_m)
+        if measured == known.measured and error_m == known.position_error_m:
+            return known
+        return _Track(
+            # Sound for any later leg: what encloses every measurement in this one encloses them.
+            self._corners_of(measured),
+            measured,
+            error_m,
+            known.apart_from or new.apart_from,
+            down_m,
+        )
 
     def between(self, x_min_m: float, x_max_m: float) -> Iterator[Obstacle]:
         """Obstacles whose regions reach into [x_min_m, x_max_m], in the order of their fronts."""
@@ -321,7 +280,7 @@ class ObstacleMap:
         ahead = (
             obstacle
             for obstacle in self._reaching(in_the_way, x_m, x_m + horizon_m)
-            if obstacle.region.lies_ahead(x_m, y_m)
+            if obstacle.region.on_collision_course(x_m, y_m)
         )
         return min(ahead, key=lambda obstacle: obstacle.region.keep_out.x_min_m, default=None)
 
@@ -371,7 +330,8 @@ class ObstacleMap:
         measured = functools.reduce(Box.enclosing, (track.measured for track in tracks))
         error_m = max(track.position_error_m for track in tracks)
         region = self._region_around(measured, error_m)
-        return Obstacle("+".join(members), members, measured, error_m, region)
+        down_m = _down_union(track.down_m for track in tracks)
+        return Obstacle("+".join(members), members, measured, error_m, region, down_m)
 
     def _forget(self, obstacle: Obstacle) -> tuple[str, ...]:
         """Take an obstacle out of the map; return its members."""
@@ -386,7 +346,7 @@ class ObstacleMap:
     def _orders_of(self, obstacle: Obstacle) -> Iterator[list[tuple[float, str]]]:
         """Every sorted list that an obstacle stands in."""
         yield self._order
-        left_m, right_m = obstacle.region.way_m
+        left_m, right_m = obstacle.region.conflict_band_y_m
         for strip in range(math.floor(left_m), math.floor(right_m) + 1):
             yield self._strips[strip]
 
@@ -399,3 +359,13 @@ class ObstacleMap:
         x_m = (box.x_min_m, box.x_max_m, box.x_max_m, box.x_min_m)
         y_m = (box.y_min_m, box.y_min_m, box.y_max_m, box.y_max_m)
         return [self._leg.position_ned((x, y, 0.0))[:2] for x, y in zip(x_m, y_m, strict=True)]
+
+
+def _down_union(ranges_m: Iterable[DownRange | None]) -> DownRange | None:
+    """Return the least range around some; None, any height, if one of them is unknown."""
+    known_m = []
+    for range_m in ranges_m:
+        if range_m is None:
+            return None
+        known_m.append(range_m)
+    return min(top_m for top_m, _ in known_m), max(bottom_m for _, bottom_m in known_m)

@@ -10,7 +10,11 @@ from onboard.vehicle_state import Pose
 
 
 class PoseHistory:
-    """The last second of poses, to place what was seen from the body."""
+    """The last few poses, to place what was seen from the body.
+
+    Args:
+        span_s: how far back it remembers.
+    """
 
     def __init__(self, span_s: float = 2.0) -> None:
         self._span_s = span_s
@@ -23,7 +27,7 @@ class PoseHistory:
             self._poses.popleft()
 
     def shift(self, shift_ned_m: tuple[float, float, float]) -> None:
-        """State every pose in the local frame of now, after the estimator moved it by a vector."""
+        """Move every pose into the present local frame, which a reset has moved by a vector."""
         for index, pose in enumerate(self._poses):
             moved = zip(pose.position_ned_m, shift_ned_m, strict=True)
             north_m, east_m, down_m = (before_m + shift_m for before_m, shift_m in moved)

@@ -1,8 +1,9 @@
-"""The only door to the setpoint stream: is this trajectory safe, whoever made it?
+"""Certifies a trajectory before it may be flown, independently of the planner.
 
 Shares nothing with the planner but the trajectory itself, and is exact in continuous time:
 piecewise-linear acceleration is extreme at the nodes, velocity and position at the roots of their
-derivatives, and a piece enters a box only between roots of its cubics.  Nothing is sampled.
+derivatives, and a piece enters a keep-out only between roots of the cubics of its motion relative
+to the faces.  Nothing is sampled.
 
 A failure is a sentence that names the clause, the amount, its unit and the time.
 """
@@ -23,8 +24,9 @@ from onboard.motion.trajectory import X, Y, Z
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
-    from onboard.geometry.box import Box
+    from onboard.geometry.box import Coefficients
     from onboard.geometry.frames import FloatArray
+    from onboard.geometry.keep_out import KeepOut
     from onboard.motion.trajectory import State, Trajectory
     from onboard.planning.problem import AvoidanceProblem, Envelope
 
@@ -59,6 +61,8 @@ def certify_avoidance(trajectory: Trajectory, problem: AvoidanceProblem) -> Cert
     _check_flyable(findings, problem.envelope)
     _check_region(findings, problem)
     _check_clear_of(findings, "keep-out box", problem.region.keep_out)
+    for number, keep_out in enumerate(problem.further_keep_outs):
+        _check_clear_of(findings, f"further keep-out {number}", keep_out)
     _check_exit(findings, problem)
     if problem.coast_time_s > 0.0:
         _check_coast(findings, problem)
@@ -70,17 +74,18 @@ def certify_clear(
     start: State,
     start_s: float,
     envelope: Envelope,
-    keep_out: Iterable[Box] = (),
+    keep_out: Iterable[KeepOut] = (),
 ) -> Certificate:
     """Check a cruise or braking trajectory: it continues ``start``, can be flown, and hits nothing.
 
-    The final coast is not part of the certificate; a braking trajectory ends at rest.
+    The certificate ends with the last piece: the coast after it is not covered.  A braking
+    trajectory ends at rest, where only what moves can still come.
     """
     findings = _Findings(trajectory)
     _check_start(findings, start, start_s, envelope)
     _check_flyable(findings, envelope)
-    for number, box in enumerate(keep_out):
-        _check_clear_of(findings, f"keep-out box {number}", box)
+    for number, each in enumerate(keep_out):
+        _check_clear_of(findings, f"keep-out box {number}", each)
     return findings.certificate()
 
 
@@ -306,15 +311,17 @@ def _coast_reach(
     return reach_m, reach_s
 
 
-def _check_clear_of(findings: _Findings, name: str, box: Box) -> None:
-    """The path does not enter a box; touching it is not entering."""
+def _check_clear_of(findings: _Findings, name: str, keep_out: KeepOut) -> None:
+    """The path does not enter a keep-out; touching it is not entering."""
     trajectory = findings.trajectory
-    inner_low_m = (box.x_min_m + POSITION_TOLERANCE_M, box.y_min_m + POSITION_TOLERANCE_M)
-    inner_high_m = (box.x_max_m - POSITION_TOLERANCE_M, box.y_max_m - POSITION_TOLERANCE_M)
+    # Where the keep-out may be at any time of the trajectory; exact if it does not move.
+    swept = keep_out.swept(trajectory.start_s, trajectory.end_s)
+    low_m = (swept.x_min_m + POSITION_TOLERANCE_M, swept.y_min_m + POSITION_TOLERANCE_M)
+    high_m = (swept.x_max_m - POSITION_TOLERANCE_M, swept.y_max_m - POSITION_TOLERANCE_M)
     points_m = trajectory.control_points_m[:, :, :2]
-    near = (points_m.min(axis=1) < inner_high_m) & (points_m.max(axis=1) > inner_low_m)
+    near = (points_m.min(axis=1) < high_m) & (points_m.max(axis=1) > low_m)
     for piece in np.flatnonzero(near.all(axis=1)).tolist():
-        entry = _entry_of_piece(trajectory, piece, inner_low_m, inner_high_m)
+        entry = _entry_of_piece(trajectory, piece, keep_out)
         if entry is not None:
             elapsed_s, depth_m = entry
             time_s = trajectory.knots_s[piece] + elapsed_s
@@ -325,28 +332,42 @@ def _check_clear_of(findings: _Findings, name: str, box: Box) -> None:
 
 
 def _entry_of_piece(
-    trajectory: Trajectory,
-    piece: int,
-    low_m: tuple[float, float],
-    high_m: tuple[float, float],
+    trajectory: Trajectory, piece: int, keep_out: KeepOut
 ) -> tuple[float, float] | None:
-    """When and how deep one piece is inside a box first: midway between two crossings of faces."""
+    """When and how deep one piece is inside first: midway between two crossings of faces.
+
+    Faces are polynomials of degree three or less, as positions are, so that a crossing is a root
+    of their difference.
+    """
     duration_s = float(trajectory.durations_s[piece])
     cubics = [trajectory.position_coefficients(piece, axis) for axis in (X, Y)]
+    faces = keep_out.faces_from(trajectory.knots_s[piece])
+    # Of each axis: the face that the inside is above, and the one that it is below.
+    sides = (
+        (X, 1.0, _moved(faces.x_min, POSITION_TOLERANCE_M)),
+        (X, -1.0, _moved(faces.x_max, -POSITION_TOLERANCE_M)),
+        (Y, 1.0, _moved(faces.y_min, POSITION_TOLERANCE_M)),
+        (Y, -1.0, _moved(faces.y_max, -POSITION_TOLERANCE_M)),
+    )
     crossings_s = {0.0, duration_s}
-    for axis, (c0, *rest) in enumerate(cubics):
-        for face_m in (low_m[axis], high_m[axis]):
-            crossings_s.update(polynomial.roots((c0 - face_m, *rest), duration_s))
-    ordered_s = sorted(crossings_s)
-    for before_s, after_s in itertools.pairwise(ordered_s):
+    for axis, _, face in sides:
+        relative = [c - f for c, f in itertools.zip_longest(cubics[axis], face, fillvalue=0.0)]
+        crossings_s.update(polynomial.roots(relative, duration_s))
+    for before_s, after_s in itertools.pairwise(sorted(crossings_s)):
         middle_s = (before_s + after_s) / 2.0
         position_m = [polynomial.evaluate(coefficients, middle_s) for coefficients in cubics]
         depth_m = min(
-            min(position_m[axis] - low_m[axis], high_m[axis] - position_m[axis]) for axis in (X, Y)
+            inwards * (position_m[axis] - polynomial.evaluate(face, middle_s))
+            for axis, inwards, face in sides
         )
         if depth_m > 0.0:
             return middle_s, depth_m
     return None
+
+
+def _moved(face: Coefficients, by_m: float) -> Coefficients:
+    constant_m, *rates = face
+    return (constant_m + by_m, *rates)
 
 
 def _largest(difference: FloatArray) -> float:

@@ -1,7 +1,7 @@
 """Trajectories from formulas: the vertex manoeuvre (Theorem 1), braking, cruising, arriving.
 
-They need no solver and exist wherever the contract holds; what they cost in comfort is why the
-planner tries the QP first.
+They need no solver and exist wherever the contract holds; they cost more than the plans of the QP,
+which the planner therefore tries first.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ _SLOWER = (1.0, 0.75, 0.5, 0.25, 0.0)
 _DRIFT_RISE_S = 1.0
 _DRIFT_RAMP_S = 0.25
 
-# A hover lasts for ever; its trajectory needs some duration.
+# Duration of the piece that stands for a hover.
 _HOVER_S = 1.0
 
 
@@ -167,10 +167,10 @@ def _from_segments(
 
 
 def _drift_limits(across: AxisLimits, speed_mps: float) -> AxisLimits:
-    """Limits with which a drift is begun and ended where nothing urges.
+    """Limits with which a drift is begun and ended where time is of no importance.
 
-    So small a speed at full acceleration is there before the attitude is: the vehicle overshoots
-    it, by more than the contract allows (config/scenarios/recentring.yaml).
+    With full acceleration so small a speed is reached before the attitude is: the vehicle
+    overshoots it, by more than the contract allows (config/scenarios/recentring.yaml).
     """
     half, gentle_mps2 = across.scaled(0.5), speed_mps / _DRIFT_RISE_S
     return AxisLimits(
@@ -242,7 +242,7 @@ class _LateralFamily:
         return [greatest_mps - span_mps * i / _LATERAL_SPEEDS for i in range(_LATERAL_SPEEDS)]
 
     def clear_from_s(self, lateral: Profile) -> float:
-        """Time from which a profile that ends beyond the face is there for good."""
+        """Time from which a profile that ends beyond the face stays beyond it."""
         crossing_s = lateral.last_time_at_s(self.sidestep.face_m)
         if crossing_s is not None:
             return crossing_s

@@ -34,7 +34,7 @@ class Plan:
 
 @dataclass(frozen=True)
 class NoPlan:
-    """Nothing certifies.
+    """No plan certifies.
 
     Attributes:
         reasons: why, one sentence for each attempt.
@@ -44,5 +44,5 @@ class NoPlan:
 
 
 def reason(attempt: str, certificate: Certificate) -> str:
-    """Say why an attempt at a plan does not count."""
+    """Say why an attempt at a plan was rejected."""
     return f"{attempt}: {', '.join(certificate.failures)}"

@@ -1,7 +1,7 @@
 """Plans the avoidance of one obstacle: Eq. 17 as QPs, else the closed form, else braking.
 
-Whatever comes out has passed the certifier.  Deterministic: the same problem gives the same plan,
-bit for bit, whatever was planned before.
+Every plan that it returns has passed the certifier.  Deterministic: the same problem gives the same
+plan, bit for bit, whatever was planned before.
 """
 
 from __future__ import annotations
@@ -20,6 +20,7 @@ from onboard.planning.qp.search import QpPlanner
 if TYPE_CHECKING:
     from onboard.motion.trajectory import Trajectory
     from onboard.planning.problem import AvoidanceProblem
+    from onboard.planning.qp.solver import QpBackend
 
 __all__ = ["NoPlan", "Plan", "Planner"]
 
@@ -29,14 +30,15 @@ DELAY_MAX_S: Final = 60.0
 
 
 class Planner:
-    """Plans avoidances.  Holds nothing from plan to plan but what is the same for all of them.
+    """Plans avoidances; keeps no state from plan to plan but what is the same for all of them.
 
     Args:
-        by_qp: what finds plans by QPs.
+        by_qp: what finds plans by QPs; by default a `QpPlanner` with the backend.
+        qp_backend: name of the QP solver.
     """
 
-    def __init__(self, by_qp: QpPlanner | None = None) -> None:
-        self._by_qp = by_qp or QpPlanner()
+    def __init__(self, by_qp: QpPlanner | None = None, *, qp_backend: QpBackend = "osqp") -> None:
+        self._by_qp = by_qp or QpPlanner(qp_backend)
 
     def plan(self, problem: AvoidanceProblem, current: Plan | None = None) -> Plan | NoPlan:
         """Return the first certified plan: the cheapest QP, the closed form, or braking.
@@ -67,9 +69,11 @@ def _plan_to_continue(
     trajectory = current.trajectory.from_time(problem.start_s)
     certificate = certify_avoidance(trajectory, problem)
     if certificate.valid:
-        price = cost(trajectory, problem)
         return dataclasses.replace(
-            current, trajectory=trajectory, cost=price, certificate=certificate
+            current,
+            trajectory=trajectory,
+            cost=cost(trajectory, problem),
+            certificate=certificate,
         )
     reasons.append(reason("the current plan", certificate))
     return None
@@ -82,7 +86,7 @@ def _plan_by_formula(problem: AvoidanceProblem, reasons: list[str]) -> Plan | No
     for side in SIDES if nearer_is_left else SIDES[::-1]:
         trajectory = vertex_manoeuvre(problem, side)
         if trajectory is None:
-            reasons.append(f"vertex, {side}: no member of the family fits")
+            reasons.append(f"vertex, {side}: no manoeuvre fits lane, front face and exit speed")
             continue
         if _takes_too_long(f"vertex, {side}", trajectory, problem, reasons):
             continue
@@ -101,15 +105,16 @@ def _takes_too_long(
     late_s = trajectory.end_s - trajectory.start_s - cruising_s
     if late_s <= DELAY_MAX_S:
         return False
-    reasons.append(f"{what}: {late_s:.3g} s of delay, at most {DELAY_MAX_S:g} s are flown")
+    reasons.append(f"{what}: arrives {late_s:.3g} s late (limit {DELAY_MAX_S:g} s)")
     return True
 
 
 def _plan_to_brake(problem: AvoidanceProblem, reasons: list[str]) -> Plan | None:
     """Brake to a hover short of the obstacle."""
     trajectory = brake_to_hover(problem.start, problem.start_s, problem.envelope)
+    keep_outs = (problem.region.keep_out, *problem.further_keep_outs)
     certificate = certify_clear(
-        trajectory, problem.start, problem.start_s, problem.envelope, [problem.region.keep_out]
+        trajectory, problem.start, problem.start_s, problem.envelope, keep_outs
     )
     if certificate.valid:
         return Plan("brake", trajectory, None, math.inf, certificate)

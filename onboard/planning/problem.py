@@ -15,6 +15,7 @@ from onboard.motion.trajectory import X, Y, Z
 
 if TYPE_CHECKING:
     from onboard.contract.region import RegionOfInfluence
+    from onboard.geometry.keep_out import KeepOut
     from onboard.motion.trajectory import State, Trajectory, Vector
 
 Side = Literal["left", "right"]
@@ -29,7 +30,7 @@ DELAY_COST_M2PS4 = 1.0
 
 @dataclass(frozen=True)
 class Envelope:
-    """What the vehicle can be asked to fly.
+    """Limits of what the vehicle may be asked to fly.
 
     Attributes:
         limits: the box W of horizontal accelerations in level flight.  Roll and pitch bound the
@@ -50,8 +51,11 @@ class Envelope:
     trim_mps2: float = 0.0
 
     def __post_init__(self) -> None:
-        if not min(*self.jerk_max_mps3, self.speed_max_mps) > 0.0:
-            raise ValueError(f"jerk and speed limits must be above zero: {self}")
+        if not all(limit > 0.0 for limit in (*self.jerk_max_mps3, self.speed_max_mps)):
+            raise ValueError(
+                f"jerk_max_mps3 = {self.jerk_max_mps3} m/s³, speed_max_mps = "
+                f"{self.speed_max_mps!r} m/s: all must be above zero"
+            )
         if self.climb_acceleration_mps2 <= 0.0:
             raise ValueError(
                 f"thrust_max_mps2 = {self.thrust_max_mps2!r} m/s² cannot hold height at full tilt"
@@ -94,7 +98,7 @@ class Envelope:
 
 @dataclass(frozen=True)
 class AvoidanceProblem:
-    """Get round one obstacle inside its Region of Influence, and leave as the contract says.
+    """Pass one obstacle inside its Region of Influence, and leave as the contract says.
 
     Attributes:
         start: reference state that the plan continues; heading for the obstacle, short of it.
@@ -107,6 +111,8 @@ class AvoidanceProblem:
         climb_preferred: rise whenever that certifies, not only when it is cheaper.
         coast_time_s: time for which the autopilot keeps its velocity when the setpoint stream
             stops (passive safety); 0 without that clause.
+        further_keep_outs: what to stay out of besides, and may move; a plan is certified against
+            it, but not optimised for it.
     """
 
     start: State
@@ -118,6 +124,7 @@ class AvoidanceProblem:
     climb_m: float = 0.0
     climb_preferred: bool = False
     coast_time_s: float = 0.0
+    further_keep_outs: tuple[KeepOut, ...] = ()
 
     def __post_init__(self) -> None:
         if not 0.0 < self.exit_speed_mps <= self.envelope.speed_max_mps:
@@ -126,7 +133,10 @@ class AvoidanceProblem:
                 f"{self.envelope.speed_max_mps!r} m/s"
             )
         if not (self.climb_m >= 0.0 and self.coast_time_s >= 0.0):
-            raise ValueError(f"climb_m and coast_time_s must not be negative: {self}")
+            raise ValueError(
+                f"climb_m = {self.climb_m!r} m, coast_time_s = {self.coast_time_s!r} s: "
+                "must not be negative"
+            )
 
     def sidestep(self, side: Side) -> Sidestep:
         """Return the lateral half of the problem."""
@@ -162,7 +172,7 @@ class Sidestep:
 
     @property
     def is_clear(self) -> bool:
-        """Whether the start is beyond the side face already, and not on its way back."""
+        """Whether the start is beyond the side face, with no velocity back towards it."""
         return self.start.position_m >= self.face_m and self.start.velocity_mps >= 0.0
 
 

@@ -1,4 +1,4 @@
-"""How near a trajectory comes to boxes: what is left to choose by where nothing certifies."""
+"""Least distance of a trajectory from boxes: the choice to make where no trajectory certifies."""
 
 from __future__ import annotations
 

@@ -27,8 +27,8 @@ if TYPE_CHECKING:
 
     from onboard.contract.run_on import RunOn
     from onboard.geometry.frames import FloatArray
+    from onboard.geometry.free_grid import FreeGrid
     from onboard.motion.trajectory import State, Trajectory
-    from onboard.perception.seen_free import FreeGrid
 
 # The body is taken to be larger by twice this, so that no round-off of the grid matters.
 GRID_TOLERANCE_M: Final = 1e-3

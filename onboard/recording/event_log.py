@@ -1,4 +1,4 @@
-"""Every event of the service as a line of the daemon's own log, where journald keeps it."""
+"""Writes every event as a line of the daemon's own log, which journald keeps."""
 
 from __future__ import annotations
 
@@ -8,11 +8,11 @@ from collections.abc import Iterable
 from typing import Final
 
 from onboard.events import Severity
-from onboard.recording.record import Record
+from onboard.recording.messages import EventRecord, Record
 
 log = logging.getLogger(__name__)
 
-# An event a tick for a second is the most that a person could want; a flood would fill the disk.
+# One event per tick for a second, then five a second: a flood must not fill the disk.
 BURST: Final = 50
 RATE_PER_S: Final = 5.0
 
@@ -26,7 +26,7 @@ _LEVELS: Final = {
 
 
 class EventLog:
-    """Writes the events among a tick's records to the log, each once; counts what is too many."""
+    """Writes the events among a tick's records to the log; counts those beyond the allowed rate."""
 
     def __init__(self) -> None:
         self._allowance = float(BURST)
@@ -40,10 +40,10 @@ class EventLog:
             self._allowance = min(self._allowance + earned, float(BURST))
         self._allowed_s = now_s
         for record in records:
-            if record.topic == "events":
+            if isinstance(record, EventRecord):
                 self._write(record)
 
-    def _write(self, record: Record) -> None:
+    def _write(self, event: EventRecord) -> None:
         if self._allowance < 1.0:
             self._left_out += 1
             return
@@ -51,7 +51,6 @@ class EventLog:
         if self._left_out:
             log.warning("%d events left out here; the flight log has them", self._left_out)
             self._left_out = 0
-        event = record.payload
-        level = _LEVELS[Severity[event["severity"].upper()]]
-        fields = {"event": event["name"], "data": event["data"]}
-        log.log(level, "%s: %s", event["name"], event["text"], extra=fields)
+        level = _LEVELS[Severity[event.severity.upper()]]
+        fields = {"event": event.name, "data": event.data}
+        log.log(level, "%s: %s", event.name, event.text, extra=fields)

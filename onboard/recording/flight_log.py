@@ -1,8 +1,7 @@
-"""The flight log: MCAP with JSON channels, one for each topic of `onboard.recording.journal`.
+"""The flight log: an MCAP file with one JSON channel per type of record, and the raw MAVLink bytes.
 
-The same records give the same bytes: nothing here reads a clock.  What has been written is on its
-way to the disk within one chunk, about a second of flight: a killed daemon leaves a file that can
-be read up to there.
+The writer reads no clock, so equal records give equal bytes.  A chunk is compressed and written
+after about one second of flight, so the log of a daemon that was killed is readable up to there.
 """
 
 from __future__ import annotations
@@ -10,6 +9,7 @@ from __future__ import annotations
 import json
 import platform
 from collections.abc import Iterable, Mapping
+from functools import cache
 from importlib import metadata as packages
 from pathlib import Path
 from types import TracebackType
@@ -17,16 +17,17 @@ from typing import BinaryIO, Final, Literal, Self
 
 from mcap.writer import CompressionType, Writer
 
-from onboard.recording.foxglove_messages import SCHEMAS
-from onboard.recording.record import Record
-from onboard.recording.rotation import LogParts
+from onboard.recording.messages import LASTING, TOPICS, Record, as_json, schema_of
+from onboard.recording.rotation import LogRotation
 
-# Readers refuse logs of a format that they do not know; raised when a topic changes its meaning.
+# Readers name the format of a log that is newer than they are.  Raise it when a topic changes its
+# meaning.
 FORMAT_VERSION: Final = 1
+# The message encoding of the raw MAVLink channels: bytes as they crossed the link, in log order.
+# It needs no schema: the MAVLink 2 serialization guide describes it.
+MAVLINK_ENCODING: Final = "mavlink"
 
 _CHUNK_BYTES: Final = 64 * 1024
-# What holds until it is said anew, and so is said again at the start of each part.
-_LASTING: Final = frozenset({"margins", "obstacles", "plan", "scene/obstacles", "scene/plan"})
 _DEPENDENCIES: Final = ("clearway", "numpy", "osqp", "pymavlink", "mcap")
 
 Direction = Literal["received", "sent"]
@@ -37,16 +38,18 @@ class FlightLog:
 
     Args:
         path: the file, overwritten; or the names and sizes of its parts.
-        metadata: strings that say what flew: contract and its hash, mission, seed.
+        metadata: what flew: contract and its hash, mission, seed.
 
     Raises:
         OSError: the file cannot be written.
     """
 
-    def __init__(self, path: Path | LogParts, metadata: Mapping[str, str]) -> None:
-        self._parts = path if isinstance(path, LogParts) else LogParts(path, overwrite=True)
+    def __init__(self, path: Path | LogRotation, metadata: Mapping[str, str]) -> None:
+        self._parts = path if isinstance(path, LogRotation) else LogRotation(path, overwrite=True)
         self._metadata = {"format_version": str(FORMAT_VERSION), **versions(), **metadata}
-        self._lasting: dict[str, Record] = {}
+        # Repeated at the start of each part, which is then complete by itself.
+        self._lasting: dict[type[Record], Record] = {}
+        self._schemas = _schemas()
         self._file: BinaryIO
         self._writer: Writer
         self._channels: dict[str, int]
@@ -65,34 +68,36 @@ class FlightLog:
         self.close()
 
     def write(self, records: Iterable[Record]) -> None:
-        """Append records, in the order of their ticks.
+        """Append records in the order of their ticks.
 
         Raises:
-            OSError: the disk is full, or gone.
+            OSError: the disk is full or gone.
         """
         if self._file.tell() >= self._parts.part_bytes:
             self._open_next_part()
         for record in records:
             self._write(record)
-            if record.topic in _LASTING:
-                self._lasting[record.topic] = record
+            if isinstance(record, LASTING):
+                self._lasting[type(record)] = record
         self._file.flush()
 
     def write_mavlink(self, direction: Direction, time_unix_s: float, data: bytes) -> None:
         """Append bytes as they crossed the MAVLink link.
 
         Raises:
-            OSError: the disk is full, or gone.
+            OSError: the disk is full or gone.
         """
         topic = f"mavlink/{direction}"
         if topic not in self._channels:
-            # Schema 0 is none: the encoding says it all.
-            self._channels[topic] = self._writer.register_channel(f"/{topic}", "mavlink", 0)
+            no_schema = 0
+            self._channels[topic] = self._writer.register_channel(
+                f"/{topic}", MAVLINK_ENCODING, no_schema
+            )
         self._add(topic, time_unix_s, data)
 
     def close(self) -> None:
-        """Finish the file; it can be read without this, only not searched."""
-        if self._file.closed:  # finished, but the next part could not be opened
+        """Finish the file; without this it can be read from the start, but has no index."""
+        if self._file.closed:  # the next part could not be opened
             return
         self._writer.finish()  # type: ignore[no-untyped-call]  # mcap left it untyped
         self._file.close()
@@ -117,15 +122,16 @@ class FlightLog:
             self._write(record)
 
     def _write(self, record: Record) -> None:
-        if record.topic not in self._channels:
-            self._channels[record.topic] = self._register(record)
-        self._add(record.topic, record.time_unix_s, record.as_json())
+        topic = TOPICS[type(record)]
+        if topic not in self._channels:
+            self._channels[topic] = self._register(type(record))
+        self._add(topic, record.time_s, as_json(record))
 
-    def _register(self, record: Record) -> int:
-        name = record.schema or f"clearway.{record.topic}"
-        schema = SCHEMAS.get(name, {"title": name, "type": "object"})
-        schema_id = self._writer.register_schema(name, "jsonschema", json.dumps(schema).encode())
-        return self._writer.register_channel(f"/{record.topic}", "json", schema_id)
+    def _register(self, record_type: type[Record]) -> int:
+        schema_id = self._writer.register_schema(
+            f"clearway.{TOPICS[record_type]}", "jsonschema", self._schemas[record_type]
+        )
+        return self._writer.register_channel(f"/{TOPICS[record_type]}", "json", schema_id)
 
     def _add(self, topic: str, time_unix_s: float, data: bytes) -> None:
         sequence = self._sequences.get(topic, 0)
@@ -134,13 +140,19 @@ class FlightLog:
         self._writer.add_message(self._channels[topic], time_ns, data, time_ns, sequence)
 
 
+@cache
+def _schemas() -> dict[type[Record], bytes]:
+    """Return the JSON Schema of every record; deriving them takes several ticks, once."""
+    return {each: json.dumps(schema_of(each)).encode() for each in TOPICS}
+
+
 def versions() -> dict[str, str]:
-    """Return what runs here, for the metadata: ``version_<package>``, in lower case."""
+    """Return the versions of Python and of what decides, by the key ``version_<package>``."""
     found = {"version_python": platform.python_version()}
     for package in _DEPENDENCIES:
         try:
             found[f"version_{package}"] = packages.version(package)
         except packages.PackageNotFoundError:
-            # Run from a checkout that was never installed.
+            # Running from a checkout that was never installed.
             found[f"version_{package}"] = "unknown"
     return found

@@ -1,33 +1,47 @@
-"""What each tick leaves behind: records for the flight log and for Zenoh, as JSON.
+"""Collects the records that each tick leaves behind, for the flight log and for Zenoh.
 
-Topics of our own: ``state`` every tick, ``monitors`` at a rate for people, ``obstacles``,
-``margins`` and ``plan`` when they change, ``events`` as they come.  For viewers, the same in
-Foxglove's schemas: see `onboard.recording.foxglove_scene`.
+``state`` comes every tick, ``monitors`` at a rate for people, ``obstacles``, ``margins`` and
+``plan`` when they change, ``events`` as they come.  Viewers' scenes are built on the ground.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 
-from onboard.autonomy import AUTOPILOT_SILENCE_S, Autonomy
+from onboard.autonomy import Autonomy
 from onboard.contract.assessment import Assessment
 from onboard.contract.region import RegionOfInfluence, boundary_depth_at
+from onboard.events import Event
 from onboard.geometry.box import Box
 from onboard.geometry.frames import FloatArray, LegFrame
-from onboard.guidance.navigator import PlannedStep
+from onboard.guidance.authority import AUTOPILOT_SILENCE_S
+from onboard.guidance.avoidance_step import PlannedStep
 from onboard.motion.trajectory import Trajectory
 from onboard.perception.obstacle_map import Obstacle
-from onboard.recording.foxglove_scene import Scene
-from onboard.recording.record import Record
+from onboard.recording.messages import (
+    CertificateRecord,
+    ClauseMargin,
+    EventRecord,
+    KnownObstacle,
+    Margins,
+    Monitors,
+    Obstacles,
+    Outline,
+    PlanRecord,
+    Reading,
+    Record,
+    StateRecord,
+)
+from onboard.recording.state import finite, state_of, unix_time_s
 
 PATH_STEP_S: Final = 0.1
-# However long a plan is, its record is not.
+# A plan's record is bounded, however long the plan is.
 PATH_POINTS_MAX: Final = 400
-# Often enough for people and viewers; a changing map is not worth more than this either.
+# Often enough for people and viewers; a map that keeps changing is not recorded more often either.
 SLOW_PERIOD_S: Final = 0.2
 # Obstacles farther along the leg than this do not count for the clearance that is shown.
 CLEARANCE_HORIZON_M: Final = 30.0
@@ -40,127 +54,135 @@ class Journal:
     Args:
         autonomy: the service; its events are taken from it here and nowhere else.
         timed: record how long plans took; a simulation does not, to be the same every time.
-        shown: record what is for people and viewers, too; nobody looks at a campaign.
+        shown: record monitors and obstacles, too, which only people and viewers need.
     """
 
     def __init__(self, autonomy: Autonomy, *, timed: bool, shown: bool = True) -> None:
         self.autonomy = autonomy
-        self._timed, self._shown = timed, shown
-        self._scene = Scene()
+        self._timed = timed
         self._slow_due_s = -math.inf if shown else math.inf
         self._obstacles_revision = 0
         self._assessment: Assessment | None = None
-        # Obstacles are replaced, never changed: what was said of one stays true.
-        self._described: dict[str, tuple[Obstacle, LegFrame, dict[str, Any]]] = {}
+        # Obstacles are replaced, never changed: what was derived from one stays valid.
+        self._described: dict[str, tuple[Obstacle, LegFrame, KnownObstacle]] = {}
 
     def collect(self, now_s: float) -> list[Record]:
-        """Return what the tick at ``now_s`` left behind."""
-        state = self._record("state", now_s, self.autonomy.snapshot(now_s))
-        records = [state]
+        """Return the records of the tick at ``now_s``."""
+        state = state_of(self.autonomy, now_s)
+        records: list[Record] = [state]
         if self.autonomy.assessment is not self._assessment:
             self._assessment = self.autonomy.assessment
-            records.append(self._record("margins", now_s, margins(self._assessment)))
+            records.append(margins(self._assessment, state.time_s))
         if now_s >= self._slow_due_s:
             self._slow_due_s = now_s + SLOW_PERIOD_S
-            records += self._slow(now_s, state.payload)
-            records += self._scene.vehicle(state.time_unix_s, state.payload)
+            records += self._slow(now_s, state)
         for step in self.autonomy.navigator.take_planned():
-            plan = self._record("plan", now_s, self._plan(step))
-            records.append(plan)
-            if self._shown:
-                records += self._scene.plan(plan.time_unix_s, plan.payload)
-        records += [self._record("events", e.time_s, e.as_json()) for e in self.autonomy.events()]
+            records.append(self._plan(step, state.time_s))
+        for event in self.autonomy.events():
+            records.append(event_record(event, unix_time_s(self.autonomy, event.time_s)))
         return records
 
-    def _slow(self, now_s: float, state: dict[str, Any]) -> Iterator[Record]:
-        yield self._record("monitors", now_s, monitors(self.autonomy, state, now_s))
+    def _slow(self, now_s: float, state: StateRecord) -> Iterator[Record]:
+        yield monitors(self.autonomy, state, now_s)
         navigator = self.autonomy.navigator
-        if navigator.obstacles.revision == self._obstacles_revision:
-            return
-        self._obstacles_revision = navigator.obstacles.revision
-        known = self._record("obstacles", now_s, {"obstacles": self._obstacles(navigator.leg)})
-        yield known
-        height_m = -navigator.leg.origin_ned_m[2]
-        yield from self._scene.obstacles(known.time_unix_s, known.payload, height_m)
+        if navigator.obstacles.revision != self._obstacles_revision:
+            self._obstacles_revision = navigator.obstacles.revision
+            yield Obstacles(
+                time_s=state.time_s,
+                height_m=-navigator.leg.origin_ned_m[2],
+                obstacles=self._obstacles(navigator.leg),
+            )
 
-    def _record(self, topic: str, time_s: float, payload: dict[str, Any]) -> Record:
-        time_unix_s = round(self.autonomy.epoch_unix_s + time_s, 6)
-        return Record(topic, time_unix_s, {"time_s": time_unix_s, **payload})
-
-    def _obstacles(self, leg: LegFrame) -> list[dict[str, Any]]:
+    def _obstacles(self, leg: LegFrame) -> list[KnownObstacle]:
         before, self._described = self._described, {}
         for obstacle in self.autonomy.navigator.obstacles:
-            said = before.get(obstacle.id)
-            if said is None or said[0] is not obstacle or said[1] is not leg:
-                said = obstacle, leg, _obstacle(obstacle, leg, self.autonomy.assessment)
-            self._described[obstacle.id] = said
+            known = before.get(obstacle.id)
+            if known is None or known[0] is not obstacle or known[1] is not leg:
+                known = obstacle, leg, _obstacle(obstacle, leg, self.autonomy.assessment)
+            self._described[obstacle.id] = known
         return [described for _, _, described in self._described.values()]
 
-    def _plan(self, step: PlannedStep) -> dict[str, Any]:
+    def _plan(self, step: PlannedStep, time_s: float) -> PlanRecord:
         trajectory, epoch_s = step.plan.trajectory, self.autonomy.epoch_unix_s
         certificate = step.plan.certificate
-        return {
-            "obstacle": step.obstacle.id,
-            "kind": step.plan.kind,
-            "side": step.plan.side,
-            "cost": step.plan.cost,
-            "certificate": {"valid": certificate.valid, "failures": list(certificate.failures)},
-            "plan_time_ms": step.plan_time_s * 1e3 if self._timed else None,
-            "start_s": epoch_s + trajectory.start_s,
-            "end_s": epoch_s + trajectory.end_s,
-            "keep_out_ned_m": box_ned_m(step.obstacle.region.keep_out, step.leg),
-            "region_ned_m": box_ned_m(step.obstacle.region.extent, step.leg),
-            "path_ned_m": path_of(trajectory, step.leg),
-        }
+        return PlanRecord(
+            time_s=time_s,
+            obstacle=step.obstacle.id,
+            kind=step.plan.kind,
+            side=step.plan.side,
+            cost=step.plan.cost,
+            certificate=CertificateRecord(
+                valid=certificate.valid, failures=list(certificate.failures)
+            ),
+            plan_time_ms=step.plan_time_s * 1e3 if self._timed else None,
+            start_s=epoch_s + trajectory.start_s,
+            end_s=epoch_s + trajectory.end_s,
+            keep_out_ned_m=outline_of(step.obstacle.region.keep_out, step.leg),
+            region_ned_m=outline_of(step.obstacle.region.extent, step.leg),
+            path_ned_m=path_of(trajectory, step.leg),
+        )
 
 
-def margins(assessment: Assessment) -> dict[str, Any]:
+def event_record(event: Event, time_s: float) -> EventRecord:
+    """Return an event as it is logged and published; ``time_s`` is its Unix time."""
+    return EventRecord(
+        time_s=time_s,
+        name=event.name,
+        severity=event.severity.name.lower(),
+        text=event.text,
+        data=event.data,
+    )
+
+
+def margins(assessment: Assessment, time_s: float) -> Margins:
     """Return every clause of the contract as it is flown now."""
-    return {
-        "compliant": assessment.compliant,
-        "binding": assessment.binding.name,
-        "clauses": [
-            {
-                "name": clause.name,
-                "required": clause.required,
-                "declared": clause.declared,
-                "margin": clause.margin,
-                "unit": clause.unit,
-                "holds": clause.holds,
-            }
+    return Margins(
+        time_s=time_s,
+        compliant=assessment.compliant,
+        binding=assessment.binding.name,
+        clauses=[
+            ClauseMargin(
+                name=clause.name,
+                required=clause.required,
+                declared=clause.declared,
+                margin=clause.margin,
+                unit=clause.unit,
+                holds=clause.holds,
+            )
             for clause in assessment.clauses
         ],
-    }
+    )
 
 
-def monitors(autonomy: Autonomy, state: dict[str, Any], now_s: float) -> dict[str, Any]:
-    """Return what is watched in flight: measured, limit (null: none stated), unit.
+def monitors(autonomy: Autonomy, state: StateRecord, now_s: float) -> Monitors:
+    """Return what is monitored in flight.
 
     Args:
         autonomy: the service.
-        state: its snapshot of this tick.
+        state: its record of this tick.
         now_s: the time.
     """
     terms = autonomy.assessment.terms
-    along_mps, across_mps = state["velocity_error_mps"]
-    pose, heard_s = autonomy.link.pose, autonomy.link.status.heard_s
-    watched = {
-        "tracking_error": (state["tracking_error_m"], terms.tracking_error_m, "m"),
-        "velocity_error_along": (along_mps, terms.velocity_error_x_mps, "m/s"),
-        "velocity_error_across": (across_mps, terms.velocity_error_y_mps, "m/s"),
-        "detection_age": (state["detection_age_s"], terms.frame_age_max_s, "s"),
-        "telemetry_age": (None if pose is None else now_s - pose.time_s, None, "s"),
-        "heartbeat_age": (
-            now_s - heard_s if math.isfinite(heard_s) else None,
-            AUTOPILOT_SILENCE_S,
-            "s",
+    along_mps, across_mps = state.velocity_error_mps or (None, None)
+    heartbeat_age_s = finite(now_s - autonomy.link.status.heard_s)
+    return Monitors(
+        time_s=state.time_s,
+        tracking_error=Reading(
+            measured=state.tracking_error_m, limit=terms.tracking_error_m, unit="m"
         ),
-        "clearance": (_clearance_m(autonomy), 0.0, "m"),
-    }
-    return {
-        name: {"measured": measured, "limit": limit, "unit": unit}
-        for name, (measured, limit, unit) in watched.items()
-    }
+        velocity_error_along=Reading(
+            measured=along_mps, limit=terms.velocity_error_x_mps, unit="m/s"
+        ),
+        velocity_error_across=Reading(
+            measured=across_mps, limit=terms.velocity_error_y_mps, unit="m/s"
+        ),
+        detection_age=Reading(
+            measured=state.detection_age_s, limit=terms.frame_age_max_s, unit="s"
+        ),
+        telemetry_age=Reading(measured=state.telemetry_age_s, unit="s"),
+        heartbeat_age=Reading(measured=heartbeat_age_s, limit=AUTOPILOT_SILENCE_S, unit="s"),
+        clearance=Reading(measured=_clearance_m(autonomy), limit=0.0, unit="m"),
+    )
 
 
 def _clearance_m(autonomy: Autonomy) -> float | None:
@@ -183,19 +205,19 @@ def _distance_m(box: Box, x_m: float, y_m: float) -> float:
     )
 
 
-def _obstacle(obstacle: Obstacle, leg: LegFrame, assessment: Assessment) -> dict[str, Any]:
+def _obstacle(obstacle: Obstacle, leg: LegFrame, assessment: Assessment) -> KnownObstacle:
     region = obstacle.region
     lane = Box(
         region.extent.x_min_m, region.extent.x_max_m, region.lane_left_m, region.lane_right_m
     )
-    return {
-        "id": obstacle.id,
-        "measured_ned_m": box_ned_m(obstacle.measured, leg),
-        "keep_out_ned_m": box_ned_m(region.keep_out, leg),
-        "region_ned_m": box_ned_m(region.extent, leg),
-        "lane_ned_m": box_ned_m(lane, leg),
-        "boundary_ned_m": _ned_m(_collision_set_boundary(region, assessment), leg)[:, :2].tolist(),
-    }
+    return KnownObstacle(
+        id=obstacle.id,
+        measured_ned_m=outline_of(obstacle.measured, leg),
+        keep_out_ned_m=outline_of(region.keep_out, leg),
+        region_ned_m=outline_of(region.extent, leg),
+        lane_ned_m=outline_of(lane, leg),
+        boundary_ned_m=_seen_from_above(_collision_set_boundary(region, assessment), leg),
+    )
 
 
 def _collision_set_boundary(region: RegionOfInfluence, assessment: Assessment) -> FloatArray:
@@ -206,29 +228,28 @@ def _collision_set_boundary(region: RegionOfInfluence, assessment: Assessment) -
     return np.column_stack((box.x_min_m - np.array(depths_m), y_m, np.zeros_like(y_m)))
 
 
-def box_ned_m(box: Box, leg: LegFrame) -> list[list[float]]:
-    """Corners of a leg-frame box, [north, east] each, in metres."""
+def outline_of(box: Box, leg: LegFrame) -> Outline:
+    """Return the corners of a leg-frame box."""
     corners = [
         (box.x_min_m, box.y_min_m, 0.0),
         (box.x_max_m, box.y_min_m, 0.0),
         (box.x_max_m, box.y_max_m, 0.0),
         (box.x_min_m, box.y_max_m, 0.0),
     ]
-    ned_m: list[list[float]] = _ned_m(np.array(corners), leg)[:, :2].tolist()
-    return ned_m
+    return _seen_from_above(np.array(corners), leg)
 
 
-def path_of(trajectory: Trajectory, leg: LegFrame) -> list[list[float]]:
-    """Points of a trajectory, NED, in metres: every `PATH_STEP_S`, or `PATH_POINTS_MAX` of them."""
+def path_of(trajectory: Trajectory, leg: LegFrame) -> list[tuple[float, float, float]]:
+    """Return points of a trajectory, NED: every `PATH_STEP_S`, or `PATH_POINTS_MAX` of them."""
     duration_s = trajectory.end_s - trajectory.start_s
     count = min(math.ceil(duration_s / PATH_STEP_S) + 1, PATH_POINTS_MAX)
     times_s = trajectory.start_s + np.minimum(
         np.arange(count) * max(PATH_STEP_S, duration_s / (count - 1)), duration_s
     )
     points = [trajectory.sample(time_s).position_leg_m for time_s in times_s.tolist()]
-    ned_m: list[list[float]] = _ned_m(np.array(points), leg).tolist()
-    return ned_m
+    return [(x, y, z) for x, y, z in leg.position_ned_from_leg(np.array(points)).tolist()]
 
 
-def _ned_m(points_leg_m: FloatArray, leg: LegFrame) -> FloatArray:
-    return leg.position_ned_from_leg(points_leg_m)
+def _seen_from_above(points_leg_m: FloatArray, leg: LegFrame) -> Outline:
+    """Return points (N, 3) of the leg frame as [north, east]."""
+    return [(x, y) for x, y, _ in leg.position_ned_from_leg(points_leg_m).tolist()]

@@ -1,4 +1,4 @@
-"""Files of one log: a log that grows too large goes on in the next file; none is overwritten."""
+"""Names and sizes of the files of one log: a full file is followed by the next one."""
 
 from __future__ import annotations
 
@@ -11,15 +11,14 @@ PART_BYTES: Final = 64 * 1024 * 1024
 PARTS_KEPT: Final = 16
 
 
-class LogParts:
+class LogRotation:
     """Opens the parts of one log and removes the oldest of them beyond those to keep.
 
     Args:
         path: of the first part; ``flight.mcap`` is followed by ``flight.2.mcap``.
         part_bytes: a part is full at this size.
         kept: how many parts may exist at once, at least one.
-        overwrite: whether to replace a file that exists; a simulation repeats itself, a flight
-            does not.
+        overwrite: whether to replace an existing file; a simulation may, a flight must not.
     """
 
     def __init__(
@@ -40,12 +39,12 @@ class LogParts:
     def open_next(self) -> BinaryIO:
         """Open the next part for writing; afterwards there is room for it.
 
-        A number whose file exists, left by another log, is passed over; only the first part has no
-        other name.
+        A number whose file exists, left by another log, is passed over.  The first part has no
+        other name to take.
 
         Raises:
             FileExistsError: the first part exists and must not be overwritten.
-            OSError: the part cannot be opened, or the oldest not be removed.
+            OSError: the part cannot be opened, or the oldest part cannot be removed.
         """
         while True:
             self._number += 1

@@ -1,4 +1,4 @@
-"""Writes logs in a thread of its own: a slow disk must not delay a tick, nor a full one end it."""
+"""Writes the log in a thread of its own, so that a slow or full disk does not delay a tick."""
 
 from __future__ import annotations
 
@@ -11,24 +11,24 @@ from typing import Final, Self
 
 log = logging.getLogger(__name__)
 
-# Some ten seconds of flight; a disk that is slower than that loses lines, never ticks.
+# About ten seconds of flight: a disk that stalls for longer loses lines of the log.
 CAPACITY: Final = 4096
 
 Job = Callable[[], None]
 
 
-class LogGuard:
-    """Does jobs until one fails with OSError: that ends the log, not the flight.
+class StopOnFirstError:
+    """Runs jobs until one raises OSError; later jobs are skipped, and the caller goes on.
 
     Attributes:
-        failure: why it ended; None as long as it goes on.
+        failure: why it stopped; None while it runs jobs.
     """
 
     def __init__(self) -> None:
         self.failure: str | None = None
 
-    def do(self, job: Job) -> None:
-        """Do a job, unless the log has ended."""
+    def run(self, job: Job) -> None:
+        """Run a job, unless an earlier one has failed."""
         if self.failure is not None:
             return
         try:
@@ -38,17 +38,20 @@ class LogGuard:
 
 
 class LogThread:
-    """Does jobs one after the other, in the order in which they came, until one fails.
+    """Runs jobs one after the other, in the order of submission, until one fails.
 
     Args:
-        capacity: how many jobs may wait; what comes while they do is dropped and counted.
+        capacity: how many jobs may wait; further ones are dropped and counted.
+
+    Attributes:
+        dropped: jobs that found no room.
     """
 
     def __init__(self, capacity: int = CAPACITY) -> None:
         self.dropped = 0
         self._jobs: queue.SimpleQueue[Job | None] = queue.SimpleQueue()
         self._capacity = capacity
-        self._guard = LogGuard()
+        self._guard = StopOnFirstError()
         self._thread = threading.Thread(target=self._work, name="log", daemon=True)
         self._thread.start()
 
@@ -65,11 +68,11 @@ class LogThread:
 
     @property
     def failure(self) -> str | None:
-        """Why the log has ended; None as long as it goes on."""
+        """Why the log has ended; None while it is written."""
         return self._guard.failure
 
     def submit(self, job: Job) -> None:
-        """Have a job done soon; never waits."""
+        """Queue a job, or drop it if too many wait; never blocks."""
         if self._jobs.qsize() < self._capacity:
             self._jobs.put(job)
         else:
@@ -78,7 +81,7 @@ class LogThread:
                 log.warning("the disk is too slow: dropping log lines")
 
     def close(self) -> None:
-        """Wait until everything submitted is done."""
+        """Wait until every queued job has run."""
         self._jobs.put(None)
         self._thread.join()
         if self.dropped:
@@ -86,7 +89,7 @@ class LogThread:
 
     def _work(self) -> None:
         while (job := self._jobs.get()) is not None:
-            going_on = self.failure is None
-            self._guard.do(job)
-            if going_on and self.failure is not None:
+            running = self.failure is None
+            self._guard.run(job)
+            if running and self.failure is not None:
                 log.error("the flight log ends here: %s", self.failure)

@@ -1,1 +1,1 @@
-"""The simulated autopilot: its decisions, modes, estimator and missions."""
+"""The simulated autopilot: its decisions, modes, failsafes and missions."""

@@ -9,7 +9,7 @@ from sitl.autopilot.mission import MissionItem, MissionStore, target_ned_m
 from sitl.autopilot.modes import Mode
 from sitl.autopilot.motion_reference import MotionLimits, MotionReference
 from sitl.autopilot.settings import FlightSettings
-from sitl.plant.controller import Setpoint
+from sitl.plant.setpoint import Setpoint
 from sitl.plant.truth import Vector, VehicleTruth
 
 _LANDING_NEAR_GROUND_M = 5.0
@@ -17,7 +17,7 @@ _TURN_DISTANCE_M = 1.0  # closer to its target than this the vehicle keeps its h
 
 
 class AutoFlight:
-    """Steers the reference that the controller follows; the mode says where to.
+    """Steer the reference that the controller follows, as the mode requires.
 
     Attributes:
         reference: where the vehicle should be.
@@ -58,7 +58,7 @@ class AutoFlight:
                 self._climb_first(truth)
 
     def fly(self, mode: Mode, truth: VehicleTruth, period_s: float) -> Mode | None:
-        """Move the reference on for ``period_s``; the mode that follows when this one is done."""
+        """Move the reference on for ``period_s``; return the mode that follows, when it is due."""
         self._period_s = period_s
         match mode:
             case Mode.TAKEOFF if self.target_ned_m is not None:
@@ -86,11 +86,11 @@ class AutoFlight:
             self.go_to(self.target_ned_m, self.settings.climb_speed_mps)
 
     def sink(self) -> None:
-        """Go down at landing speed, as a vehicle does whose throttle stick rests at its bottom."""
+        """Descend at landing speed, as with the throttle stick at its bottom."""
         self.steer((0.0, 0.0, self.settings.landing_speed_mps))
 
     def follow_sticks(self, sticks: ManualControl, period_s: float) -> None:
-        """Fly as the pilot asks."""
+        """Fly as the pilot's sticks command."""
         self._period_s = period_s
         settings, reference = self.settings, self.reference
         reference.yaw_rad += sticks.yaw_rate_radps * period_s
@@ -178,7 +178,7 @@ class AutoFlight:
     def _begin_item(self) -> None:
         self._item_number = self.mission.current
         self._dwelling_since_s = None
-        if self.landing:  # somebody has chosen another item meanwhile
+        if self.landing:  # the operator has selected another item meanwhile
             self.landing = False
             self.target_ned_m = None
 
@@ -199,7 +199,7 @@ class AutoFlight:
             self.mission.item_done()
 
     def _face(self, target: Vector, yaw_rad: float | None) -> None:
-        """Turn the nose as the item says, else to where the vehicle flies."""
+        """Turn to the item's heading, else to the direction of flight."""
         north_m = target[0] - self.reference.position_ned_m[0]
         east_m = target[1] - self.reference.position_ned_m[1]
         if yaw_rad is not None:

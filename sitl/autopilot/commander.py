@@ -1,19 +1,20 @@
 """The autopilot's decisions: arming, modes, failsafes, and the setpoint that follows from them.
 
-What PX4 and ArduPilot have in common; where they differ is in ``px4`` and ``ardupilot``.
+What PX4 and ArduPilot have in common; ``px4_commander`` and ``ardupilot_commander`` differ from it.
 """
 
 from __future__ import annotations
 
-import enum
 import math
 from abc import ABC, abstractmethod
-from typing import Any, ClassVar, NamedTuple
+from typing import Any, ClassVar
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
+from sitl.autopilot.arming import Arming, PrearmInputs, prearm_failures
 from sitl.autopilot.auto_flight import AutoFlight
-from sitl.autopilot.failsafes import FailsafeInputs, Failsafes
+from sitl.autopilot.decisions import Actuation, Drive, Verdict
+from sitl.autopilot.failsafes import MODE_OF_REACTION, FailsafeInputs, Failsafes
 from sitl.autopilot.failures import Failures
 from sitl.autopilot.land_detector import LandDetector
 from sitl.autopilot.manual_control import ManualControl
@@ -22,66 +23,28 @@ from sitl.autopilot.modes import LandedState, Mode
 from sitl.autopilot.settings import FlightSettings, Reaction
 from sitl.config import HomeConfig
 from sitl.plant.battery import BatteryReading
-from sitl.plant.controller import Setpoint
 from sitl.plant.estimator import Estimator
+from sitl.plant.setpoint import Setpoint
 from sitl.plant.truth import Vector, VehicleTruth
 
 _ESTIMATOR_START_S = 1.0
-_ARMING_TILT_MAX_RAD = math.radians(30.0)
 _HEIGHT_MAX_M = 10_000.0
-_CHECK_PERIOD_S = 0.1  # between two looks at the failsafes
-_MODE_OF_REACTION = {
-    Reaction.HOLD: Mode.HOLD,
-    Reaction.RETURN: Mode.RTL,
-    Reaction.LAND: Mode.LAND,
-    Reaction.MANUAL: Mode.POSCTL,
-}
-
-
-class Drive(enum.Enum):
-    """What the rotors do."""
-
-    OFF = enum.auto()
-    IDLE = enum.auto()
-    FLY = enum.auto()
-
-
-class Actuation(NamedTuple):
-    """What the controller is to do until the next decision; ``setpoint`` is there to FLY."""
-
-    drive: Drive
-    setpoint: Setpoint | None = None
-
-
-class Verdict(enum.IntEnum):
-    """Answer to a request, as MAV_RESULT."""
-
-    ACCEPTED = mavlink.MAV_RESULT_ACCEPTED
-    TEMPORARILY_REJECTED = mavlink.MAV_RESULT_TEMPORARILY_REJECTED
-    DENIED = mavlink.MAV_RESULT_DENIED
-    UNSUPPORTED = mavlink.MAV_RESULT_UNSUPPORTED
-    FAILED = mavlink.MAV_RESULT_FAILED
-
-
-def _vertical(estimate: VehicleTruth) -> Vector:
-    """Return the velocity of an estimate that knows nothing of horizontal motion any more."""
-    return 0.0, 0.0, estimate.velocity_ned_mps[2]
+_CHECK_PERIOD_S = 0.1  # between two checks of the failsafes
 
 
 class Commander(ABC):
     """Modes, arming and failsafes of one vehicle.
 
     Attributes:
-        refusal: how this autopilot says that it cannot do something now.
-        position_lost_texts: what it says, gravest last, when it no longer knows its position.
-        settings: what the parameters ask for; replaced when one of them changes.
-        armed: whether the rotors may turn.
+        refusal: result of a request that cannot be met now.
+        position_lost_texts: (MAV_SEVERITY, text), gravest last, when the position is lost.
+        settings: meaning of the parameters; replaced when one of them changes.
         mode: the mode flown, as HEARTBEAT shows it.
         failsafe: whether a failsafe chose the mode.
         mission: the items on board.
-        failures: what is broken.
+        failures: which failures are present.
         sticks: the pilot's manual control.
-        announcements: (MAV_SEVERITY, text) not yet told to the operators.
+        announcements: (MAV_SEVERITY, text) not yet sent to the operators.
     """
 
     refusal: ClassVar[Verdict]
@@ -100,7 +63,6 @@ class Commander(ABC):
     ) -> None:
         on_ground = truth.position_ned_m[2] >= 0.0
         self.settings = settings
-        self.armed = not on_ground
         self.mode = self.first_mode if on_ground else Mode.HOLD
         self.failsafe = False
         self.mission = MissionStore(origin, first_item)
@@ -115,11 +77,13 @@ class Commander(ABC):
         self._ground_heard_s = -math.inf
         self._land_detector = LandDetector(on_ground=on_ground, down_m=truth.position_ned_m[2])
         self._setpoint: Setpoint | None = None
-        self._armed_since_s = 0.0
-        self._has_flown = not on_ground
+        self._arming = Arming(on_ground=on_ground)
         self._checked_s = -math.inf
 
-    # --- what others may know -------------------------------------------------------------
+    @property
+    def armed(self) -> bool:
+        """Whether the rotors may turn."""
+        return self._arming.armed
 
     @property
     def landed_state(self) -> LandedState:
@@ -134,12 +98,12 @@ class Commander(ABC):
 
     @property
     def intention(self) -> Mode:
-        """The mode that the user wants."""
+        """The mode that the user asked for."""
         return self.mode
 
     @property
     def on_ground(self) -> bool:
-        """Whether the vehicle stands, as far as the land detector can tell."""
+        """Whether the vehicle stands, according to the land detector."""
         return self._land_detector.on_ground
 
     @property
@@ -165,24 +129,20 @@ class Commander(ABC):
 
     @property
     def position_valid(self) -> bool:
-        """Whether the estimator still vouches for its position."""
-        estimator = self._estimator
-        return estimator.lost_for_s < estimator.profile.dead_reckoning_s
+        """Whether the estimate of the position is still valid."""
+        return self._estimator.position_valid
 
     def prearm_failures(self) -> list[str]:
         """Reasons not to arm now; empty if there are none."""
-        failures = []
-        if not self.estimator_ready:
-            failures.append("estimator not ready")
-        if self.failures.failed_sensors:
-            failures.append("sensor failure")
-        if self._truth.tilt_rad > _ARMING_TILT_MAX_RAD:
-            failures.append("vehicle not level")
-        if self._battery_remaining < self.settings.battery_critical:
-            failures.append("battery too low")
-        return failures
-
-    # --- requests -------------------------------------------------------------------------
+        return prearm_failures(
+            PrearmInputs(
+                estimator_ready=self.estimator_ready,
+                sensor_failed=bool(self.failures.failed_sensors),
+                tilt_rad=self._truth.tilt_rad,
+                battery_remaining=self._battery_remaining,
+                battery_critical=self.settings.battery_critical,
+            )
+        )
 
     def arm(self, *, force: bool) -> Verdict:
         """Arm; ``force`` skips the checks."""
@@ -192,9 +152,7 @@ class Commander(ABC):
         if failures:
             self.say(mavlink.MAV_SEVERITY_CRITICAL, f"Arming denied: {', '.join(failures)}")
             return self.refusal
-        self.armed = True
-        self._armed_since_s = self._truth.time_s
-        self._has_flown = False
+        self._arming.arm(self._truth.time_s)
         self._auto.home_ned_m = self._truth.position_ned_m
         self._auto.restart(self._truth)
         self.say(mavlink.MAV_SEVERITY_INFO, "Armed")
@@ -231,7 +189,7 @@ class Commander(ABC):
         return Verdict.ACCEPTED
 
     def go_to(self, target_ned_m: Vector, yaw_rad: float, speed_mps: float | None) -> Verdict:
-        """Fly to a position; a yaw that is no number keeps the heading."""
+        """Fly to a position; a NaN yaw keeps the heading."""
         if not self.airborne:
             return self.refusal
         if not 0.0 <= -target_ned_m[2] <= _HEIGHT_MAX_M:
@@ -264,7 +222,7 @@ class Commander(ABC):
         return Verdict.ACCEPTED
 
     def inject_failure(self, unit: float, kind: float, instance: float) -> Verdict:
-        """Break something, or mend it."""
+        """Begin a failure, or end it."""
         if not self.settings.failure_injection:
             return Verdict.DENIED
         known = self.failures.inject(unit, kind, instance, self._truth.time_s)
@@ -284,10 +242,8 @@ class Commander(ABC):
         self._ground_heard_s = now_s
 
     def say(self, severity: int, text: str) -> None:
-        """Tell the operators."""
+        """Queue a text for the operators."""
         self.announcements.append((severity, text))
-
-    # --- the tick -------------------------------------------------------------------------
 
     def update(
         self, truth: VehicleTruth, battery: BatteryReading, thrust_share: float, period_s: float
@@ -295,8 +251,8 @@ class Commander(ABC):
         """Decide for the next period; called at the autopilot's own rate.
 
         Args:
-            truth: what the estimator believes.
-            battery: what the pack shows.
+            truth: the estimated state.
+            battery: reading of the pack.
             thrust_share: rotor thrust over weight.
             period_s: time until the next call.
         """
@@ -304,8 +260,9 @@ class Commander(ABC):
         self._auto.settings = self.settings
         self._battery_remaining = battery.remaining
         was_on_ground = self.on_ground
-        known = truth if self.position_valid else truth._replace(velocity_ned_mps=_vertical(truth))
-        self._land_detector.update(known, self._setpoint, thrust_share)
+        self._land_detector.update(
+            truth, self._setpoint, thrust_share, position_valid=self.position_valid
+        )
         on_ground = self.on_ground
         if self.armed:
             if on_ground is not was_on_ground:
@@ -352,12 +309,10 @@ class Commander(ABC):
         """Whether a pilot's manual control is present."""
         return self.sticks.age_s(self._truth.time_s) <= self.settings.manual_timeout_s
 
-    # --- what the flavours decide ---------------------------------------------------------
-
     @property
     @abstractmethod
     def _go_to_mode(self) -> Mode:
-        """Mode in which a commanded position is flown to."""
+        """Mode that flies to a commanded position."""
 
     @abstractmethod
     def _mode_refusal(self, mode: Mode) -> str | None:
@@ -375,8 +330,6 @@ class Commander(ABC):
     def _setpoints_lift(self, wanted: Setpoint, /) -> bool:
         """Whether a setpoint takes a standing vehicle off the ground."""
 
-    # --- failsafes and transitions --------------------------------------------------------
-
     def _check_failsafes(self) -> None:
         if self.failures.attitude_lost:
             self._disarm("attitude lost")
@@ -390,39 +343,38 @@ class Commander(ABC):
             position_valid=self.position_valid,
         )
         for trigger in self._failsafes.check(inputs, self.settings):
-            texts = ((trigger.severity, trigger.text),)
-            for severity, text in texts if trigger.text else self.position_lost_texts:
-                self.say(severity, text)
+            own = ((trigger.severity, trigger.text),)
+            self.announcements.extend(own if trigger.text else self.position_lost_texts)
             self.react(trigger.reaction)
 
     def react(self, reaction: Reaction) -> None:
-        """Do what a failsafe asks for; a landing is never interrupted by something milder."""
+        """Carry out the reaction of a failsafe; never replace a landing by a milder reaction."""
         if reaction is Reaction.DISARM:
             self._disarm("failsafe")
         elif reaction is not Reaction.NONE and self.mode is not Mode.LAND:
-            self._enter(_MODE_OF_REACTION[reaction], failsafe=True)
+            self._enter(MODE_OF_REACTION[reaction], failsafe=True)
 
     def _note_landing(self, *, on_ground: bool) -> None:
-        """Say that the vehicle has come down, or has taken off."""
+        """Announce a landing or a take-off."""
         if on_ground:
             self.say(mavlink.MAV_SEVERITY_INFO, "Landing detected")
             if self.mode is Mode.MISSION and self._auto.landing:
                 self.mission.item_done()
         else:
-            self._has_flown = True
+            self._arming.note_take_off()
             self.say(mavlink.MAV_SEVERITY_INFO, "Takeoff detected")
 
     def _disarm_when_due(self) -> None:
         if not self.armed or self._setpoint is not None:
             return
-        settings = self.settings
-        delay_s = settings.disarm_landed_s if self._has_flown else settings.disarm_grounded_s
-        since_s = max(self._armed_since_s, self._land_detector.since_s)
-        if 0.0 <= delay_s <= self._truth.time_s - since_s:
-            self._disarm("landed" if self._has_flown else "no take-off")
+        reason = self._arming.reason_to_disarm(
+            self._truth.time_s, self._land_detector.since_s, self.settings
+        )
+        if reason is not None:
+            self._disarm(reason)
 
     def _disarm(self, reason: str) -> None:
-        self.armed = False
+        self._arming.disarm()
         self._setpoint = None
         self.say(mavlink.MAV_SEVERITY_INFO, f"Disarmed: {reason}")
 
@@ -439,10 +391,7 @@ class Commander(ABC):
             self._auto.target_ned_m = target_ned_m
 
     def _enter(self, mode: Mode, *, failsafe: bool) -> None:
-        if Mode.OFFBOARD in (
-            mode,
-            self.mode,
-        ):  # the reference did not lead the vehicle, or will not
+        if Mode.OFFBOARD in (mode, self.mode):  # in OFFBOARD the reference does not lead
             self._auto.restart(self._truth)
         if mode is not self.mode:
             self._auto.cruise_speed_mps = None

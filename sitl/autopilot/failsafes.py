@@ -1,4 +1,4 @@
-"""What can go wrong around a flight, each told once: battery, ground station, sticks, position."""
+"""Failsafe conditions, each reported once: battery, ground station, sticks, position."""
 
 from __future__ import annotations
 
@@ -7,19 +7,27 @@ from dataclasses import dataclass
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
+from sitl.autopilot.modes import Mode
 from sitl.autopilot.settings import FlightSettings, Reaction
+
+MODE_OF_REACTION = {
+    Reaction.HOLD: Mode.HOLD,
+    Reaction.RETURN: Mode.RTL,
+    Reaction.LAND: Mode.LAND,
+    Reaction.MANUAL: Mode.POSCTL,
+}
 
 
 @dataclass(frozen=True)
 class FailsafeInputs:
-    """What the failsafes watch.
+    """Inputs of the failsafes.
 
     Attributes:
         battery_remaining: share of the charge.
-        ground_silence_s: since the ground station's last heartbeat; ``inf`` if none ever came.
+        ground_silence_s: since the ground station's last heartbeat; ``inf`` before the first.
         sticks_silence_s: since the last manual control.
         sticks_needed: whether the mode is flown by stick.
-        position_valid: whether the estimator knows the position.
+        position_valid: whether the estimate of the position is valid.
     """
 
     battery_remaining: float
@@ -31,7 +39,7 @@ class FailsafeInputs:
 
 @dataclass(frozen=True)
 class Trigger:
-    """One failsafe at the moment when it sets in; without a text it is the autopilot's own."""
+    """One failsafe that begins now; an empty text stands for the autopilot's own."""
 
     reaction: Reaction
     severity: int = mavlink.MAV_SEVERITY_CRITICAL
@@ -39,7 +47,7 @@ class Trigger:
 
 
 class Failsafes:
-    """Notices conditions as they begin; one that ends may begin again, but the battery's do not."""
+    """Detect conditions as they begin; each may begin again after it ended, but the battery's."""
 
     def __init__(self) -> None:
         self._battery_level = 0
@@ -48,7 +56,7 @@ class Failsafes:
         self._position_lost = False
 
     def check(self, inputs: FailsafeInputs, settings: FlightSettings) -> Iterator[Trigger]:
-        """Yield what has set in since the last call, the gravest last."""
+        """Yield what has begun since the last call, the gravest last."""
         ground_lost = settings.ground_timeout_s < inputs.ground_silence_s < float("inf")
         if ground_lost and not self._ground_lost and settings.ground_loss is not Reaction.NONE:
             yield Trigger(settings.ground_loss, mavlink.MAV_SEVERITY_WARNING, "Ground station lost")

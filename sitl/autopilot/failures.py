@@ -45,11 +45,11 @@ _WRONG_BY_M = 5.0
 
 
 class Failures:
-    """Which failures are present, and what they do.
+    """Keep which failures are present, and state their effects.
 
     Attributes:
-        rotor_shares: share of its commanded speed that each rotor obeys: 1 or 0.
-        modes_refused: whether the autopilot turns down every change of mode that it is asked for.
+        rotor_shares: share of its commanded speed that each rotor reaches: 1 or 0.
+        modes_refused: whether the autopilot refuses every requested change of mode.
     """
 
     def __init__(self) -> None:
@@ -59,7 +59,7 @@ class Failures:
         self._gps_lost_s = math.inf
 
     def inject(self, unit: float, kind: float, instance: float, now_s: float) -> bool:
-        """Begin or end a failure; False if it is not one that is simulated.
+        """Begin or end a failure; False if it is not simulated.
 
         Args:
             unit: FAILURE_UNIT.
@@ -96,7 +96,7 @@ class Failures:
 
     @property
     def attitude_lost(self) -> bool:
-        """Whether nothing measures the attitude any more."""
+        """Whether gyroscopes or accelerometers have failed."""
         return bool(self._types) and any(map(self._failed, _INERTIAL))
 
     @property
@@ -106,7 +106,7 @@ class Failures:
 
     @property
     def sticks_cut(self) -> bool:
-        """Whether manual control does not get through."""
+        """Whether manual control is lost."""
         return self._failed(_STICKS)
 
     @property
@@ -115,12 +115,12 @@ class Failures:
         return bool(self._types.get(_GPS, _OK) != _OFF)
 
     def gps_lost_for_s(self, now_s: float) -> float:
-        """For how long GPS has been missing; 0 while it is there."""
+        """For how long GPS has been missing; 0 while it is present."""
         return max(now_s - self._gps_lost_s, 0.0)
 
     @property
     def gps_wrong_m(self) -> float:
-        """How far north of the truth GPS says that the vehicle is."""
+        """By how much GPS places the vehicle too far north."""
         return _WRONG_BY_M if self._types.get(_GPS, _OK) == _WRONG else 0.0
 
     def _failed(self, unit: int) -> bool:

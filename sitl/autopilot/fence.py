@@ -1,6 +1,6 @@
 """The geofence's polygons and circles.
 
-A simulation shortcut: they are kept for whoever asks, and not enforced.
+Simulation shortcut: fences are stored and can be downloaded, but are not enforced.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ class FenceStore:
         return None
 
     def is_current(self, _: int) -> bool:
-        """Whether an item is being flown; none ever is."""
+        """Whether an item is being flown: never, in a fence."""
         return False
 
     def replace(self, items: tuple[MissionItem, ...]) -> None:

@@ -1,4 +1,4 @@
-"""Local NED to geographic coordinates and back, on a sphere: for fields of a few kilometres."""
+"""Local NED to geographic coordinates and back, on a sphere, for areas of a few kilometres."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ class GeographicPosition:
 
 
 def geographic_from_ned(home: HomeConfig, position_ned_m: Vector) -> GeographicPosition:
-    """Return where a local position is on the Earth."""
+    """Return the geographic coordinates of a local position."""
     scale = math.cos(math.radians(home.latitude_deg))
     return GeographicPosition(
         home.latitude_deg + math.degrees(position_ned_m[0] / _EARTH_RADIUS_M),

@@ -1,23 +1,24 @@
-"""Decides from motion and thrust, as a flight controller must, whether the vehicle stands."""
+"""Decide from motion and thrust, as a flight controller does, whether the vehicle stands."""
 
 from __future__ import annotations
 
 import math
 
-from sitl.plant.controller import Setpoint
+from sitl.plant.setpoint import Setpoint
 from sitl.plant.truth import VehicleTruth
 
 _TOUCHDOWN_S = 0.5  # signs of standing must last this long
 _LIFTED_M = 0.15
+_GROUND_SPEED_MAX_MPS, _VERTICAL_SPEED_MAX_MPS = 0.3, 0.15
 _THRUST_SHARE = 0.7  # of the weight: the ground carries the rest
 
 
 class LandDetector:
-    """Whether the vehicle stands or flies; the commander tells taking off and landing apart.
+    """Decide whether the vehicle stands or flies; the commander distinguishes the phases between.
 
     Attributes:
         on_ground: whether the vehicle stands.
-        since_s: since when it has done what it does.
+        since_s: when it last landed or took off.
     """
 
     def __init__(self, *, on_ground: bool, down_m: float) -> None:
@@ -26,19 +27,28 @@ class LandDetector:
         self._ground_down_m = down_m
         self._still_since_s = math.inf
 
-    def update(self, truth: VehicleTruth, setpoint: Setpoint | None, thrust_share: float) -> None:
-        """Judge one tick.
+    def update(
+        self,
+        truth: VehicleTruth,
+        setpoint: Setpoint | None,
+        thrust_share: float,
+        *,
+        position_valid: bool = True,
+    ) -> None:
+        """Evaluate one tick.
 
         Args:
             truth: the vehicle's state.
             setpoint: what the controller flies; None while it does not.
             thrust_share: rotor thrust over weight.
+            position_valid: whether the horizontal velocity is known; if not, it counts as zero.
         """
         if self.on_ground:
             if self._ground_down_m - truth.position_ned_m[2] > _LIFTED_M:
                 self._enter(on_ground=False, now_s=truth.time_s)
             return
-        if not self._stands(truth, setpoint, thrust_share):
+        slow = not position_valid or truth.ground_speed_mps < _GROUND_SPEED_MAX_MPS
+        if not (slow and self._sits(truth, setpoint, thrust_share)):
             self._still_since_s = math.inf
             return
         self._still_since_s = min(self._still_since_s, truth.time_s)
@@ -46,11 +56,11 @@ class LandDetector:
             self._ground_down_m = truth.position_ned_m[2]
             self._enter(on_ground=True, now_s=truth.time_s)
 
-    def _stands(self, truth: VehicleTruth, setpoint: Setpoint | None, thrust_share: float) -> bool:
-        still = abs(truth.velocity_ned_mps[2]) < 0.15 and truth.ground_speed_mps < 0.3
-        return (
-            still and thrust_share < _THRUST_SHARE and (setpoint is None or _sinks(setpoint, truth))
-        )
+    def _sits(self, truth: VehicleTruth, setpoint: Setpoint | None, thrust_share: float) -> bool:
+        """Whether the ground carries the vehicle, although its setpoint is below."""
+        level = abs(truth.velocity_ned_mps[2]) < _VERTICAL_SPEED_MAX_MPS
+        wants_down = setpoint is None or _sinks(setpoint, truth)
+        return level and thrust_share < _THRUST_SHARE and wants_down
 
     def _enter(self, *, on_ground: bool, now_s: float) -> None:
         self.on_ground = on_ground

@@ -1,4 +1,4 @@
-"""The pilot's sticks: MANUAL_CONTROL, and what they ask of the vehicle.
+"""The pilot's sticks: MANUAL_CONTROL, and the velocity that they command.
 
 Simulation shortcut: every mode flown by stick is flown as position control (sticks command
 velocity), so that a pilot can take over; none of them gives attitude or thrust by hand.
@@ -25,7 +25,7 @@ class ManualControl:
         self._forward = self._right = self._up = self._clockwise = 0.0
 
     def receive(self, message: Any, now_s: float) -> None:
-        """Take a MANUAL_CONTROL; sticks outside their range count as not moved."""
+        """Take a MANUAL_CONTROL; sticks outside their range count as centred."""
         self._forward = _share(message.x, 0.0, _FULL_STICK)
         self._right = _share(message.y, 0.0, _FULL_STICK)
         self._up = _share(message.z, _THROTTLE_MIDDLE, _THROTTLE_MIDDLE)
@@ -33,13 +33,13 @@ class ManualControl:
         self._received_s = now_s
 
     def age_s(self, now_s: float) -> float:
-        """Time since the sticks were last heard of; ``inf`` before the first time."""
+        """Time since the last MANUAL_CONTROL; ``inf`` before the first."""
         return now_s - self._received_s
 
     def velocity_ned_mps(
         self, yaw_rad: float, speed_mps: float, climb_mps: float, sink_mps: float
     ) -> Vector:
-        """Velocity asked for, given the speeds at full stick."""
+        """Commanded velocity, given the speeds at full stick."""
         cosine, sine = math.cos(yaw_rad), math.sin(yaw_rad)
         return (
             speed_mps * (cosine * self._forward - sine * self._right),
@@ -49,7 +49,7 @@ class ManualControl:
 
     @property
     def yaw_rate_radps(self) -> float:
-        """Yaw rate asked for, clockwise seen from above."""
+        """Commanded yaw rate, clockwise seen from above."""
         return self._clockwise * _YAW_RATE_MAX_RADPS
 
 

@@ -1,4 +1,4 @@
-"""A mission: its items as uploaded, which of them is flown, and what each of them means."""
+"""A mission: its items as uploaded, their meaning, and progress through them."""
 
 from __future__ import annotations
 
@@ -87,7 +87,7 @@ class MissionItem(NamedTuple):
 
     @property
     def has_place(self) -> bool:
-        """Whether latitude and longitude are given: as usual, zeros mean that they are not."""
+        """Whether latitude and longitude are given; by convention two zeros mean none."""
         return self.command in _POSITIONED and (self.x, self.y) != (0, 0)
 
     @property
@@ -117,7 +117,7 @@ class MissionItem(NamedTuple):
 
     @property
     def speed_mps(self) -> float | None:
-        """Speed from here on, if that is what the item sets; none of it is negative."""
+        """Speed from here on, if the item sets one; negative values leave it unchanged."""
         changes = self.command == mavlink.MAV_CMD_DO_CHANGE_SPEED and self.param2 > 0.0
         return self.param2 if changes else None
 
@@ -135,13 +135,13 @@ class MissionItem(NamedTuple):
 
     @property
     def acceptance_radius_m(self) -> float:
-        """How near counts as there; 0 for the vehicle's own."""
+        """Acceptance radius; 0 for the vehicle's own."""
         given = self.command == mavlink.MAV_CMD_NAV_WAYPOINT and self.param2 > 0.0
         return self.param2 if given else 0.0
 
     @property
     def yaw_rad(self) -> float | None:
-        """Heading to take; None to look ahead."""
+        """Heading to take; None for the direction of flight."""
         given = self.command in _POSITIONED and math.isfinite(self.param4)
         return math.radians(self.param4) if given else None
 
@@ -149,7 +149,7 @@ class MissionItem(NamedTuple):
 def target_ned_m(
     item: MissionItem, origin: HomeConfig, home_ned_m: Vector, here_ned_m: Vector
 ) -> Vector:
-    """Return where an item is, in local NED; what it leaves open is taken from ``here_ned_m``."""
+    """Return where an item is, in local NED; missing coordinates are those of ``here_ned_m``."""
     above_sea_m = item.z
     if item.frame in RELATIVE_FRAMES:
         above_sea_m += origin.altitude_m - home_ned_m[2]
@@ -170,8 +170,8 @@ class MissionStore:
         items: as uploaded.
         current: number of the item flown, or to be flown next.
         finished: whether the last item has been flown.
-        reached: items reached that nobody has been told about.
-        announce_current: whether the change of ``current`` is still to be told.
+        reached: items reached and not yet announced.
+        announce_current: whether the change of ``current`` is still to be announced.
     """
 
     origin: HomeConfig
@@ -223,7 +223,7 @@ class MissionStore:
         self._go_to(self.first if self.flyable else 0)
 
     def select(self, number: int) -> bool:
-        """Make an item the current one; False if there is no such item."""
+        """Make an item the current one; False if the number is out of range."""
         if not 0 <= number < len(self.items):
             return False
         self.finished = False

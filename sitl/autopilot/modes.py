@@ -1,4 +1,4 @@
-"""Flight modes; how a flavour writes them on the wire is its own business."""
+"""Flight modes; each flavour encodes them in its own way."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import enum
 
 
 class Mode(enum.Enum):
-    """What the autopilot is about; the value is its name in PX4's words."""
+    """What the autopilot flies; the value is PX4's name for it."""
 
     MANUAL = "manual"
     ALTCTL = "altitude control"

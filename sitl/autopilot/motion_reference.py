@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from sitl.plant.controller import Setpoint
+from sitl.plant.setpoint import Setpoint
 from sitl.plant.truth import Vector, VehicleTruth
 
 _ARRIVED_M = 0.1
@@ -27,7 +27,7 @@ class MotionLimits:
 
 
 class MotionReference:
-    """A point that moves like a vehicle could, NED; it starts as the vehicle moves.
+    """A point with limited acceleration and jerk, NED; it starts with the vehicle's motion.
 
     Attributes:
         position_ned_m: where the reference is.
@@ -43,7 +43,7 @@ class MotionReference:
 
     @property
     def speed_mps(self) -> float:
-        """How fast the reference moves."""
+        """Speed of the reference."""
         return math.hypot(*self._velocity_mps)
 
     def setpoint(self) -> Setpoint:

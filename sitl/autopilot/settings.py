@@ -1,6 +1,6 @@
 """What the autopilot's parameters mean for a flight, in SI units and under neutral names.
 
-Each flavour fills these in from parameters of its own names and units; nobody else reads them.
+Each flavour fills these in from its own parameters; only the flavours read parameters.
 """
 
 from __future__ import annotations
@@ -35,18 +35,18 @@ class FlightSettings:
         acceleration_mps2, acceleration_vertical_mps2, jerk_mps3: of the autonomous modes.
         take_off_height_m: when the command does not say.
         return_height_m: least height of the return.
-        acceptance_radius_m: how near counts as having reached a waypoint.
+        acceptance_radius_m: distance at which a waypoint counts as reached.
         setpoint_timeout_s, setpoint_loss: silence of the setpoint stream, and what follows.
         manual_timeout_s, manual_loss: the same of manual control, in modes that need it.
-        manual_allowed: whether MANUAL_CONTROL is listened to.
+        manual_allowed: whether MANUAL_CONTROL is accepted.
         ground_timeout_s, ground_loss: the same of the ground station's heartbeats.
         battery_low, battery_critical, battery_emergency: remaining shares.
         low_reaction, critical_reaction, emergency_reaction: what follows below them.
         disarm_landed_s, disarm_grounded_s: delay after landing, or without take-off; negative:
             never.
-        failure_injection: whether MAV_CMD_INJECT_FAILURE is obeyed.
-        arm_authoriser: system id of whoever has to be asked before arming; None: nobody.
-        arm_authorisation_timeout_s: how long their answer may take.
+        failure_injection: whether MAV_CMD_INJECT_FAILURE is accepted.
+        arm_authorizer: system id that must authorize arming; None if arming needs no authorization.
+        arm_authorization_timeout_s: how long its answer may take.
     """
 
     tilt_max_rad: float
@@ -86,5 +86,5 @@ class FlightSettings:
     disarm_landed_s: float
     disarm_grounded_s: float
     failure_injection: bool
-    arm_authoriser: int | None = None
-    arm_authorisation_timeout_s: float = 0.0
+    arm_authorizer: int | None = None
+    arm_authorization_timeout_s: float = 0.0

@@ -19,7 +19,7 @@ class LinkConfig(FileModel):
 
     Attributes:
         delay_s: every datagram takes this long.
-        jitter_s: and up to this much more (uniform), without overtaking.
+        jitter_s: additional delay of up to this (uniform), without overtaking.
         loss: share of datagrams that vanish.
         duplication: share that arrive twice.
         reordering: share that later ones may overtake.
@@ -38,7 +38,7 @@ _OVERTAKING_S = 0.05  # a reordered datagram is held back by up to this much
 
 
 class ImperfectLink:
-    """One direction of a link; datagrams go in, and come out later, or differently, or never."""
+    """One direction of a link, which delays, changes or loses datagrams."""
 
     def __init__(self, config: LinkConfig, chance: random.Random) -> None:
         self._config = config
@@ -48,7 +48,7 @@ class ImperfectLink:
         self._latest_arrival_s = 0.0
 
     def send(self, datagram: bytes, now_s: float) -> None:
-        """Put a datagram on the link; an empty one is none."""
+        """Put a datagram on the link; an empty one is ignored."""
         if not datagram or self._happens(self._config.loss):
             return
         copies = 2 if self._happens(self._config.duplication) else 1

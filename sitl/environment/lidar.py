@@ -1,8 +1,8 @@
 """A scanning range finder in the plane: rays, what they hit, and boxes around clusters of hits.
 
-Only faces that a ray reaches are known, so that an object seen from one side is reported as thin as
-that side, and an object behind another is not reported at all.  Identities are guessed as a tracker
-does, from where boxes were in the scan before.
+Rays reach only the near faces, so that an object seen from one side is reported as thin as that
+side, and an object behind another is not reported at all.  Identities follow from the positions of
+the boxes in the previous scan, as in a tracker.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from sitl.environment.world import IndexArray
 
 Point = tuple[float, float]
 
-_THICKNESS_MIN_M = 0.02  # a face has some
+_THICKNESS_MIN_M = 0.02  # of a face
 _CLOSE_M = 0.02  # closer to an edge than this is on it
 _FIT_STEP_RAD = math.radians(1.0)
 _RAYS_PER_GAP = 3.0  # neighbouring hits this many ray spacings apart still belong together
@@ -36,9 +36,9 @@ class ScannerConfig(FileModel):
         resolution_deg: angle between rays.
         range_noise_m: standard deviation of a measured range.
         dropout: share of rays that return nothing.
-        blind_sectors_deg: (from, to) about the sensor's axis, clockwise, where nothing is seen.
+        blind_sectors_deg: (from, to) about the sensor's axis, clockwise, without rays.
         cluster_gap_m: hits farther apart belong to different objects.
-        points_min: clusters of fewer hits are taken for noise.
+        points_min: clusters of fewer hits count as noise.
     """
 
     resolution_deg: Annotated[float, Field(ge=0.05, le=10.0)] = 0.5
@@ -52,7 +52,7 @@ class ScannerConfig(FileModel):
 
 
 class View(NamedTuple):
-    """From where to where is looked: position (north, east), axis, opening angle, range."""
+    """What a scan covers: position (north, east), axis, opening angle, range."""
 
     position_ned_m: Point
     axis_rad: float
@@ -70,7 +70,7 @@ class SeenBox(NamedTuple):
 
 
 class RangeScanner:
-    """Turns what is there into what is seen, one scan after another."""
+    """Turn the obstacles of a field into detections, one scan after another."""
 
     def __init__(self, config: ScannerConfig, field: ObstacleField, noise: random.Random) -> None:
         self._config = config
@@ -79,7 +79,7 @@ class RangeScanner:
         self._seen: list[SeenBox] = []
         self._named = 0
 
-    def look(self, view: View, candidates: IndexArray) -> list[SeenBox]:
+    def scan(self, view: View, candidates: IndexArray) -> list[SeenBox]:
         """Return the boxes of one scan.
 
         Args:

@@ -28,7 +28,7 @@ class SensorFault(FileModel):
     """One fault and its time.
 
     Attributes:
-        kind: ``silent``: no frames; ``stuck``: the last frame again and again, unchanged;
+        kind: ``silent``: no frames; ``stuck``: the last frame repeats unchanged;
             ``range``: the range falls to ``range_m``, and frames say so.
         start_s, end_s: seconds after start; never ends when ``end_s`` is null.
         range_m: remaining range of a ``range`` fault.
@@ -49,13 +49,13 @@ class SensorConfig(FileModel):
 
     Attributes:
         source: name of the sensor in its frames.
-        scanner: what makes it a scanning range finder; null for the ideal detector.
+        scanner: configuration of a scanning range finder; null for the ideal detector.
         yaw_deg: direction of its axis in the body, clockwise from forward.
-        noise_m: centres are wrong by at most this much along each axis (uniform); ideal model only.
-        face_noise_m: each face is wrong by at most this, by itself (uniform); ideal model only.
-            Null: under ``realism: field`` what noise_m leaves of uncertainty_m, otherwise nothing.
-        uncertainty_m: what frames declare for each face.
-        latency_s: measurement to publication.
+        noise_m: greatest error of centres along each axis (uniform); ideal model only.
+        face_noise_m: greatest error of each face, independently (uniform); ideal model only.
+            Null: under ``realism: field`` the rest of uncertainty_m beyond noise_m, otherwise 0.
+        uncertainty_m: declared for each face.
+        latency_s: from measurement to publication.
         frame: frame of the reported boxes; ``body_frd`` is levelled, turned by yaw only.
         placed_by: what of the autopilot's estimate places boxes in ``local_ned``: its ``pose``, as
             a bridge on the vehicle does, or its ``position``, where bearings are known otherwise.
@@ -86,9 +86,9 @@ class _Known(NamedTuple):
     def is_seen(
         self, here_ned_m: Point, axis_rad: float, half_view_rad: float, range_m: float
     ) -> bool:
-        """Tell whether a part of it is near enough, and within the view to either side of its axis.
+        """Return whether a part of it is within range, and within the view about its axis.
 
-        Far away and centre in view are told at once; whatever only reaches into the view is cut.
+        Boxes out of range, or with their centre in view, need no clipping; the others are cut.
         """
         north_m, east_m = here_ned_m
         ahead_north_m = self.box.center_ned_m[0] - north_m
@@ -108,7 +108,7 @@ class _Known(NamedTuple):
 
 
 class ObstacleSensor:
-    """Measures at its rate and hands out each frame after its latency; no clock, no I/O."""
+    """Measure at its rate and hand out each frame after its latency; no clock, no I/O."""
 
     def __init__(
         self,
@@ -119,7 +119,7 @@ class ObstacleSensor:
         *,
         ideal: bool = True,
     ) -> None:
-        """Set up; ``ideal`` says what a null ``face_noise_m`` means."""
+        """Set up; ``ideal`` selects the meaning of a null ``face_noise_m``."""
         self.config = config
         self._face_noise_m = config.face_noise_m
         if self._face_noise_m is None:
@@ -150,8 +150,8 @@ class ObstacleSensor:
         Args:
             now_s: time.
             truth: where the sensor is.
-            estimate: where the autopilot believes that it is, by which boxes are placed in local
-                NED, as a bridge between sensor and bus does; exact when None.
+            estimate: of the autopilot, by which boxes are placed in local NED, as a bridge between
+                sensor and bus does; exact when None.
         """
         # The epsilon keeps a frame from slipping by one call when now_s carries round-off.
         if now_s >= self.due_s - 1e-9:
@@ -199,7 +199,7 @@ class ObstacleSensor:
             math.radians(self.config.field_of_view_deg),
             range_m,
         )
-        return self._scanner.look(view, self._neighbourhood.within(here, range_m))
+        return self._scanner.scan(view, self._neighbourhood.within(here, range_m))
 
     def _visible(self, truth: VehicleTruth, range_m: float) -> list[int]:
         """Indices of the obstacles with a point within range and field of view."""
@@ -251,7 +251,7 @@ class ObstacleSensor:
     ) -> dict[str, Any]:
         center_m, yaw_rad = box.center_ned_m, box.yaw_rad
         if self.config.frame == "body_frd" or estimate is not truth:
-            # A sensor sees where things are from the body, whatever the autopilot believes.
+            # A sensor measures relative to the body, independently of the estimate.
             offset_m = (
                 center_m[0] - truth.position_ned_m[0],
                 center_m[1] - truth.position_ned_m[1],

@@ -1,4 +1,4 @@
-"""Ground truth as an MCAP file: channel ``/truth``, JSON, opened by Foxglove and Lichtblick."""
+"""Writes ground truth to an MCAP file: channel ``/truth``, one JSON record per tick."""
 
 from __future__ import annotations
 
@@ -6,16 +6,17 @@ import json
 import math
 from pathlib import Path
 from types import TracebackType
-from typing import Any, Self
+from typing import Self
 
 from mcap.writer import Writer
-from pydantic_core import to_json
+from pydantic import TypeAdapter
 
+from onboard.files.truth_record import TruthRecord
 from sitl.environment.world import World
 from sitl.plant.truth import VehicleTruth
 
 TRUTH_LOG_RATE_HZ = 50
-# Not `clearance_m` and `clearance_min_m`: they may be null, and viewers refuse a topic for that.
+# Without the two clearances: viewers refuse a topic with properties that may be null.
 _SCHEMA = {
     "title": "clearway.truth",
     "type": "object",
@@ -30,13 +31,15 @@ _SCHEMA = {
     },
 }
 
+_ADAPTER = TypeAdapter(TruthRecord)
+
 
 class TruthLog:
-    """Writes ground truth to a file; the same flight gives the same bytes.
+    """Writes ground truth to a file; equal flights give equal bytes.
 
     Args:
         path: the file, overwritten.
-        start_unix_s: time of day at simulation time zero.
+        start_unix_s: Unix time at simulation time zero.
 
     Raises:
         OSError: the file cannot be written.
@@ -67,12 +70,12 @@ class TruthLog:
     def write(self, truth: VehicleTruth, world: World) -> None:
         """Append the state of this instant."""
         record = truth_record(truth, world, self._start_unix_s)
-        time_ns = round(record["time_unix_s"] * 1e9)
+        time_ns = round(record.time_unix_s * 1e9)
         self._writer.add_message(
             self._channel,
             log_time=time_ns,
             publish_time=time_ns,
-            data=to_json(record),
+            data=_ADAPTER.dump_json(record),
         )
 
     def close(self) -> None:
@@ -81,19 +84,19 @@ class TruthLog:
         self._file.close()
 
 
-def truth_record(truth: VehicleTruth, world: World, start_unix_s: float) -> dict[str, Any]:
-    """Ground truth ready for JSON; clearances are null in open space."""
-    return {
-        "time_unix_s": start_unix_s + truth.time_s,
-        "position_ned_m": truth.position_ned_m,
-        "velocity_ned_mps": truth.velocity_ned_mps,
-        "acceleration_ned_mps2": truth.acceleration_ned_mps2,
-        "attitude_quaternion": truth.attitude_quaternion,
-        "rpm": truth.rotor_speeds_rpm,
-        "clearance_m": _finite(world.clearance_m),
-        "clearance_min_m": _finite(world.clearance_min_m),
-        "collisions": world.collisions,
-    }
+def truth_record(truth: VehicleTruth, world: World, start_unix_s: float) -> TruthRecord:
+    """Return the ground truth of this instant; clearances are None in open space."""
+    return TruthRecord(
+        time_unix_s=start_unix_s + truth.time_s,
+        position_ned_m=truth.position_ned_m,
+        velocity_ned_mps=truth.velocity_ned_mps,
+        acceleration_ned_mps2=truth.acceleration_ned_mps2,
+        attitude_quaternion=truth.attitude_quaternion,
+        rpm=truth.rotor_speeds_rpm,
+        clearance_m=_finite(world.clearance_m),
+        clearance_min_m=_finite(world.clearance_min_m),
+        collisions=world.collisions,
+    )
 
 
 def _finite(value: float) -> float | None:

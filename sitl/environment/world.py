@@ -1,4 +1,4 @@
-"""Ground truth: how far the vehicle is from the obstacles, and whether it has hit one."""
+"""Ground truth: distance of the vehicle from the obstacles, and collisions."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ _SLOPE_STEP_M = 0.01
 
 
 class Neighbourhood:
-    """Finds the obstacles near a slowly moving point without searching the field each time.
+    """Find the obstacles near a slowly moving point without searching the field each time.
 
     A full search is made once; its result, taken a margin wider than asked, stays valid until the
     point has moved by that margin.
@@ -86,8 +86,8 @@ class World:
         self.radius_m = radius_m
         self.clearance_min_m = math.inf
         self.collisions = 0
-        self._here = self._looked_at = (math.inf, math.inf)
-        self._looked_m = math.inf
+        self._here = self._evaluated_at = (math.inf, math.inf)
+        self._evaluated_m = math.inf
         self._neighbourhood = Neighbourhood(field)
         self._near: IndexArray | None = None
         self._boxes: list[_Box] = []
@@ -95,30 +95,29 @@ class World:
     @property
     def clearance_m(self) -> float:
         """Centre to nearest obstacle face, less the radius; ``inf`` in open space."""
-        return self._looked_m if self._here == self._looked_at else self.clearance_at_m(self._here)
-
-    @property
-    def in_collision(self) -> bool:
-        """Whether the disc overlaps an obstacle now."""
-        return self.clearance_m < 0.0
+        return (
+            self._evaluated_m
+            if self._here == self._evaluated_at
+            else self.clearance_at_m(self._here)
+        )
 
     def observe(self, position_ned_m: tuple[float, float, float]) -> None:
-        """Take note of where the vehicle is now, and half-way from where it was before."""
+        """Evaluate the clearance here, and half-way from the previous position."""
         before, self._here = self._here, (position_ned_m[0], position_ned_m[1])
-        # Clearance changes by no more than the way flown: there is often no need to look.
-        at_least_m = self._looked_m - math.dist(self._here, self._looked_at)
+        # Clearance changes by no more than the distance flown, so most calls need no evaluation.
+        at_least_m = self._evaluated_m - math.dist(self._here, self._evaluated_at)
         if at_least_m > max(self.clearance_min_m, 0.0):
             return
         if math.isfinite(before[0]):
             (north_m, east_m), (before_north_m, before_east_m) = self._here, before
-            self._look((0.5 * (before_north_m + north_m), 0.5 * (before_east_m + east_m)))
-        self._look(self._here)
+            self._evaluate((0.5 * (before_north_m + north_m), 0.5 * (before_east_m + east_m)))
+        self._evaluate(self._here)
 
-    def _look(self, point_ned_m: tuple[float, float]) -> None:
-        was_in_collision = self._looked_m < 0.0
-        self._looked_m, self._looked_at = self.clearance_at_m(point_ned_m), point_ned_m
-        self.clearance_min_m = min(self.clearance_min_m, self._looked_m)
-        if self._looked_m < 0.0 and not was_in_collision:
+    def _evaluate(self, point_ned_m: tuple[float, float]) -> None:
+        was_in_collision = self._evaluated_m < 0.0
+        self._evaluated_m, self._evaluated_at = self.clearance_at_m(point_ned_m), point_ned_m
+        self.clearance_min_m = min(self.clearance_min_m, self._evaluated_m)
+        if self._evaluated_m < 0.0 and not was_in_collision:
             self.collisions += 1
 
     def toward_nearest(self, position_ned_m: tuple[float, float, float]) -> tuple[float, float]:

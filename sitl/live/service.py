@@ -1,4 +1,4 @@
-"""The simulator in real time: sockets, Zenoh, the clock; everything it does is in ``scene``."""
+"""The simulator in real time: couples a `Scene` to sockets, Zenoh and the clock."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ log = logging.getLogger(__name__)
 
 _POLL_S = 0.002
 _TRUTH_RATE_HZ = 20
-_BEHIND_MAX_S = 0.5  # after a longer stall time is let go instead of caught up
+_BEHIND_MAX_S = 0.5  # after a longer stall the simulation does not catch up
 
 
 class ZenohError(RuntimeError):
@@ -33,7 +33,7 @@ class ZenohError(RuntimeError):
 
 
 class LiveSimulator:
-    """Owner of the links: couples the scene to sockets and Zenoh."""
+    """Couple one vehicle's scene to sockets and Zenoh."""
 
     def __init__(self, config: SitlConfig, field: ObstacleField) -> None:
         self._config = config
@@ -51,7 +51,7 @@ class LiveSimulator:
         self._scene.vehicle.receive(data, link)
 
     def link_closed(self, link: int) -> None:
-        """Forget a peer."""
+        """Stop streaming to a peer."""
         self._senders.pop(link, None)
         self._scene.vehicle.autopilot.close_link(link)
 
@@ -98,11 +98,11 @@ class LiveSimulator:
             await asyncio.sleep(_POLL_S)
 
     def _now_s(self) -> float:
-        """Simulation time that real time asks for."""
+        """Return the simulation time that corresponds to real time."""
         now_s = (time.monotonic() - self._origin_s) * self._config.speed_factor
         behind_s = now_s - self._scene.vehicle.truth.time_s
         if behind_s > _BEHIND_MAX_S * self._config.speed_factor:
-            log.warning("simulation stalled for %.2f s, which will not be caught up", behind_s)
+            log.warning("simulation stalled for %.2f s and does not catch up", behind_s)
             self._origin_s += behind_s / self._config.speed_factor
             now_s -= behind_s
         return now_s
@@ -139,7 +139,7 @@ def _session(endpoints: ZenohEndpoints) -> Iterator[zenoh.Session]:
     """Open a Zenoh session.
 
     Raises:
-        FileError: the file of Zenoh's own cannot be used.
+        FileError: Zenoh's own configuration file cannot be used.
         ZenohError: an endpoint is malformed or cannot be listened on.
     """
     with ExitStack() as stack:
@@ -155,7 +155,7 @@ async def serve(config: SitlConfig) -> None:
     """Run every vehicle of the file until SIGINT or SIGTERM.
 
     Raises:
-        FileError: the obstacle field, or Zenoh's own file, is not usable.
+        FileError: the obstacle field, or Zenoh's own configuration file, cannot be used.
         ParameterError: a configured autopilot parameter does not exist or is out of range.
         ZenohError: the Zenoh session cannot be opened.
         TransportError, OSError: as :meth:`LiveSimulator.run`.
@@ -166,7 +166,7 @@ async def serve(config: SitlConfig) -> None:
     loop = asyncio.get_running_loop()
     for number in (signal.SIGINT, signal.SIGTERM):
         loop.add_signal_handler(number, stop.set)
-    # A terminal that closes must not end a flight, on a bench as little as in the air.
+    # Closing the terminal must not end a flight.
     loop.add_signal_handler(signal.SIGHUP, lambda: log.info("SIGHUP ignored"))
     simulators = [LiveSimulator(one, field) for one in config.each()]
     with _session(config.zenoh) as session:
@@ -177,7 +177,7 @@ async def serve(config: SitlConfig) -> None:
 async def _run_all(
     simulators: list[LiveSimulator], stop: asyncio.Event, session: zenoh.Session
 ) -> None:
-    """Run the vehicles side by side; when one cannot run, none does."""
+    """Run the vehicles side by side; when one cannot run, stop all."""
     tasks = [asyncio.create_task(one.run(stop, session)) for one in simulators]
     done, _ = await asyncio.wait(tasks, return_when=asyncio.FIRST_EXCEPTION)
     stop.set()

@@ -19,7 +19,7 @@ from urllib.parse import urlsplit
 from sitl.autopilot.protocol.link import split_frames
 
 _DATAGRAM_LENGTH = 1400  # below the payload of an Ethernet frame
-_ADDRESSES_MAX = 32  # of one UDP port; beyond that strangers are ignored
+_ADDRESSES_MAX = 32  # of one UDP port; further addresses are ignored
 _TCP_BACKLOG_BYTES = 1 << 20  # a client that does not read is dropped
 
 Send = Callable[[bytes], None]
@@ -31,11 +31,11 @@ class TransportError(RuntimeError):
 
 
 class LinkOwner(Protocol):
-    """Who lives at the other side of the sockets: the simulated vehicle."""
+    """What the sockets connect to: the simulated vehicle."""
 
     @abstractmethod
     def link_opened(self, link: int, send: Send) -> None:
-        """A peer may be reached with ``send``."""
+        """A peer can be reached with ``send``."""
 
     @abstractmethod
     def link_received(self, link: int, data: bytes) -> None:
@@ -43,7 +43,7 @@ class LinkOwner(Protocol):
 
     @abstractmethod
     def link_closed(self, link: int) -> None:
-        """The peer is gone."""
+        """The peer has disconnected."""
 
 
 class Transport:
@@ -58,7 +58,7 @@ class Transport:
         """Open the socket of one URL.
 
         Raises:
-            TransportError: not a URL of the table above, or the port cannot be had.
+            TransportError: not a URL of the table above, or the port cannot be opened.
         """
         scheme, address = parse_url(url)
         loop = asyncio.get_running_loop()
@@ -125,7 +125,7 @@ class _UdpClient(asyncio.DatagramProtocol):
 
 
 class _UdpServer(asyncio.DatagramProtocol):
-    """Bound to a port; whoever sends to it becomes a link."""
+    """Bound to a port; each address that sends to it becomes a link."""
 
     def __init__(self, owner: LinkOwner, links: itertools.count[int]) -> None:
         self._owner = owner

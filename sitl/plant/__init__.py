@@ -1,1 +1,1 @@
-"""The simulated vehicle's physics: rigid body, controller, wind, battery."""
+"""The simulated vehicle's physics: rigid body, controller, estimator, wind, battery."""

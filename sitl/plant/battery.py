@@ -24,7 +24,7 @@ _RADPS_PER_RPM = 2.0 * math.pi / 60.0
 
 
 class BatteryConfig(FileModel):
-    """The pack and what drains it besides the rotors."""
+    """The pack, and the consumers besides the rotors."""
 
     cells: Annotated[int, Field(ge=1, le=14)] = 4
     capacity_ah: Annotated[float, Field(gt=0.0)] = 5.0
@@ -36,7 +36,7 @@ class BatteryConfig(FileModel):
 
 @dataclass(frozen=True)
 class BatteryReading:
-    """What the pack shows: terminal voltage, current, remaining share, charge taken out."""
+    """What a battery monitor reads: terminal voltage, current, remaining share, charge used."""
 
     voltage_v: float
     current_a: float
@@ -45,7 +45,7 @@ class BatteryReading:
 
 
 class Battery:
-    """Integrates the current drawn; never recharges."""
+    """Integrate the current drawn; the pack never recharges."""
 
     def __init__(self, config: BatteryConfig) -> None:
         self._config = config

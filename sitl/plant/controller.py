@@ -12,10 +12,6 @@ Each loop asks for a derivative and inverts the model to get it:
 4. rotors: thrust and torque -> thrust of each rotor -> rpm, with thrust for roll and pitch first,
    then lift, then yaw.
 
-A ``nan`` in a setpoint means "not controlled" (PX4's convention): without position the velocity is
-flown, without velocity the acceleration.  Between updates a setpoint moves along its own
-derivatives.
-
 | symbol | code | meaning |
 |---|---|---|
 | a, j | ``acceleration_*_mps2``, ``jerk_*_mps3`` | wanted acceleration and jerk, NED |
@@ -37,61 +33,10 @@ from sitl.plant.multirotor import (
     rotate_frd_from_ned,
     rotate_ned_from_frd,
 )
-
-Vector = tuple[float, float, float]
+from sitl.plant.setpoint import Setpoint
 
 _THRUST_MIN_MPS2 = 0.15 * GRAVITY_MPS2  # keeps the thrust axis defined and the rotors turning
 _YAW_SHARE_MAX = 0.12  # of full thrust: yaw must never starve roll and pitch
-
-
-class Setpoint(NamedTuple):
-    """Wanted motion at one instant, NED; ``nan`` = not controlled."""
-
-    north_m: float = math.nan
-    east_m: float = math.nan
-    down_m: float = math.nan
-    velocity_north_mps: float = math.nan
-    velocity_east_mps: float = math.nan
-    velocity_down_mps: float = math.nan
-    acceleration_north_mps2: float = 0.0
-    acceleration_east_mps2: float = 0.0
-    acceleration_down_mps2: float = 0.0
-    jerk_north_mps3: float = 0.0
-    jerk_east_mps3: float = 0.0
-    jerk_down_mps3: float = 0.0
-    yaw_rad: float = 0.0
-    yaw_rate_radps: float = 0.0
-
-    @staticmethod
-    def of(
-        position_ned_m: Vector,
-        velocity_ned_mps: Vector,
-        acceleration_ned_mps2: Vector,
-        jerk_ned_mps3: Vector,
-        yaw_rad: float,
-        yaw_rate_radps: float,
-    ) -> Setpoint:
-        """Return the setpoint of these vectors, NED."""
-        north_m, east_m, down_m = position_ned_m
-        velocity_north, velocity_east, velocity_down = velocity_ned_mps
-        acceleration_north, acceleration_east, acceleration_down = acceleration_ned_mps2
-        jerk_north, jerk_east, jerk_down = jerk_ned_mps3
-        return Setpoint(
-            north_m,
-            east_m,
-            down_m,
-            velocity_north,
-            velocity_east,
-            velocity_down,
-            acceleration_north,
-            acceleration_east,
-            acceleration_down,
-            jerk_north,
-            jerk_east,
-            jerk_down,
-            yaw_rad,
-            yaw_rate_radps,
-        )
 
 
 class ControllerGains(NamedTuple):
@@ -100,7 +45,7 @@ class ControllerGains(NamedTuple):
     The defaults are those of an ideal controller.  A real one has lower gains (``position_per_s``
     and ``velocity_per_s`` horizontally, ``height_per_s`` and ``climb_per_s`` vertically), trims out
     disturbances more slowly, turns only a share of the wanted jerk into body rates, so that the
-    attitude lags (``jerk_share``), and does not know the drag (``drag_share``).
+    attitude lags (``jerk_share``), and compensates only a share of the drag (``drag_share``).
     """
 
     position_per_s: float = 1.3
@@ -179,38 +124,6 @@ def _feedback(
         return trim_mps2
     error = gain_per_s * (wanted_mps - actual_mps)
     return _clipped(error, gains.feedback_max_mps2) + trim_mps2
-
-
-def ahead(setpoint: Setpoint, age_s: float) -> Setpoint:
-    """Return the setpoint moved along its own derivatives by ``age_s``; ``nan`` stays ``nan``."""
-    t, t2, t3 = age_s, 0.5 * age_s * age_s, age_s * age_s * age_s / 6.0
-    vn, ve, vd = (
-        setpoint.velocity_north_mps,
-        setpoint.velocity_east_mps,
-        setpoint.velocity_down_mps,
-    )
-    an, ae, ad = (
-        setpoint.acceleration_north_mps2,
-        setpoint.acceleration_east_mps2,
-        setpoint.acceleration_down_mps2,
-    )
-    jn, je, jd = setpoint.jerk_north_mps3, setpoint.jerk_east_mps3, setpoint.jerk_down_mps3
-    return Setpoint(
-        setpoint.north_m + (0.0 if math.isnan(vn) else vn * t + an * t2 + jn * t3),
-        setpoint.east_m + (0.0 if math.isnan(ve) else ve * t + ae * t2 + je * t3),
-        setpoint.down_m + (0.0 if math.isnan(vd) else vd * t + ad * t2 + jd * t3),
-        vn + an * t + jn * t2,
-        ve + ae * t + je * t2,
-        vd + ad * t + jd * t2,
-        an + jn * t,
-        ae + je * t,
-        ad + jd * t,
-        jn,
-        je,
-        jd,
-        setpoint.yaw_rad + setpoint.yaw_rate_radps * t,
-        setpoint.yaw_rate_radps,
-    )
 
 
 @compiled
@@ -328,6 +241,39 @@ def _led(
 
 
 @compiled
+def _turned_onto(
+    state: MultirotorState,
+    force_north: float,
+    force_east: float,
+    force_down: float,
+    setpoint: Setpoint,
+    gains: ControllerGains,
+    parameters: MultirotorParameters,
+) -> RotorSpeeds:
+    """Rotor speeds [rpm], before the lead, that turn the thrust onto a specific force [m/s^2]."""
+    p, q, r = state.roll_rate_radps, state.pitch_rate_radps, state.yaw_rate_radps
+    wanted_p, wanted_q, wanted_r = _body_rates(
+        state, force_north, force_east, force_down, setpoint, gains
+    )
+    j_x, j_y, j_z = (
+        parameters.inertia_x_kgm2,
+        parameters.inertia_y_kgm2,
+        parameters.inertia_z_kgm2,
+    )
+    # Thrust acts at once along the actual thrust axis only; the rest of the force needs a turn.
+    _, _, along = rotate_frd_from_ned(
+        state.qw, state.qx, state.qy, state.qz, force_north, force_east, force_down
+    )
+    return _rotor_speeds(
+        parameters.mass_kg * max(-along, _THRUST_MIN_MPS2),
+        j_x * gains.rate_per_s * (wanted_p - p) + (j_z - j_y) * q * r,
+        j_y * gains.rate_per_s * (wanted_q - q) + (j_x - j_z) * r * p,
+        j_z * gains.yaw_rate_per_s * (wanted_r - r) + (j_y - j_x) * p * q,
+        parameters,
+    )
+
+
+@compiled
 def control(
     state: MultirotorState,
     memory: ControllerMemory,
@@ -338,50 +284,20 @@ def control(
     """Return the rotor speeds [rpm] that fly ``setpoint`` from ``state``."""
     drag_north, drag_east, drag_down = _drag_inverse(state, parameters, gains.drag_share)
     velocity_north, velocity_east, velocity_down = _wanted_velocity(setpoint, state, gains)
+    gain_per_s = gains.velocity_per_s
     north = setpoint.acceleration_north_mps2 + _feedback(
-        velocity_north,
-        state.velocity_north_mps,
-        memory.trim_north_mps2,
-        gains.velocity_per_s,
-        gains,
+        velocity_north, state.velocity_north_mps, memory.trim_north_mps2, gain_per_s, gains
     )
     east = setpoint.acceleration_east_mps2 + _feedback(
-        velocity_east,
-        state.velocity_east_mps,
-        memory.trim_east_mps2,
-        gains.velocity_per_s,
-        gains,
+        velocity_east, state.velocity_east_mps, memory.trim_east_mps2, gain_per_s, gains
     )
     down = setpoint.acceleration_down_mps2 + _feedback(
-        velocity_down,
-        state.velocity_down_mps,
-        memory.trim_down_mps2,
-        gains.climb_per_s,
-        gains,
+        velocity_down, state.velocity_down_mps, memory.trim_down_mps2, gains.climb_per_s, gains
     )
     force_north, force_east, force_down = _tilt_limited(
         north + drag_north, east + drag_east, down + drag_down - GRAVITY_MPS2, gains.tilt_max_rad
     )
-    p, q, r = state.roll_rate_radps, state.pitch_rate_radps, state.yaw_rate_radps
-    wanted_p, wanted_q, wanted_r = _body_rates(
-        state, force_north, force_east, force_down, setpoint, gains
-    )
-    j_x, j_y, j_z = (
-        parameters.inertia_x_kgm2,
-        parameters.inertia_y_kgm2,
-        parameters.inertia_z_kgm2,
-    )
-    # Only the part of the wanted force along the actual thrust axis can be had at once.
-    _, _, along = rotate_frd_from_ned(
-        state.qw, state.qx, state.qy, state.qz, force_north, force_east, force_down
-    )
-    command = _rotor_speeds(
-        parameters.mass_kg * max(-along, _THRUST_MIN_MPS2),
-        j_x * gains.rate_per_s * (wanted_p - p) + (j_z - j_y) * q * r,
-        j_y * gains.rate_per_s * (wanted_q - q) + (j_x - j_z) * r * p,
-        j_z * gains.yaw_rate_per_s * (wanted_r - r) + (j_y - j_x) * p * q,
-        parameters,
-    )
+    command = _turned_onto(state, force_north, force_east, force_down, setpoint, gains, parameters)
     return RotorSpeeds(
         _led(command.rotor1_rpm, state.rotor1_rpm, gains.rotor_lead, parameters),
         _led(command.rotor2_rpm, state.rotor2_rpm, gains.rotor_lead, parameters),

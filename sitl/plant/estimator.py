@@ -1,7 +1,7 @@
-"""What the autopilot believes of its own motion, and by how much that is wrong.
+"""The autopilot's estimate of its own motion, and its errors.
 
-Controller, telemetry and what places detections go by the estimate; only collisions and
-the truth log go by the truth.  The mechanisms:
+Controller, telemetry and the placing of detections use the estimate; only collisions and the truth
+log use the truth.  The mechanisms:
 
 * *Wander*: each of the seven errors (position, velocity, heading) is a sum of sines of seeded
   periods and phases, so it never exceeds its bound, and is the same at every tick rate.  Of the
@@ -15,8 +15,8 @@ the truth log go by the truth.  The mechanisms:
   holds by its own estimate drifts off in truth.
 * *Jumps*, which the estimator's peers see as a reset.
 
-At rest on the ground, where the filter knows that it does not move, there is hardly any wander: it
-grows within seconds of the take-off.
+At rest on the ground, where the filter detects that it does not move, the wander is small; it grows
+within seconds of the take-off.
 """
 
 from __future__ import annotations
@@ -39,15 +39,15 @@ _REST_RADPS: Final = 0.01
 
 @dataclass(frozen=True)
 class EstimatorProfile:
-    """How wrong an autopilot's estimator is.
+    """Greatest errors of an autopilot's estimator.
 
     Attributes:
         position_m, height_m: greatest error of the position, per horizontal axis, and vertically.
         velocity_mps, climb_mps: the same of the velocity.
         heading_rad: greatest error of the heading.
         drift_mps2, drift_max_mps: growth and bound of the velocity's error without GPS.
-        dead_reckoning_s: without GPS the position is vouched for this long.
-        aiding_stops_s: and this long the filter integrates at all.
+        dead_reckoning_s: how long the position stays valid without GPS.
+        aiding_stops_s: how long the filter integrates without GPS.
     """
 
     position_m: float = 0.0
@@ -105,7 +105,7 @@ class _Wander:
         return first + a2 * math.sin(w2 * time_s + p2) + a3 * math.sin(w3 * time_s + p3)
 
 
-# The wander's shortest and longest periods [s]: PX4's errors forget themselves within 3 to 8 s.
+# The wander's shortest and longest periods [s]; PX4's errors decorrelate within 3 to 8 s.
 _POSITION_PERIODS_S: Final = (10.0, 30.0)
 _VELOCITY_PERIODS_S: Final = (8.0, 25.0)
 _HEIGHT_PERIODS_S: Final = (20.0, 60.0)
@@ -116,14 +116,14 @@ class Estimator:
     """One vehicle's estimator.
 
     Args:
-        profile: how wrong it is.
-        seed: of how it is wrong in this flight.
+        profile: greatest errors.
+        seed: of the errors in this flight.
 
     Attributes:
         profile: as given.
         error: estimate less truth, since the last update.
         resets: how often the estimate has jumped.
-        lost_for_s: for how long GPS has been missing; 0 while it is there.
+        lost_for_s: for how long GPS has been missing; 0 while it is present.
     """
 
     def __init__(self, profile: EstimatorProfile, seed: int = 0) -> None:
@@ -156,8 +156,13 @@ class Estimator:
         self._jumped_ned_m = (0.0, 0.0, 0.0)
         self._gps_wrong_m = 0.0
 
+    @property
+    def position_valid(self) -> bool:
+        """Whether the estimate of the position is still valid: not for long without GPS."""
+        return self.lost_for_s < self.profile.dead_reckoning_s
+
     def jump(self, north_m: float, east_m: float, down_m: float) -> None:
-        """Move the estimate at once, for good."""
+        """Shift the estimate at once and permanently."""
         north, east, down = self._jumped_ned_m
         self._jumped_ned_m = (north + north_m, east + east_m, down + down_m)
         self.resets += 1
@@ -165,15 +170,15 @@ class Estimator:
     def update(
         self, truth: VehicleTruth, gps_lost_for_s: float, gps_wrong_m: float
     ) -> VehicleTruth:
-        """Go on to the present and return the estimate.
+        """Advance to the present and return the estimate.
 
         Args:
             truth: state now.
-            gps_lost_for_s: for how long GPS has been missing; 0 while it is there.
-            gps_wrong_m: how far to the north of the truth GPS says that the vehicle is.
+            gps_lost_for_s: for how long GPS has been missing; 0 while it is present.
+            gps_wrong_m: by how much GPS places the vehicle too far north.
         """
         if self.lost_for_s > 0.0 >= gps_lost_for_s and self._drift(self.lost_for_s)[1] > 0.0:
-            self.resets += 1  # GPS is back, and pulls the estimate to where it really is
+            self.resets += 1  # GPS is back, and pulls the estimate to the true position
         if gps_wrong_m != self._gps_wrong_m:
             self.resets += 1
         self.lost_for_s, self._gps_wrong_m = gps_lost_for_s, gps_wrong_m
@@ -183,7 +188,7 @@ class Estimator:
         return self.estimate(truth)
 
     def estimate(self, truth: VehicleTruth) -> VehicleTruth:
-        """Return what the estimator believes, by its error at the last update."""
+        """Return the estimate of a state, by the error at the last update."""
         error = self.error
         if not any(error):
             return truth

@@ -1,8 +1,7 @@
 """Plant and controller together: what happens between two decisions of the autopilot.
 
-The loop is compiled where Numba is installed.  Named tuples take ten times as long as plain ones on
-their way into compiled code and out of it, longer than what happens there: so they are unnamed at
-the border.
+The loop is compiled where Numba is installed.  Named tuples take ten times as long as plain ones to
+enter and leave compiled code, longer than the physics itself: so only plain ones cross the border.
 """
 
 from __future__ import annotations
@@ -10,14 +9,7 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from sitl.plant.controller import (
-    ControllerGains,
-    ControllerMemory,
-    Setpoint,
-    ahead,
-    control,
-    trimmed,
-)
+from sitl.plant.controller import ControllerGains, ControllerMemory, control, trimmed
 from sitl.plant.estimator import EstimateError
 from sitl.plant.jit import compiled
 from sitl.plant.multirotor import (
@@ -28,6 +20,7 @@ from sitl.plant.multirotor import (
     derivative,
     step,
 )
+from sitl.plant.setpoint import Setpoint, ahead
 
 Plain = tuple[float, ...]
 
@@ -39,7 +32,7 @@ _EXACT = tuple(EstimateError())
 
 
 class Flight(NamedTuple):
-    """Plant and controller at one instant, unnamed: most of it is only handed on.
+    """Plant and controller at one instant, as plain floats.
 
     Attributes:
         values: the state (17), the controller's memory (3), and the acceleration, NED (3).
@@ -59,7 +52,7 @@ class Flight(NamedTuple):
 
     @property
     def memory(self) -> ControllerMemory:
-        """What the controller carries on."""
+        """Memory of the controller."""
         return ControllerMemory._make(self.values[MEMORY])
 
 
@@ -79,9 +72,9 @@ def fly(
     """Advance plant and controller by ``steps`` steps of ``step_s`` under one moving setpoint.
 
     ``age_s`` is how long the setpoint has been moving when the first step begins.
-    ``rotor_shares`` is what each rotor makes of its command: 1, or 0 when it has failed, of which
-    the controller knows nothing.  ``error`` is that of the estimate that the controller is given
-    instead of the state: an `EstimateError`.
+    ``rotor_shares`` is the share of its command that each rotor reaches: 1, or 0 when it has
+    failed; the controller does not take it into account.  ``error`` is the `EstimateError` that
+    separates the controller's input from the state.
     """
     return Flight(
         _fly(
@@ -121,9 +114,9 @@ _ahead = compiled(ahead)
 def _sensed(
     state: MultirotorState, error: EstimateError, cosine: float, sine: float
 ) -> MultirotorState:
-    """Return the state as the estimator has it; cosine and sine of half its error of the heading.
+    """Return the estimated state; ``cosine`` and ``sine`` are those of half the heading error.
 
-    The body's axes, rates and rotors are as they are: only where they are thought to point changes.
+    Body rates and rotor speeds are exact; the heading error turns the attitude about the vertical.
     """
     w, x, y, z = state.qw, state.qx, state.qy, state.qz
     return MultirotorState(

@@ -88,7 +88,7 @@ class RotorSpeeds(NamedTuple):
     rotor4_rpm: float
 
 
-# What `RotorSpeeds` is as the shares of commanded speed that sound rotors obey.
+# `RotorSpeeds` as shares of the commanded speed, of rotors without a failure.
 INTACT = RotorSpeeds(1.0, 1.0, 1.0, 1.0)
 
 
@@ -247,23 +247,33 @@ def _ground_reaction(
 
 
 @compiled
+def _rotor_thrust_and_torque(
+    state: MultirotorState, parameters: MultirotorParameters
+) -> tuple[float, float, float, float]:
+    """Return the total thrust [N] and the torque (FRD) [N m] of the four rotors on the body."""
+    n1, n2, n3, n4 = state.rotor1_rpm, state.rotor2_rpm, state.rotor3_rpm, state.rotor4_rpm
+    k_t = parameters.thrust_coefficient_n_per_rpm2
+    t1, t2, t3, t4 = k_t * n1 * n1, k_t * n2 * n2, k_t * n3 * n3, k_t * n4 * n4
+    return (
+        t1 + t2 + t3 + t4,
+        parameters.arm_y_m * (t2 + t3 - t1 - t4),
+        parameters.arm_x_m * (t1 + t3 - t2 - t4),
+        parameters.torque_coefficient_nm_per_rpm2 * (n1 * n1 + n2 * n2 - n3 * n3 - n4 * n4),
+    )
+
+
+@compiled
 def derivative(
     state: MultirotorState, command: RotorSpeeds, wind: Wind, parameters: MultirotorParameters
 ) -> MultirotorState:
     """Time derivative of ``state`` under commanded rotor speeds [rpm] and wind (Newton-Euler)."""
-    n1, n2, n3, n4 = state.rotor1_rpm, state.rotor2_rpm, state.rotor3_rpm, state.rotor4_rpm
     p, q, r = state.roll_rate_radps, state.pitch_rate_radps, state.yaw_rate_radps
     qw, qx, qy, qz = state.qw, state.qx, state.qy, state.qz
-    k_t = parameters.thrust_coefficient_n_per_rpm2
-    t1, t2, t3, t4 = k_t * n1 * n1, k_t * n2 * n2, k_t * n3 * n3, k_t * n4 * n4
-
+    thrust, torque_x, torque_y, torque_z = _rotor_thrust_and_torque(state, parameters)
     drag_x, drag_y, drag_z = _aerodynamic_force_frd(state, wind, parameters)
     force_north, force_east, force_down = rotate_ned_from_frd(
-        qw, qx, qy, qz, drag_x, drag_y, drag_z - (t1 + t2 + t3 + t4)
+        qw, qx, qy, qz, drag_x, drag_y, drag_z - thrust
     )
-    torque_x = parameters.arm_y_m * (t2 + t3 - t1 - t4)
-    torque_y = parameters.arm_x_m * (t1 + t3 - t2 - t4)
-    torque_z = parameters.torque_coefficient_nm_per_rpm2 * (n1 * n1 + n2 * n2 - n3 * n3 - n4 * n4)
 
     # Far above the reach of a leg at any attitude there is nothing to compute.
     if state.down_m > -(parameters.arm_x_m + parameters.arm_y_m + parameters.leg_height_m):
@@ -293,10 +303,10 @@ def derivative(
         (torque_x + (j_y - j_z) * q * r) / j_x,
         (torque_y + (j_z - j_x) * r * p) / j_y,
         (torque_z + (j_x - j_y) * p * q) / j_z,
-        lag * (command.rotor1_rpm - n1),
-        lag * (command.rotor2_rpm - n2),
-        lag * (command.rotor3_rpm - n3),
-        lag * (command.rotor4_rpm - n4),
+        lag * (command.rotor1_rpm - state.rotor1_rpm),
+        lag * (command.rotor2_rpm - state.rotor2_rpm),
+        lag * (command.rotor3_rpm - state.rotor3_rpm),
+        lag * (command.rotor4_rpm - state.rotor4_rpm),
     )
 
 
@@ -325,7 +335,7 @@ def _moved(state: MultirotorState, rate: MultirotorState, time_s: float) -> Mult
 
 
 @compiled
-def _normalised(state: MultirotorState) -> MultirotorState:
+def _normalized(state: MultirotorState) -> MultirotorState:
     """Return ``state`` with its quaternion scaled back to unit length."""
     qw, qx, qy, qz = state.qw, state.qx, state.qy, state.qz
     scale = 1.0 / math.sqrt(qw * qw + qx * qx + qy * qy + qz * qz)
@@ -360,7 +370,7 @@ def step(
 ) -> MultirotorState:
     """Advance by ``step_s`` with the classical fourth-order Runge-Kutta rule.
 
-    Commands outside the rotors' speed range are the caller's fault; the controller saturates them.
+    Commands must be within the rotors' speed range; the controller saturates them.
     """
     k1 = derivative(state, command, wind, parameters)
     k2 = derivative(_moved(state, k1, 0.5 * step_s), command, wind, parameters)
@@ -369,4 +379,4 @@ def step(
     end = _moved(state, k1, step_s / 6.0)
     end = _moved(end, k2, step_s / 3.0)
     end = _moved(end, k3, step_s / 3.0)
-    return _normalised(_moved(end, k4, step_s / 6.0))
+    return _normalized(_moved(end, k4, step_s / 6.0))

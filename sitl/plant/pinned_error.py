@@ -16,7 +16,7 @@ class PinnedError:
         error_m: its size.
 
     Attributes:
-        north_m, east_m: where the vehicle is, less where it was told to be.
+        north_m, east_m: position of the vehicle less that of its setpoint.
     """
 
     def __init__(self, error_m: float) -> None:
@@ -24,7 +24,7 @@ class PinnedError:
         self._error_m = error_m
 
     def forget(self) -> None:
-        """Begin anew, with no error: the vehicle has been told to stay where it is."""
+        """Reset the error to zero: the vehicle stays where it is."""
         self.north_m = self.east_m = 0.0
 
     def advance(self, toward_ned: tuple[float, float], passed_s: float) -> None:

@@ -18,7 +18,7 @@ from onboard.files.yaml_file import FileModel
 from sitl.plant.multirotor import Wind
 
 _FEET_PER_M = 1.0 / 0.3048
-_AIR_SPEED_MIN_MPS = 0.5  # turbulence does not stand still when the vehicle does
+_AIR_SPEED_MIN_MPS = 0.5  # turbulence goes on while the vehicle hovers
 
 Vector = tuple[float, float, float]
 VectorKey = Annotated[Vector, Field(strict=False)]
@@ -63,7 +63,7 @@ class WindModel:
         self._heading = math.cos(heading_rad), math.sin(heading_rad)
 
     def add(self, gust: Gust) -> None:
-        """Let one more gust come."""
+        """Add one gust."""
         self._config = self._config.model_copy(update={"gusts": (*self._config.gusts, gust)})
 
     def sample(

@@ -13,24 +13,21 @@ from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from sitl.autopilot.commander import Actuation, Verdict
+from sitl.autopilot.decisions import Actuation, Verdict
 from sitl.autopilot.fence import FenceStore
 from sitl.autopilot.flavours.ardupilot import Copter
 from sitl.autopilot.flavours.flavour import Flavour
 from sitl.autopilot.flavours.parameters import ParameterStore
 from sitl.autopilot.flavours.px4 import Px4
-from sitl.autopilot.protocol.arm_authorization import ArmAuthorisation
+from sitl.autopilot.protocol.arm_authorization import ArmAuthorization
 from sitl.autopilot.protocol.commands import Command, CommandContext, execute
 from sitl.autopilot.protocol.link import MavlinkLink
 from sitl.autopilot.protocol.mission_transfer import MissionTransfer
 from sitl.autopilot.protocol.parameter_protocol import ParameterProtocol
 from sitl.autopilot.protocol.signing import TIMESTAMP_MAX, Signing, key_of_passphrase
-from sitl.autopilot.protocol.telemetry import (
-    BUILDERS,
-    Snapshot,
-    StreamSchedule,
-    messages_of_data_stream,
-)
+from sitl.autopilot.protocol.snapshot import Snapshot
+from sitl.autopilot.protocol.streams import StreamSchedule, messages_of_data_stream
+from sitl.autopilot.protocol.telemetry import BUILDERS
 from sitl.autopilot.protocol.timesync import MisaddressedTimesync
 from sitl.config import VehicleConfig
 from sitl.plant.battery import BatteryReading
@@ -46,7 +43,7 @@ _FTP_PAYLOAD, _FTP_NAK, _FTP_FILE_NOT_FOUND = 251, 129, 10
 
 
 class _Peer:
-    """One link's codec, its streams, and whether a ground station speaks on it."""
+    """One link's codec, its streams, and whether a ground station uses it."""
 
     def __init__(
         self, system_id: int, rates_hz: Mapping[int, float], signing: Signing | None
@@ -64,9 +61,9 @@ class Autopilot:
         flavour: which autopilot this is.
         commander: modes, arming and failsafes.
         parameters: the values behind the parameter protocol.
-        realism: how far it is from an ideal autopilot.
-        estimator: what it believes of its own motion.
-        signing: what every link signs with and judges by; None while signing is off.
+        realism: how it differs from an ideal autopilot.
+        estimator: its estimate of its own motion.
+        signing: key and memory of every link; None while signing is off.
     """
 
     def __init__(
@@ -77,7 +74,7 @@ class Autopilot:
         start_unix_s: float = 0.0,
         seed: int = 0,
     ) -> None:
-        """Start up; ``seed`` decides how the estimator is wrong.
+        """Start up; ``seed`` seeds the errors of the estimator.
 
         Raises:
             ParameterError: a configured parameter does not exist or is out of range.
@@ -93,7 +90,7 @@ class Autopilot:
             self.flavour.settings(self.parameters), truth, config.home, self.estimator
         )
         self._missions = MissionTransfer(self.commander.mission, FenceStore())
-        self._arm_authorisation = ArmAuthorisation()
+        self._arm_authorization = ArmAuthorization()
         self._parameter_protocol = ParameterProtocol(
             self.parameters, bytewise=self.flavour.integers_bytewise
         )
@@ -107,7 +104,15 @@ class Autopilot:
         self._start_unix_s = start_unix_s
         self._peers: dict[int, _Peer] = {}
         self._estimate, self._battery = truth, battery
-        self._handlers: dict[str, Callable[[Any, _Peer, float], None]] = {
+        self._handlers = self._handlers_by_message()
+
+    @property
+    def handled(self) -> tuple[str, ...]:
+        """Names of the messages that the autopilot handles."""
+        return tuple(self._handlers)
+
+    def _handlers_by_message(self) -> dict[str, Callable[[Any, _Peer, float], None]]:
+        return {
             "SET_POSITION_TARGET_LOCAL_NED": self._on_setpoint,
             "SET_POSITION_TARGET_GLOBAL_INT": self._on_setpoint,
             "MANUAL_CONTROL": self._on_manual_control,
@@ -125,11 +130,6 @@ class Autopilot:
             **dict.fromkeys(self._missions.messages, self._on_mission),
         }
 
-    @property
-    def handled(self) -> tuple[str, ...]:
-        """Names of the messages that the autopilot does something with."""
-        return tuple(self._handlers)
-
     # --- bytes ----------------------------------------------------------------------------
 
     def open_link(self, link: int) -> None:
@@ -139,11 +139,11 @@ class Autopilot:
             self._peers[link] = _Peer(self._system_id, rates_hz, self.signing)
 
     def close_link(self, link: int) -> None:
-        """Forget a link and what was queued for it."""
+        """Close a link and drop what was queued for it."""
         self._peers.pop(link, None)
 
     def receive(self, data: bytes, link: int, now_s: float) -> None:
-        """Take bytes that arrived on a link; what is no valid message is counted and dropped."""
+        """Take bytes that arrived on a link; count and drop bytes outside valid messages."""
         self.open_link(link)
         peer = self._peers[link]
         for message in peer.link.parse(data):
@@ -162,7 +162,7 @@ class Autopilot:
         return b"" if peer is None else peer.link.take()
 
     def bytes_dropped(self, link: int) -> int:
-        """How many received bytes were no part of a valid frame."""
+        """How many received bytes did not belong to a valid frame."""
         peer = self._peers.get(link)
         return 0 if peer is None else peer.link.bytes_dropped
 
@@ -171,11 +171,11 @@ class Autopilot:
     def step(
         self, truth: VehicleTruth, battery: BatteryReading, thrust_share: float, period_s: float
     ) -> Actuation:
-        """Decide what the controller does for the next period, and queue the telemetry that is due.
+        """Decide what the controller flies next, and queue the telemetry that is due.
 
         Args:
-            truth: state at this instant, of which the estimator makes its own.
-            battery: what the pack shows.
+            truth: state at this instant, which the estimator observes.
+            battery: reading of the pack.
             thrust_share: rotor thrust over weight.
             period_s: time until the next call.
         """
@@ -189,7 +189,7 @@ class Autopilot:
             battery = replace(battery, remaining=0.0)
         actuation = self.commander.update(estimate, battery, thrust_share, period_s)
         self._missions.step(truth.time_s)
-        self._arm_authorisation.step(truth.time_s)
+        self._arm_authorization.step(truth.time_s)
         self._estimate, self._battery = estimate, battery
         self._announce()
         for peer in self._peers.values():
@@ -202,7 +202,7 @@ class Autopilot:
         return actuation
 
     def _snapshot(self) -> Snapshot:
-        """Everything that telemetry tells about, now."""
+        """Return everything that telemetry reports, now."""
         return Snapshot(
             self._estimate,
             self._battery,
@@ -215,7 +215,7 @@ class Autopilot:
         )
 
     def _announce(self) -> None:
-        """Tell the operators what has happened, and how far the mission is."""
+        """Send queued texts and mission progress to the operators."""
         for severity, text in self.commander.announcements:
             logger.info("%s", text)
             encoded = text.encode()[:_STATUSTEXT_LENGTH]
@@ -274,8 +274,8 @@ class Autopilot:
                 mavlink.MAVLink_command_ack_message(command.number, result, 0, 0, *sender)
             )
 
-        authoriser = self.commander.settings.arm_authoriser
-        if authoriser is None or not self._needs_authorisation(command, now_s):
+        authorizer = self.commander.settings.arm_authorizer
+        if authorizer is None or not self._needs_authorization(command, now_s):
             acknowledge(execute(command, self._context(peer)))
             return
 
@@ -286,21 +286,21 @@ class Autopilot:
             self.commander.say(mavlink.MAV_SEVERITY_CRITICAL, "Arming denied: not authorized")
             acknowledge(Verdict.TEMPORARILY_REJECTED)
 
-        timeout_s = self.commander.settings.arm_authorisation_timeout_s
-        self._broadcast(self._arm_authorisation.ask(authoriser, timeout_s, answer, now_s))
+        timeout_s = self.commander.settings.arm_authorization_timeout_s
+        self._broadcast(self._arm_authorization.ask(authorizer, timeout_s, answer, now_s))
 
-    def _needs_authorisation(self, command: Command, now_s: float) -> bool:
-        """Tell whether somebody has to agree: to arming that nothing else speaks against."""
+    def _needs_authorization(self, command: Command, now_s: float) -> bool:
+        """Return whether the authorizer has to be asked: every other check of arming passes."""
         may_be_asked = not self.commander.armed and not self.commander.prearm_failures()
-        return command.arms and may_be_asked and not self._arm_authorisation.permits(now_s)
+        return command.arms and may_be_asked and not self._arm_authorization.permits(now_s)
 
     def _on_command_ack(self, message: Any, _: _Peer, now_s: float) -> None:
-        authoriser = self.commander.settings.arm_authoriser
-        if authoriser is not None:
-            self._arm_authorisation.receive(message, authoriser, now_s)
+        authorizer = self.commander.settings.arm_authorizer
+        if authorizer is not None:
+            self._arm_authorization.receive(message, authorizer, now_s)
 
     def _on_set_mode(self, message: Any, _: _Peer, __: float) -> None:
-        """SET_MODE, the old message: as MAV_CMD_DO_SET_MODE, but nobody is told the result."""
+        """SET_MODE, the old message: as MAV_CMD_DO_SET_MODE, but without an acknowledgement."""
         mode = self.flavour.mode_of_custom(message.custom_mode)
         if mode is not None and message.base_mode & mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED:
             self.commander.set_mode(mode)
@@ -354,7 +354,7 @@ class Autopilot:
             peer.streams.set_interval(message_id, interval_s, now_s)
 
     def _on_file_transfer(self, message: Any, peer: _Peer, _: float) -> None:
-        """Refuse at once: there are no files here, and clients wait long for an answer."""
+        """Refuse at once: no files exist here, and clients wait long for an answer."""
         payload = bytearray(bytes(message.payload).ljust(_FTP_PAYLOAD, b"\0"))
         sequence = (int.from_bytes(payload[:2], "little") + 1) & 0xFFFF
         answer = bytearray(_FTP_PAYLOAD)

@@ -1,12 +1,12 @@
-"""Vehicle, world and sensors together in virtual time: what a flight happens in."""
+"""Vehicle, world and sensors together in virtual time."""
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any
 
 from onboard.files.obstacle_field import ObstacleField
+from onboard.files.truth_record import TruthRecord
 from sitl.autopilot.modes import Mode
 from sitl.config import SitlConfig
 from sitl.environment.sensor import ObstacleSensor
@@ -27,10 +27,10 @@ class Detection:
 
 
 class Scene:
-    """Advances everything in lock step; the live simulator and the virtual flight share it.
+    """Advance everything in lock step, for the live simulator and the virtual flight.
 
     Attributes:
-        vehicle: speaks MAVLink.
+        vehicle: plant and autopilot.
         world: clearance and collisions.
         start_unix_s: time of day at simulation time zero.
     """
@@ -42,7 +42,7 @@ class Scene:
         start_unix_s: float = 0.0,
         ticks_per_decision: int = 1,
     ) -> None:
-        """Set everything up at time zero; ``config.seed`` decides all that is random.
+        """Set everything up at time zero; ``config.seed`` seeds all random choices.
 
         For ``ticks_per_decision`` see `SimulatedVehicle`.
 
@@ -64,30 +64,29 @@ class Scene:
         self._pinned_s = 0.0
         self._departed = False
         self._due_s = 0.0  # when a sensor measures next
-        self._look()
+        self._observe()
 
     def advance(self, until_s: float) -> None:
         """Let time pass until ``until_s``, from decision to decision or measurement."""
         while self.vehicle.fly_on(until_s, self._due_s):
             if self._pinned is not None:
                 self._pin(self._pinned)
-            self._look()
+            self._observe()
 
     def take_detections(self) -> list[Detection]:
         """Return and clear the frames that have left the sensors."""
         detections, self._detections = self._detections, []
         return detections
 
-    def truth_record(self) -> dict[str, Any]:
-        """Ground truth now, ready for JSON."""
+    def truth_record(self) -> TruthRecord:
+        """Return the ground truth now."""
         return truth_record(self.vehicle.truth, self.world, self.start_unix_s)
 
     def _pin(self, error: PinnedError) -> None:
         truth = self.vehicle.truth
         commander = self.vehicle.autopilot.commander
-        # A vehicle that has yet to depart, or was handed back, stands where it is, as exactly as it
-        # came there: a service in standby asks for the place where it is told to be, so that an
-        # error put on top of that would add up without end.
+        # A vehicle that has yet to depart, or was handed back, gets no error: a service in standby
+        # commands the position that the vehicle reports, so that the error would add up.
         if commander.mode is Mode.OFFBOARD:
             self._departed |= truth.ground_speed_mps > _DEPARTED_MPS
         else:
@@ -100,7 +99,7 @@ class Scene:
             self.vehicle.pin_tracking_error(error.north_m, error.east_m)
         self._pinned_s = truth.time_s
 
-    def _look(self) -> None:
+    def _observe(self) -> None:
         truth, estimate = self.vehicle.truth, self.vehicle.estimate
         self.world.observe(truth.position_ned_m)
         for sensor in self._sensors:

@@ -6,12 +6,12 @@ import functools
 import math
 import random
 
-from sitl.autopilot.commander import Actuation, Drive
+from sitl.autopilot.decisions import Actuation, Drive
 from sitl.autopilot.modes import Mode
 from sitl.autopilot.settings import FlightSettings
 from sitl.config import StartConfig, VehicleConfig
 from sitl.plant.battery import Battery
-from sitl.plant.controller import ControllerGains, Setpoint, ahead
+from sitl.plant.controller import ControllerGains
 from sitl.plant.inner_loop import ACCELERATION, MEMORY, STATE, UNTRIMMED, Flight, fly, spin
 from sitl.plant.multirotor import (
     GRAVITY_MPS2,
@@ -21,6 +21,7 @@ from sitl.plant.multirotor import (
     rotate_frd_from_ned,
     standing_state,
 )
+from sitl.plant.setpoint import Setpoint, ahead
 from sitl.plant.truth import VehicleTruth
 from sitl.plant.wind import Gust, WindModel
 from sitl.vehicle.autopilot import Autopilot
@@ -31,11 +32,11 @@ _TICKS_PER_BATTERY = 20  # charge changes slowly
 
 
 class SimulatedVehicle:
-    """A vehicle that flies when told to over MAVLink; time advances only when it is told to.
+    """A vehicle that is commanded over MAVLink; time advances only by `advance` and `fly_on`.
 
     Attributes:
         truth: true state at the current instant.
-        autopilot: its commander and parameters, for tests to look into.
+        autopilot: commander, parameters and estimator.
     """
 
     def __init__(
@@ -52,7 +53,7 @@ class SimulatedVehicle:
             seed: of everything random about the vehicle.
             start_unix_s: time of day at simulation time zero.
             ticks_per_decision: the autopilot decides, and sends telemetry, every so many ticks of
-                10 ms; in between the controller follows the set-point's own motion.
+                10 ms; in between the controller follows the setpoint's own motion.
 
         Raises:
             ParameterError: a configured autopilot parameter does not exist or is out of range.
@@ -109,16 +110,16 @@ class SimulatedVehicle:
             self._ticks_per_decision - self._ticks_since_decision,
         )
         if pause_s < (self._ticks + ticks) * _TICK_S:
-            # One at least: what does not happen in this tick, for round-off, does in the next.
+            # At least one: what round-off keeps from happening in this tick happens in the next.
             ticks = min(ticks, max(math.ceil(pause_s * TICK_RATE_HZ - 1e-7) - self._ticks, 1))
         if ticks > 0:
             self._fly(ticks)
         return ticks > 0
 
     def pin_tracking_error(self, north_m: float, east_m: float) -> None:
-        """Put the vehicle this far from where a set-point wants it at this instant.
+        """Put the vehicle this far from where a setpoint wants it at this instant.
 
-        The controller does not see the error, and so does not work against it.
+        The controller does not see the error, and so does not correct it.
         """
         self._pinned_m = (north_m, east_m)
         setpoint = self._actuation.setpoint
@@ -132,7 +133,7 @@ class SimulatedVehicle:
         self.truth = self._observe()
 
     def add_gust(self, gust: Gust) -> None:
-        """Let one more gust come."""
+        """Add one gust."""
         self._wind_model.add(gust)
 
     def _fly(self, ticks: int) -> None:
@@ -159,12 +160,12 @@ class SimulatedVehicle:
 
     @property
     def estimate(self) -> VehicleTruth:
-        """What the autopilot believes at the current instant."""
+        """The autopilot's estimate at the current instant."""
         return self.autopilot.estimator.estimate(self.truth)
 
     @property
     def _lost(self) -> bool:
-        """Whether the autopilot flies without knowing where it is."""
+        """Whether the autopilot flies without a valid position."""
         commander = self.autopilot.commander
         return self.autopilot.realism.levels_when_lost and not commander.position_valid
 
@@ -176,7 +177,7 @@ class SimulatedVehicle:
         """Fly some steps of plant and controller."""
         state, memory = self._flight.values[STATE], self._flight.values[MEMORY]
         if self.autopilot.commander.on_ground or self._lost:
-            memory = UNTRIMMED  # the ground's support is no disturbance to trim out
+            memory = UNTRIMMED  # the ground's support must not be trimmed out
         if actuation.drive is Drive.FLY and actuation.setpoint is not None:
             return fly(
                 state,
@@ -197,7 +198,7 @@ class SimulatedVehicle:
         return spin(state, command, self._parameters, wind, self._step_s, steps)
 
     def _with_position(self, setpoint: Setpoint) -> Setpoint:
-        """Return what can be flown of a setpoint: where no position is known, only heights."""
+        """Return the part of a setpoint that can be flown: without a position, heights only."""
         if not self._lost:
             north_m, east_m = self._pinned_m
             if self.autopilot.commander.mode is not Mode.OFFBOARD or not (north_m or east_m):
@@ -218,7 +219,7 @@ class SimulatedVehicle:
         )
 
     def _gains(self) -> ControllerGains:
-        """Controller gains and limits as the autopilot's settings have them now."""
+        """Controller gains and limits of the autopilot's settings."""
         settings = self.autopilot.commander.settings
         if settings is not self._settings:
             self._settings, realism = settings, self.autopilot.realism

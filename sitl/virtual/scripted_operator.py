@@ -1,7 +1,7 @@
 """A scripted operator over MAVLink: arms, takes off, hands over, lands; no I/O.
 
-It does in virtual time what `gcs_tools` does with MAVSDK in real time, with the same commands, and
-knows the modes of both flavours.
+It does in virtual time what `gcs_tools` does with MAVSDK in real time, with the same commands, by
+the same profiles of autopilots.
 """
 
 from __future__ import annotations
@@ -13,13 +13,11 @@ from pymavlink.dialects.v20 import common as mavlink
 
 from onboard.files.mavlink_frames import FrameReader
 from onboard.geometry.rest import RestDetector
+from onboard.mavlink.profiles.profile import AutopilotProfile, Mode
+from onboard.mavlink.profiles.registry import OTHER, profile_of
 
 REPEAT_S: Final = 0.5
 HEALTH: Final = mavlink.MAV_SYS_STATUS_PREARM_CHECK
-OFFBOARD: Final = (6.0, 0.0)
-HOLD: Final = (4.0, 3.0)
-GUIDED: Final = (4.0, 0.0)
-BRAKE: Final = (17.0, 0.0)
 # What an operator watches, by the interval [us]; ArduPilot sends nothing else, PX4 less than usual.
 # After the take-off heartbeats are enough.
 TAKE_OFF_STREAMS: Final = {
@@ -35,7 +33,7 @@ STREAMS: Final = {
     mavlink.MAVLINK_MSG_ID_GPS_RAW_INT: -1,
 }
 _HEARD: Final = (mavlink.MAVLINK_MSG_ID_HEARTBEAT, *TAKE_OFF_STREAMS)
-# A vehicle that may not be armed for so long will not be; nor does one climb that is this slow.
+# The operator gives up on a vehicle that cannot be armed for this long, or climbs more slowly.
 PATIENCE_S: Final = 30.0
 CLIMB_MIN_MPS: Final = 0.2
 OFF_THE_GROUND_M: Final = 0.15
@@ -44,7 +42,7 @@ HEIGHT_TOLERANCE_M: Final = 0.5
 
 
 class Step(Enum):
-    """What the operator is about."""
+    """What the operator is doing."""
 
     ARM = auto()
     TAKE_OFF = auto()
@@ -57,15 +55,15 @@ class Step(Enum):
 
 
 class Operator:
-    """Flies one mission from the ground and back to it.
+    """Fly one mission from the ground and back to it.
 
     Args:
         system_id: MAVLink id of the vehicle.
         altitude_m: height above the local origin to take off to.
 
     Attributes:
-        step: what it is about.
-        gave_up: why it never handed the vehicle over; None unless so.
+        step: what it is doing.
+        gave_up: why it never handed the vehicle over; None otherwise.
     """
 
     def __init__(self, system_id: int, altitude_m: float) -> None:
@@ -77,7 +75,8 @@ class Operator:
         self._mavlink = mavlink.MAVLink(self._outgoing, 255, mavlink.MAV_COMP_ID_MISSIONPLANNER)
         self._reader = FrameReader(mavlink, _HEARD, trusts_unknown=False)
         self._armed = self._ready = False
-        self._offboard = self._copter = False
+        self._profile: AutopilotProfile = OTHER
+        self._external_control = False
         self._streams_asked = False
         self._height_m = 0.0
         self._rest = RestDetector()
@@ -87,12 +86,12 @@ class Operator:
     def receive(self, data: bytes) -> None:
         """Take bytes from the vehicle."""
         for message in self._reader.read(data):
-            # The autopilot forwards what other components say, heartbeats included.
+            # The autopilot forwards messages of other components, heartbeats included.
             if message.get_srcComponent() == mavlink.MAV_COMP_ID_AUTOPILOT1:
                 self._handle(message)
 
     def bytes_to_send(self) -> bytes:
-        """Return and forget the bytes for the vehicle."""
+        """Return and clear the bytes for the vehicle."""
         return self._outgoing.take()
 
     def land(self) -> None:
@@ -111,7 +110,7 @@ class Operator:
             self.step, self._repeat_s = Step.HAND_OVER, 0.0
 
     def advance(self, now_s: float) -> None:
-        """Go on with the script."""
+        """Continue the script."""
         self._change_step(now_s)
         if now_s < self._repeat_s:
             return
@@ -123,19 +122,20 @@ class Operator:
             self._streams_asked = True
             self._ask_for(STREAMS)
         match self.step:
-            case Step.ARM if self._ready and self._copter and not self._offboard:
-                self._set_mode(OFFBOARD)
+            case Step.ARM if self._ready and self._takes_off_in_external_control:
+                self._set_mode(self._profile.modes.external_control)
             case Step.ARM if self._ready:
                 self._command(mavlink.MAV_CMD_COMPONENT_ARM_DISARM, 1.0)
             case Step.TAKE_OFF:
-                # Without a height PX4 climbs to MIS_TAKEOFF_ALT, which the scenario sets.
+                # Where a parameter sets the height, the scenario sets that parameter.
                 nan = float("nan")
-                height_m = self._altitude_m if self._copter else nan
+                by_command = self._profile.take_off.height_parameter is None
+                height_m = self._altitude_m if by_command else nan
                 self._command(mavlink.MAV_CMD_NAV_TAKEOFF, nan, 0.0, 0.0, nan, nan, nan, height_m)
             case Step.HAND_OVER:
-                self._set_mode(OFFBOARD)
+                self._set_mode(self._profile.modes.external_control)
             case Step.INTERVENE:
-                self._set_mode(HOLD)
+                self._set_mode(self._profile.modes.hold)
             case Step.LAND:
                 self._command(mavlink.MAV_CMD_NAV_LAND)
 
@@ -153,7 +153,7 @@ class Operator:
                 self.step = Step.HAND_OVER
             case Step.TAKE_OFF | Step.CLIMB if now_s > self._climbs_until_s:
                 self.step, self.gave_up = Step.LAND, "the vehicle does not climb"
-            case Step.HAND_OVER if self._offboard:
+            case Step.HAND_OVER if self._external_control:
                 self.step = Step.WATCH
             case Step.LAND if not self._armed:
                 self.step = Step.DONE
@@ -164,19 +164,22 @@ class Operator:
 
     @property
     def _settled(self) -> bool:
-        # GUIDED is handed over from the start: the service flies on as soon as it can.
+        # In the mode of our setpoints, the service flies on as soon as the vehicle has climbed.
         near = abs(self._height_m - self._altitude_m) < HEIGHT_TOLERANCE_M
-        return near and (self._copter or self._rest.at_rest)
+        return near and (self._profile.take_off.in_external_control or self._rest.at_rest)
+
+    @property
+    def _takes_off_in_external_control(self) -> bool:
+        """Whether the vehicle has to be in the mode of our setpoints before it is armed."""
+        return self._profile.take_off.in_external_control and not self._external_control
 
     def _handle(self, message: Any) -> None:
         match message.get_type():
             case "HEARTBEAT":
                 self._armed = bool(message.base_mode & mavlink.MAV_MODE_FLAG_SAFETY_ARMED)
-                self._copter = message.autopilot == mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA
-                if self._copter:
-                    self._offboard = message.custom_mode == GUIDED[0]
-                else:
-                    self._offboard = message.custom_mode >> 16 & 0xFF == OFFBOARD[0]
+                self._profile = profile_of(message.autopilot)
+                modes = self._profile.modes
+                self._external_control = modes.is_external_control(message.custom_mode)
             case "SYS_STATUS":
                 self._ready = bool(message.onboard_control_sensors_health & HEALTH)
             case "LOCAL_POSITION_NED":
@@ -187,12 +190,11 @@ class Operator:
         for message_id, interval_us in intervals_us.items():
             self._command(mavlink.MAV_CMD_SET_MESSAGE_INTERVAL, message_id, interval_us)
 
-    def _set_mode(self, mode: tuple[float, float]) -> None:
-        armed = mavlink.MAV_MODE_FLAG_SAFETY_ARMED if self._armed else 0
-        base_mode = mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED | armed
-        if self._copter:
-            mode = {OFFBOARD: GUIDED, HOLD: BRAKE}[mode]
-        self._command(mavlink.MAV_CMD_DO_SET_MODE, base_mode, *mode)
+    def _set_mode(self, mode: Mode | None) -> None:
+        if mode is not None:
+            armed = mavlink.MAV_MODE_FLAG_SAFETY_ARMED if self._armed else 0
+            base_mode = mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED | armed
+            self._command(mavlink.MAV_CMD_DO_SET_MODE, base_mode, mode.main, mode.sub)
 
     def _command(self, command: int, *parameters: float) -> None:
         padded = (*parameters, *(0.0,) * (7 - len(parameters)))
@@ -202,7 +204,7 @@ class Operator:
 
 
 class _Outgoing:
-    """The write-only file that pymavlink wants."""
+    """The write-only file that pymavlink needs."""
 
     def __init__(self) -> None:
         self._data = bytearray()

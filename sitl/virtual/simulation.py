@@ -3,9 +3,8 @@
 Onboard service, vehicle, sensor and operator exchange the same bytes as over UDP and Zenoh, only
 without sockets; simulation shortcuts: bytes and frames arrive in the step in which they were sent,
 unless a link or the sensor's latency delays them; the autopilot decides and reports as often as the
-service, every 20 ms, not every 10 ms as it does live, and the wind is as constant in between.  Its
-telemetry takes 10 ms, so that a pose is 20 ms old when it is used.  The only `sitl` module that
-imports how `onboard` flies.
+service, every 20 ms, not every 10 ms as it does live, and the wind is constant in between.  Its
+telemetry takes 10 ms, so that a pose is 20 ms old when it is used.
 """
 
 from __future__ import annotations
@@ -21,23 +20,25 @@ from typing import Final
 
 from onboard.autonomy import Autonomy
 from onboard.contract.assessment import TICK_S
-from onboard.files.models import Contract, InputSet, Mission
+from onboard.files.contract_file import Contract, InputSet
+from onboard.files.mission_file import Mission
 from onboard.files.obstacle_field import ObstacleField
 from onboard.guidance.phases import Phase
-from onboard.planning.plan import Plan
 from onboard.planning.planner import Planner
-from onboard.planning.problem import AvoidanceProblem
 from onboard.planning.qp.search import QpPlanner
 from onboard.recording.flight_log import FlightLog
 from onboard.recording.journal import Journal
-from onboard.recording.record import Record
-from onboard.recording.writer_thread import LogGuard
+from onboard.recording.messages import Record
 from sitl.config import SitlConfig
 from sitl.environment.truth_log import TruthLog
 from sitl.vehicle.scene import Scene
 from sitl.vehicle.vehicle import TICK_RATE_HZ, warm_up
-from sitl.virtual.faults.plant import PlantFaults
-from sitl.virtual.faults.schedule import Fault, FaultInjector
+from sitl.virtual.faults.detections import DetectionFaults
+from sitl.virtual.faults.mavlink import MavlinkFaults
+from sitl.virtual.faults.schedule import FaultSchedule
+from sitl.virtual.faults.schema import Fault
+from sitl.virtual.faults.service import ServiceFaults
+from sitl.virtual.faults.vehicle import VehicleFaults
 from sitl.virtual.scripted_operator import Operator, Step
 from sitl.virtual.standstill import Standstill
 
@@ -46,26 +47,24 @@ TELEMETRY_DELAY_S: Final = 0.01
 # Where virtual time begins; any instant will do, as long as it is always the same.
 EPOCH_UNIX_S: Final = 1_790_000_000.0
 ONBOARD_LINK, OPERATOR_LINK = 0, 1
-# A file that Linux always finds full; where there is none, writing to it fails as well.
-FULL_DISK: Final = Path("/dev/full")
-# How long the operator waits before landing where the service does not fly: it has died, it refuses
-# to depart, the autopilot does not obey it.
+# How long the operator waits before landing a vehicle that its service does not fly: it has died,
+# it refuses to depart, or the autopilot does not obey it.
 PATIENCE_S: Final = 8.0
 
 
 @dataclass(frozen=True)
 class SimulatedFlight:
-    """What is to be flown.
+    """One flight to simulate.
 
     Attributes:
         contract, mission: for the onboard service.
         sitl: vehicle, autopilot, sensors, wind.
         obstacles: the field.
         seed: of everything random.
-        faults: what goes wrong.
+        faults: see `sitl.virtual.faults.schema`.
         input_set: which accelerations plans may use.
-        fly_outside_contract: fly although the contract does not comply.
-        time_limit_s: the flight is given up after this.
+        fly_outside_contract: fly although the contract's clauses are not met.
+        time_limit_s: the simulation ends after this, landed or not.
     """
 
     contract: Contract
@@ -81,12 +80,12 @@ class SimulatedFlight:
 
 @dataclass(frozen=True)
 class SimulationReport:
-    """What the logs do not say, since it differs from run to run.
+    """What the logs leave out because it differs from run to run.
 
     Attributes:
         virtual_s, wall_s: simulated time and the time it took.
         plan_times_s: wall time of each plan.
-        aborted: why the operator did not fly the vehicle and bring it down again; None if so.
+        aborted: why the operator did not complete the flight; None if it landed.
     """
 
     virtual_s: float
@@ -99,11 +98,11 @@ class Simulation:
     """One flight, advanced step by step.
 
     Args:
-        flight: what is to be flown.
+        flight: to simulate.
 
     Attributes:
         now_s: virtual time.
-        flight: what is being flown.
+        flight: as given.
         scene, autonomy, operator: vehicle and world; the service; who arms and lands.
     """
 
@@ -111,18 +110,18 @@ class Simulation:
         config = flight.sitl.model_copy(update={"seed": flight.seed})
         self.now_s = 0.0
         self.scene = Scene(config, flight.obstacles, EPOCH_UNIX_S, round(TICK_S * TICK_RATE_HZ))
-        self._solver = _LimitedQp()
-        self.autonomy = _start_service(flight, self._solver)
+        schedule = self._schedule = FaultSchedule(flight.faults, flight.seed)
+        self._detection_faults = DetectionFaults(schedule)
+        self._mavlink_faults = MavlinkFaults(schedule)
+        self._vehicle_faults = VehicleFaults(
+            schedule, self.scene.vehicle, config.system_id, config.flavour, OPERATOR_LINK
+        )
+        self._service_faults = ServiceFaults(schedule, flight.mission)
+        self.autonomy = _start_service(flight, self._service_faults.solver)
         self.operator = Operator(config.system_id, flight.mission.altitude_m)
         self.flight = flight
-        self._faults = FaultInjector(flight.faults, flight.seed)
-        self._plant_faults = PlantFaults(
-            self.scene.vehicle, config.system_id, config.flavour, OPERATOR_LINK
-        )
-        self._log = LogGuard()
         self._steps = 0
         self._dead = False
-        self._mission_changed = False
         self._idle_since_s = math.inf
         self._standstill = Standstill()
 
@@ -133,65 +132,48 @@ class Simulation:
 
     @property
     def aborted(self) -> str | None:
-        """Why the operator did not fly the vehicle and bring it down again; None if so."""
+        """Why the operator did not complete the flight; None if it landed."""
         if self.over:
             return self.operator.gave_up
         return "the vehicle did not land within the time limit"
 
     def advance(self) -> None:
-        """Let 20 ms pass: a tick of the service."""
+        """Advance by one tick of the service, 20 ms."""
         self._steps += 1
         self.now_s = self._steps * TICK_S
-        self._faults.advance(self.now_s, self.autonomy.navigator.phase)
-        self._plant_faults.apply(self._faults, self.now_s)
-        self._solver.limited = self._faults.present("solver_limited")
+        self._schedule.advance(self.now_s, self.autonomy.navigator.phase)
+        self._vehicle_faults.apply()
+        self._service_faults.apply()
         self.scene.advance(self.now_s)
-        self._bury_or_revive()
+        self._restart_daemon_if_killed()
         self._serve()
-        vehicle = self.scene.vehicle
-        vehicle.receive(self._faults.rival(), OPERATOR_LINK)
+        self.scene.vehicle.receive(self._mavlink_faults.second_commander(), OPERATOR_LINK)
         if self._steps % STEPS_PER_OPERATOR == 0:
             self._operate()
 
     def _serve(self) -> None:
-        """Let the onboard service hear, decide and speak, as far as it lives."""
-        vehicle, faults, autonomy = self.scene.vehicle, self._faults, self.autonomy
+        """Let the onboard service receive, decide and send, unless it is dead."""
+        vehicle, autonomy = self.scene.vehicle, self.autonomy
+        here_ned_m = vehicle.truth.position_ned_m
         payloads = [detection.payload for detection in self.scene.take_detections()]
-        frames = faults.detections(payloads, self.now_s, vehicle.truth.position_ned_m)
-        telemetry = faults.telemetry(vehicle.bytes_to_send(ONBOARD_LINK))
+        frames = self._detection_faults.arriving(payloads, here_ned_m)
+        telemetry = self._mavlink_faults.telemetry(vehicle.bytes_to_send(ONBOARD_LINK))
         if self._dead:
             return
         for frame in frames:
             autonomy.receive_detection(frame, self.now_s)
         if telemetry:
             autonomy.receive_mavlink(telemetry, self.now_s - TICK_S + TELEMETRY_DELAY_S)
-        if not faults.present("tick_stall"):
-            self._fill_disk()
-            self._change_mission()
+        if not self._service_faults.stalled:
+            self._service_faults.before_tick(autonomy, here_ned_m, self.now_s)
             autonomy.tick(self.now_s)
-            vehicle.receive(faults.setpoints(autonomy.mavlink_to_send()), ONBOARD_LINK)
+            setpoints = self._mavlink_faults.setpoints(autonomy.mavlink_to_send())
+            vehicle.receive(setpoints, ONBOARD_LINK)
 
-    def _fill_disk(self) -> None:
-        """End the log when the disk is full; simulation shortcut: until then there is none."""
-        if self._faults.present("disk_full"):
-            self._log.do(_write_to_full_disk)
-        if self._log.failure is not None:
-            self.autonomy.report_log_end(self._log.failure, self.now_s)
-
-    def _change_mission(self) -> None:
-        """Have the operator send another mission, once: what is left of the last leg, turned."""
-        turn_deg = self._faults.amount("mission_changed")
-        if turn_deg is None or self._mission_changed:
-            return
-        self._mission_changed = True
-        here_ned_m = self.scene.vehicle.truth.position_ned_m
-        mission = _turned(self.flight.mission, here_ned_m[:2], math.radians(turn_deg))
-        self.autonomy.receive_mission(mission.model_dump_json().encode(), self.now_s)
-
-    def _bury_or_revive(self) -> None:
-        dead = self._faults.present("daemon_dead")
+    def _restart_daemon_if_killed(self) -> None:
+        dead = self._service_faults.dead
         if self._dead and not dead:
-            self.autonomy = _start_service(self.flight, self._solver)
+            self.autonomy = _start_service(self.flight, self._service_faults.solver)
         self._dead = dead
 
     def _operate(self) -> None:
@@ -200,14 +182,11 @@ class Simulation:
         ended = phase in (Phase.ARRIVED, Phase.HOLD) and not self._dead
         handed_over = self.operator.step in (Step.HAND_OVER, Step.WATCH)
         idle = handed_over and (self._dead or phase is Phase.STANDBY)
-        told_ned_m = self.scene.vehicle.estimate.position_ned_m
-        stands = self._standstill.reached(self.now_s, told_ned_m, stopping=ended)
+        estimate_ned_m = self.scene.vehicle.estimate.position_ned_m
+        stands = self._standstill.reached(self.now_s, estimate_ned_m, stopping=ended)
         self._idle_since_s = _since(self._idle_since_s, self.now_s, present=idle)
-        if self._faults.present("operator_takes_over"):
-            self.operator.take_over()
-        else:
-            self.operator.hand_back()
-        # A vehicle without its service is left alone until it has come to rest by itself.
+        self._service_faults.command(self.operator)
+        # The operator lands a vehicle without its service only once it has come to rest by itself.
         if stands or self.now_s > self._idle_since_s + PATIENCE_S:
             self.operator.land()
         self.operator.advance(self.now_s)
@@ -215,42 +194,8 @@ class Simulation:
 
 
 def _since(began_s: float, now_s: float, *, present: bool) -> float:
-    """Return since when something lasts; infinite while it does not."""
+    """Return when a condition began; infinite while it is absent."""
     return min(began_s, now_s) if present else math.inf
-
-
-def _write_to_full_disk() -> None:
-    FULL_DISK.write_text("a line", encoding="ascii")
-
-
-def _turned(mission: Mission, here_ned_m: tuple[float, float], turn_rad: float) -> Mission:
-    """Return a mission of one leg, to where the last one would end if it were turned about here."""
-    last = mission.legs[-1]
-    (north_m, east_m), (end_north_m, end_east_m) = here_ned_m, last.end_ned_m
-    left_m = math.dist(here_ned_m, last.end_ned_m)
-    heading_rad = math.atan2(end_east_m - east_m, end_north_m - north_m) + turn_rad
-    end_ned_m = (north_m + left_m * math.cos(heading_rad), east_m + left_m * math.sin(heading_rad))
-    leg = last.model_copy(update={"end_ned_m": end_ned_m})
-    return mission.model_copy(update={"start_ned_m": here_ned_m, "legs": (leg,)})
-
-
-class _LimitedQp(QpPlanner):
-    """Finds no optimum within its iterations while it is limited."""
-
-    limited = False
-
-    def plan(
-        self,
-        problem: AvoidanceProblem,
-        current: Plan | None,
-        incumbent: Plan | None,
-        reasons: list[str],
-    ) -> Plan | None:
-        """Return what is flown already; see `QpPlanner.plan`."""
-        if self.limited:
-            reasons.append("no QP was solved within its iterations")
-            return incumbent
-        return super().plan(problem, current, incumbent, reasons)
 
 
 def _start_service(flight: SimulatedFlight, solver: QpPlanner) -> Autonomy:
@@ -279,18 +224,18 @@ def without_cycle_collection() -> Iterator[None]:
 
 
 def ticks(simulation: Simulation, *, shown: bool = True) -> Iterator[list[Record]]:
-    """Advance a flight to its end, or its time limit; yield what each tick leaves behind.
+    """Advance a flight to its end, or its time limit; yield the records of each tick.
 
     Args:
         simulation: the flight.
-        shown: whether people look at it; see `Journal`.
+        shown: whether a display shows the flight; see `Journal`.
     """
     service = simulation.autonomy
     journal = Journal(service, timed=False, shown=shown)
     with without_cycle_collection():
         while not simulation.over and simulation.now_s < simulation.flight.time_limit_s:
             simulation.advance()
-            if service is not simulation.autonomy:  # it died, and was started again
+            if service is not simulation.autonomy:  # it was restarted
                 service = simulation.autonomy
                 journal = Journal(service, timed=False, shown=shown)
             yield journal.collect(simulation.now_s)
@@ -302,14 +247,14 @@ def fly(
     """Fly in virtual time; write ``flight.mcap`` and ``truth.mcap``, the same for the same seed.
 
     Args:
-        flight: what is to be flown.
+        flight: to simulate.
         directory: for the logs.
-        watch: called after every tick, to show how far the flight is.
+        watch: called after every tick, to show progress.
 
     Raises:
         OSError: a log cannot be written.
     """
-    warm_up()  # once per process: loading compiled code is no part of the flight
+    warm_up()  # once per process, so that the flight does not include loading compiled code
     began_s = time.perf_counter()
     simulation = Simulation(flight)
     metadata = {

@@ -1,4 +1,4 @@
-"""Whether a vehicle that was told to stop has come to rest, so that it may be landed."""
+"""Whether a vehicle that should stop has come to rest, so that the operator may land it."""
 
 from __future__ import annotations
 
@@ -7,14 +7,14 @@ from typing import Final
 
 from onboard.geometry.rest import RestDetector
 
-# Rest has to last, since the last half metre of a braking looks like it, but is not waited for
-# beyond all measure: a full stop takes a few seconds.
+# Rest has to last, because the last half metre of braking looks the same; a full stop takes a few
+# seconds, so that waiting longer is pointless.
 STILL_FOR_S: Final = 1.0
 PATIENCE_S: Final = 10.0
 
 
 class Standstill:
-    """Waits for the vehicle that an operator watches to stand still."""
+    """Detect that the vehicle which an operator watches stands still."""
 
     def __init__(self) -> None:
         self._stopping_since_s = self._still_since_s = math.inf
@@ -23,11 +23,11 @@ class Standstill:
     def reached(
         self, now_s: float, position_ned_m: tuple[float, float, float], *, stopping: bool
     ) -> bool:
-        """Tell whether it stands, or has had all the time that it may take to.
+        """Return whether it stands, or the time allowed for stopping has passed.
 
         Args:
             now_s: time.
-            position_ned_m: of the vehicle, as it is told.
+            position_ned_m: of the vehicle, as reported.
             stopping: whether it should stand by now.
         """
         if not stopping:

@@ -31,7 +31,7 @@ def collect() -> Iterator[tuple[str, Benchmark]]:
         assert spec is not None
         assert spec.loader is not None
         module = importlib.util.module_from_spec(spec)
-        sys.modules[path.stem] = module  # dataclasses look their module up
+        sys.modules[path.stem] = module  # dataclasses look up their module
         spec.loader.exec_module(module)
         for name, function in vars(module).items():
             if name.startswith(PREFIX):
@@ -39,11 +39,11 @@ def collect() -> Iterator[tuple[str, Benchmark]]:
 
 
 def main() -> int:
-    """Run the benchmarks asked for; 2 if there are none."""
+    """Run the requested benchmarks; return 2 if there are none."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--only", metavar="NAME", help="those whose name contains this")
+    parser.add_argument("--only", metavar="NAME", help="benchmarks whose name contains this")
     parser.add_argument("--output", type=Path, default=Path("build/bench.json"))
-    parser.add_argument("--small", action="store_true", help="only try whether they run")
+    parser.add_argument("--small", action="store_true", help="only check that they run")
     options = parser.parse_args()
     Scale.small = options.small
     chosen = {name: run for name, run in collect() if (options.only or "") in name}

@@ -8,7 +8,7 @@ from gcs_tools.contract.surface_grid import Axis, evaluate
 from onboard.contract.agility import AccelerationLimits
 from onboard.contract.assessment import assess
 from onboard.contract.region import boundary_depth_at
-from onboard.files.models import load_contract
+from onboard.files.contract_file import load_contract
 from onboard.geometry.box import Box
 from tests.benchmarks.measurement import Measurement, Scale, seconds_of, sized
 from tests.gcs_tools.running import CONFIG
@@ -39,7 +39,7 @@ def bench_contract_surface() -> Measurement:
 
 
 def bench_collision_set_boundary() -> Measurement:
-    """The boundary of one obstacle, sampled so finely that both are off by no more than a cell.
+    """The boundary of one obstacle, sampled so that both are off by at most one cell.
 
     The peer's grid is off by up to a cell, its compilation is not counted; the closed form is
     exact, so the spacing of its samples is the only error.

@@ -8,15 +8,16 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from gcs_tools.flight_report.command import write_report
-from gcs_tools.flight_report.document import document_of, read_flight
+from gcs_tools.flight_report.document import document_of
+from gcs_tools.flight_report.flight import read_flight
 from gcs_tools.scenario import load_scenario
 from onboard.autonomy import Autonomy
 from onboard.contract.assessment import TICK_S
-from onboard.files.models import Leg, Mission
+from onboard.files.mission_file import Leg, Mission
 from onboard.files.obstacle_field import Obstacle, ObstacleField
 from onboard.recording.flight_log import Direction, FlightLog
-from onboard.recording.flight_logs import Logs
 from onboard.recording.journal import Journal
+from onboard.recording.recorder import FlightRecorder
 from sitl.virtual.simulation import EPOCH_UNIX_S, SimulatedFlight, Simulation, fly
 from tests.benchmarks.measurement import Measurement, sized
 from tests.gcs_tools.running import CONFIG
@@ -125,7 +126,7 @@ def _costs_of_the_paper_s_flight() -> Costs:
     with (
         tempfile.TemporaryDirectory() as name,
         FlightLog(Path(name) / "here.mcap", {}) as here,
-        Logs(Path(name) / "there.mcap", {}) as there,
+        FlightRecorder(Path(name) / "there.mcap", {}) as there,
     ):
         until_s = sized(TEN_MINUTES_S, FEW_SECONDS_S)
         while not simulation.over and simulation.now_s < until_s:
@@ -134,7 +135,9 @@ def _costs_of_the_paper_s_flight() -> Costs:
     return costs
 
 
-def _log(journal: Journal, here: FlightLog, there: Logs, costs: Costs, now_s: float) -> None:
+def _log(
+    journal: Journal, here: FlightLog, there: FlightRecorder, costs: Costs, now_s: float
+) -> None:
     """Log everything twice: in this thread, and as the daemon does."""
     time_unix_s, began_s = EPOCH_UNIX_S + now_s, time.thread_time()
     records = journal.collect(now_s)

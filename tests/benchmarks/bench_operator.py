@@ -12,7 +12,7 @@ from gcs_tools.preflight.field_check import check_field
 from gcs_tools.preflight.field_merging import intersecting_pairs
 from gcs_tools.scenario import load_scenario
 from onboard.contract.assessment import assess
-from onboard.files.models import load_contract
+from onboard.files.contract_file import load_contract
 from onboard.files.obstacle_field import Obstacle, ObstacleField
 from onboard.geometry.box import Box
 from sitl.virtual.simulation import SimulatedFlight, fly

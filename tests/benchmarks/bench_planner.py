@@ -35,18 +35,18 @@ VARIETIES = {
 }
 
 
-# Contracts that comply allow for a lag; without it accelerations jump, which no vehicle can fly.
+# Compliant contracts allow for a lag; without it accelerations jump, which no vehicle can fly.
 COMPLIANT = tuple(name for name, variety in VARIETIES.items() if variety.lag)
 # Problems of each variety that IPOPT gets: 500 in all; the direct form only the first few.
 PEER_PROBLEMS = 100
 DIRECT_PROBLEMS = 6
-# Costs below this have no meaningful ratio: nearly nothing had to be done.
+# Costs below this have no meaningful ratio: hardly any manoeuvre was needed.
 COST_MIN_M2PS3 = 0.1
 
 
 @dataclass(frozen=True)
 class Timing:
-    """What problems of one variety, or of several, gave.
+    """Results of the problems of one variety, or of several.
 
     Attributes:
         kinds: plans by kind, ``"none"`` where nothing certified.
@@ -57,7 +57,7 @@ class Timing:
     times_ms: list[float]
 
     def __add__(self, other: Timing) -> Timing:
-        """Put the problems of both together."""
+        """Return the results of both together."""
         return Timing(self.kinds + other.kinds, self.times_ms + other.times_ms)
 
     def __str__(self) -> str:
@@ -88,8 +88,8 @@ class Comparison:
     """Planner and IPOPT on the same problems.
 
     Attributes:
-        gaps: how much dearer the planner's plans are than the best that IPOPT finds, as a share of
-            effort and time flown, which differ from the cost of Eq. 17 by a constant.
+        gaps: how much more expensive the planner's plans are than the best that IPOPT finds, as a
+            share of effort and time flown, which differ from the cost of Eq. 17 by a constant.
         gaps_of_cost: the same as a share of the cost, where that is worth a ratio.
         ours_ms, two_phase_ms: median times.
         direct_ms: median times by number of pieces.
@@ -161,14 +161,14 @@ def bench_plan_time() -> Measurement:
 
 
 def bench_plan_time_direct_coarse() -> Measurement:
-    """The same against Eq. 17 as it is written, with as few nodes as ours, which cuts corners."""
+    """The same against Eq. 17 as printed, with as few nodes as ours, which cuts corners."""
     found = _compared()
     name = f"IPOPT, direct, {TOTAL_PIECES} pieces"
     return Measurement(found.ours_ms, "ms", peer=found.direct_ms[TOTAL_PIECES], peer_name=name)
 
 
 def bench_plan_time_direct() -> Measurement:
-    """The same with nodes so close that next to nothing is cut between them."""
+    """The same with nodes so close that almost nothing is cut between them."""
     found = _compared()
     name = f"IPOPT, direct, {DIRECT_PIECES} pieces"
     return Measurement(found.ours_ms, "ms", peer=found.direct_ms[DIRECT_PIECES], peer_name=name)

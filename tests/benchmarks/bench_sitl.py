@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from gcs_tools.scenario import load_scenario
-from sitl.plant.controller import ControllerGains, ControllerMemory, Setpoint
+from sitl.plant.controller import ControllerGains, ControllerMemory
 from sitl.plant.inner_loop import fly
 from sitl.plant.multirotor import (
     INTACT,
@@ -15,6 +15,7 @@ from sitl.plant.multirotor import (
     quadrotor,
     standing_state,
 )
+from sitl.plant.setpoint import Setpoint
 from sitl.virtual.simulation import SimulatedFlight, Simulation, without_cycle_collection
 from tests.benchmarks.measurement import Measurement, seconds_of
 from tests.benchmarks.rotorpy_peer import command, rotorpy_state, rotorpy_vehicle
@@ -73,7 +74,7 @@ def bench_sitl_whole_system() -> Measurement:
         with without_cycle_collection():  # as every virtual flight
             while not simulation.over:
                 simulation.advance()
-                simulation.autonomy.events()  # as somebody must, who else writes them to a log
+                simulation.autonomy.events()  # the journal would take them in a real flight
         flown_s = simulation.now_s
 
     wall_s = seconds_of(flight, repeat=3)

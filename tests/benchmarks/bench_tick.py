@@ -1,4 +1,4 @@
-"""What a tick costs: the onboard service in cruise, with an empty and with a crowded map."""
+"""Cost of a tick: the onboard service in cruise, with an empty and with a crowded map."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ def _ticks_s(*simulations: Simulation) -> list[float]:
 
 
 def _tick_s(simulation: Simulation) -> float:
-    """Time of the next tick in closed loop, with everything that the service hears in it."""
+    """Return the time of the next tick in closed loop, its inputs included."""
     autonomy, scene = simulation.autonomy, simulation.scene
     now_s = scene.vehicle.truth.time_s + TICK_S
     scene.advance(now_s)

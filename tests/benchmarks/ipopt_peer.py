@@ -1,4 +1,4 @@
-"""Eq. 17 by IPOPT (CasADi): what the planner's cost and speed are held against.
+"""Eq. 17 by IPOPT (CasADi): the reference for the planner's cost and speed.
 
 Two transcriptions, both with piecewise constant jerk as the planner has it, both with their times
 free, both held to their limits only at the nodes, which favours them:

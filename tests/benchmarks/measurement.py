@@ -1,4 +1,4 @@
-"""What a benchmark measures."""
+"""The result of a benchmark."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ from statistics import median
 
 @dataclass(frozen=True)
 class Measurement:
-    """One number, beside that of a peer measured in the same run.
+    """One number, and that of a peer measured in the same run.
 
     Attributes:
         value: what was measured, in ``unit``.
         unit: of ``value`` and ``peer``.
-        peer: the same, measured of somebody else; None where there is nobody.
+        peer: the same, measured on other software; None where there is none.
         peer_name: who that is.
         more_is_better: whether a larger value is the better one.
     """
@@ -39,13 +39,13 @@ class Measurement:
 
 
 class Scale:
-    """How much a benchmark does: all of it, or only so much as shows that it runs."""
+    """How much a benchmark does: all of it, or just enough to show that it runs."""
 
     small = False
 
 
 def sized(full: int, small: int) -> int:
-    """Return how much to do: ``full``, or ``small`` where only the benchmark itself is tried."""
+    """Return ``full``, or ``small`` where only the benchmark itself is tested."""
     return small if Scale.small else full
 
 

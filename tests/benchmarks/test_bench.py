@@ -1,4 +1,4 @@
-"""The benchmarks run: each of them, at a fraction of its size."""
+"""Every benchmark runs, at a fraction of its size."""
 
 from __future__ import annotations
 

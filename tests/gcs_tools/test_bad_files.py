@@ -121,7 +121,7 @@ def test_a_process_refuses_such_a_file_too(
             for text in ("0", "-5", "nan", "15 min")
         ],
         *[
-            (("preflight", *CONTRACT, "--authorise", text), "--authorise")
+            (("preflight", *CONTRACT, "--authorize", text), "--authorize")
             for text in ("0", "inf", "yes")
         ],
         (("campaign", "quick", "--jobs", "1", "--dask", "tcp://h:1"), "--dask"),

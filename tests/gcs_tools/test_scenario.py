@@ -15,7 +15,9 @@ from gcs_tools.fly.live_flight import Endpoints, write_configuration
 from gcs_tools.preflight.live.bus import BusConfig
 from gcs_tools.scenario import Scenario, ScenarioFile, load_scenario, obstacle_list
 from gcs_tools.schemas import MODELS
-from onboard.files.models import Contract, DaemonConfig, Mission, load_contract
+from onboard.files.contract_file import Contract, load_contract
+from onboard.files.daemon_config import DaemonConfig
+from onboard.files.mission_file import Mission
 from onboard.files.obstacle_field import ObstacleField, load_field
 from onboard.files.yaml_file import load_yaml
 from sitl.config import SitlConfig
@@ -100,6 +102,15 @@ def test_files_and_their_content_are_the_same(written: Callable[[str, Any], Path
     assert by_content.name == "inline"
 
 
+def test_a_key_of_before_is_refused_with_the_new_name(
+    clearway: Clearway, written: Callable[[str, Any], Path]
+) -> None:
+    path = written("old.yaml", {**inline("paper"), "force": True})
+    ran = clearway("fly", path, "--virtual")
+    assert ran.code == 2
+    assert ran.err == f"clearway: error: {path}: force was renamed: use fly_outside_contract\n"
+
+
 def test_faults_are_read_with_their_window_and_amount(written: Callable[[str, Any], Path]) -> None:
     document = inline("paper")
     document["faults"] = [{"kind": "detections_off", "phase": "avoid", "entry": 2, "start_s": 0.5}]
@@ -139,7 +150,7 @@ def test_obstacles_survive_being_written_down() -> None:
 def test_a_flight_directory_is_complete_in_itself(tmp_path: Path) -> None:
     scenario = load_scenario(CONFIG / "default.yaml")
     endpoints = Endpoints(14001, 14002, 7001, 7002)
-    write_configuration(scenario, endpoints, seed=7, out=tmp_path, forced=False)
+    write_configuration(scenario, endpoints, seed=7, out=tmp_path, fly_outside_contract=False)
     onboard = load_yaml(tmp_path / "onboard.yaml", DaemonConfig)
     sitl = load_yaml(tmp_path / "sitl.yaml", SitlConfig)
     assert load_yaml(tmp_path / onboard.contract, Contract) == scenario.contract

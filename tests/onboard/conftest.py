@@ -2,7 +2,8 @@ from pathlib import Path
 
 import pytest
 
-from onboard.files.models import Contract, Mission, load_contract
+from onboard.files.contract_file import Contract, load_contract
+from onboard.files.mission_file import Mission
 from onboard.files.yaml_file import load_yaml
 
 CONFIG = Path(__file__).parents[2] / "config"

@@ -2,7 +2,7 @@
 
 import json
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -12,14 +12,18 @@ from pymavlink.dialects.v20 import common as mavlink
 from onboard.autonomy import Autonomy
 from onboard.contract.assessment import TICK_S
 from onboard.events import Event
-from onboard.files.models import Contract, Mission, Requirements
+from onboard.files.contract_file import Contract, Requirements
+from onboard.files.mission_file import Mission
 from onboard.guidance.phases import Phase
 from onboard.motion.trajectory import State
+from onboard.perception.detection import DetectionFrame
 from onboard.perception.intake import MAX_PENDING_FRAMES
 from onboard.planning.closed_form import cruise
 from onboard.planning.planner import NoPlan, Planner
 from onboard.planning.problem import Envelope
 from onboard.recording.journal import Journal
+from onboard.recording.messages import PlanRecord, StateRecord, as_json
+from onboard.recording.state import state_of
 from tests.status_texts import status_texts
 
 EPOCH_UNIX_S = 1_790_000_000.0
@@ -538,9 +542,9 @@ def test_garbage_on_both_sides_is_counted_and_changes_nothing(cruising: Rig) -> 
         cruising.autonomy.receive_detection(payload, cruising.now_s)
     cruising.autonomy.receive_mavlink(bytes(range(256)) * 4, cruising.now_s)
     cruising.run(0.5)
-    dropped = cruising.autonomy.snapshot(cruising.now_s)["dropped"]
-    assert dropped["frames_malformed"] == 5
-    assert dropped["mavlink_garbage_bytes"] > 0
+    dropped = state_of(cruising.autonomy, cruising.now_s).dropped
+    assert dropped.frames_malformed == 5
+    assert dropped.mavlink_garbage_bytes > 0
     assert cruising.phase is Phase.CRUISE
 
 
@@ -595,9 +599,9 @@ def test_a_body_that_turns_fast_places_nothing_new(cruising: Rig) -> None:
 def test_state_is_json_from_the_first_tick(rig: Rig) -> None:
     journal = Journal(rig.autonomy, timed=False)
     rig.autonomy.tick(0.0)
-    record = next(record for record in journal.collect(0.0) if record.topic == "state")
-    assert record.time_unix_s == EPOCH_UNIX_S
-    assert json.loads(json.dumps(record.payload, allow_nan=False))["phase"] == "standby"
+    state = next(record for record in journal.collect(0.0) if isinstance(record, StateRecord))
+    assert state.time_s == EPOCH_UNIX_S
+    assert json.loads(as_json(state))["phase"] == "standby"
 
 
 def test_defect_of_ours_ends_in_hover_not_in_silence(
@@ -670,7 +674,7 @@ def test_cruise_that_does_not_certify_is_not_flown(
     def too_fast(state: State, start_s: float, envelope: Envelope, *_: object, **__: object) -> Any:
         return cruise(state, start_s, envelope, 4.0)
 
-    monkeypatch.setattr("onboard.guidance.navigator.stop_at", too_fast)
+    monkeypatch.setattr("onboard.guidance.cruise.stop_at", too_fast)
     rig.mode = OFFBOARD
     rig.run(6.0)
     assert rig.phase is Phase.HOLD
@@ -733,7 +737,7 @@ def test_obstacle_that_appears_in_the_way_to_hover_is_answered(cruising: Rig) ->
     assert cruising.phase is Phase.HOLD
     cruising.obstacles = [box((cruising.position_ned_m[0] + 1.5, 0.0), side_m=0.5)]
     cruising.run(0.2)
-    assert "in the way to hover" in cruising.texts("hold_replanned")[0]
+    assert "blocks the braking path" in cruising.texts("hold_replanned")[0]
 
 
 def test_operator_is_told_once_even_if_nobody_fetches_the_events(cruising: Rig) -> None:
@@ -762,19 +766,21 @@ def test_handed_back_just_before_a_region_it_is_flown_round_at_once(
     rig.run(0.5)
     rig.mode = OFFBOARD
     journal = Journal(rig.autonomy, timed=False)
-    plans: list[dict[str, Any]] = []
+    plans: list[PlanRecord] = []
 
     def arrived() -> bool:
         records = journal.collect(rig.now_s)
-        plans.extend(record.payload for record in records if record.topic == "plan")
+        plans.extend(record for record in records if isinstance(record, PlanRecord))
         return rig.phase in (Phase.ARRIVED, Phase.HOLD)
 
     rig.run(40.0, until=arrived)
     assert rig.phase is Phase.ARRIVED
     assert plans
     for plan in plans:
-        assert plan["end_s"] - plan["start_s"] < 12.0
-        assert len(plan["path_ned_m"]) < 130
+        assert plan.start_s is not None
+        assert plan.end_s is not None
+        assert plan.end_s - plan.start_s < 12.0
+        assert len(plan.path_ned_m) < 130
 
 
 def test_a_leg_that_begins_inside_a_known_region_is_flown(contract: Contract) -> None:
@@ -789,3 +795,91 @@ def test_a_leg_that_begins_inside_a_known_region_is_flown(contract: Contract) ->
     rig.run(90.0, until=lambda: rig.phase in (Phase.ARRIVED, Phase.HOLD))
     assert rig.phase is Phase.ARRIVED
     assert rig.position_ned_m[1] == pytest.approx(45.0, abs=0.05)
+
+
+class BearingSource:
+    """An own sensor: one pillar a message, as ``range bearing`` in text, in metres and degrees."""
+
+    def __init__(self) -> None:
+        self.malformed = 0
+
+    def read(self, payload: bytes, now_unix_s: float) -> Sequence[DetectionFrame]:
+        try:
+            range_m, bearing_deg = map(float, payload.split())
+        except ValueError:
+            self.malformed += 1
+            return ()
+        ahead_m = range_m * math.cos(math.radians(bearing_deg))
+        right_m = range_m * math.sin(math.radians(bearing_deg))
+        seen = {
+            "version": 1,
+            "source": "bearing",
+            "sequence": 0,
+            "stamp_unix_s": now_unix_s,
+            "frame": "body_frd",
+            "range_m": 12.0,
+            "field_of_view_deg": 120.0,
+            "obstacles": [box((ahead_m, right_m))],
+        }
+        return (DetectionFrame.model_validate(seen),)
+
+
+def test_an_own_kind_of_sensor_message_needs_a_source_and_nothing_else(
+    contract: Contract, mission: Mission
+) -> None:
+    source = BearingSource()
+    autonomy = Autonomy(contract, mission, epoch_unix_s=EPOCH_UNIX_S, detection_source=source)
+    rig = Rig(autonomy, seeing=False)
+    rig.run(0.1)
+    autonomy.receive_detection(b"5 90", rig.now_s)
+    autonomy.receive_detection(b"five", rig.now_s)
+    autonomy.receive_detection(rig.frame(), rig.now_s)
+    rig.tick()
+    (known,) = autonomy.navigator.obstacles
+    assert known.id == "bearing/1"
+    assert known.measured.y_min_m == pytest.approx(4.5)
+    assert autonomy.detections.malformed_frames == source.malformed == 2
+
+
+@pytest.mark.parametrize("frame", ["local_ned", "body_frd"])
+def test_heights_are_remembered_in_the_local_frame_and_follow_a_vertical_reset(
+    rig: Rig, frame: str
+) -> None:
+    down_m = [-6.0, 0.0] if frame == "local_ned" else [-2.0, 4.0]
+    tall = box((9.0, 5.0)) | {"down_m": down_m}
+    rig.run(0.1)
+    rig.seeing = False
+    rig.autonomy.receive_detection(rig.frame(frame=frame, obstacles=[tall]), rig.now_s)
+    rig.tick()
+    (known,) = rig.autonomy.navigator.obstacles
+    assert known.down_m == pytest.approx((-6.0, 0.0))
+    rig.position_ned_m = (0.0, 0.0, -5.0)
+    rig.run(0.1)
+    (known,) = rig.autonomy.navigator.obstacles
+    assert known.down_m == pytest.approx((-7.0, -1.0))
+
+
+def test_a_frame_with_a_reversed_height_is_malformed_and_nothing_of_it_is_used(rig: Rig) -> None:
+    seen = [box((9.0, 5.0)), box((9.0, -5.0), name="2") | {"down_m": [0.0, -6.0]}]
+    rig.run(0.1)
+    rig.autonomy.receive_detection(rig.frame(obstacles=seen), rig.now_s)
+    rig.tick()
+    assert len(rig.autonomy.navigator.obstacles) == 0
+    assert rig.autonomy.detections.malformed_frames == 1
+
+
+def test_what_a_sensor_says_of_free_space_changes_nothing_yet(
+    contract: Contract, mission: Mission
+) -> None:
+    """Unseen is not free; nor is what is declared free flown by before it can be certified."""
+    flown = []
+    for free in ({}, {"free_range_m": [12.0] * 8}):
+        rig = Rig(Autonomy(contract, mission, epoch_unix_s=EPOCH_UNIX_S), mode=OFFBOARD)
+        rig.seeing = False
+        for step in range(400):
+            if step % 3 == 0:
+                seen = rig.frame(obstacles=[box((20.0, 0.2))], **free)
+                rig.autonomy.receive_detection(seen, rig.now_s)
+            rig.tick()
+        flown.append([(point.x, point.y) for point in rig.setpoints])
+    assert flown[0] == flown[1]

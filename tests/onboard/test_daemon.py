@@ -20,12 +20,16 @@ import zenoh
 from mcap.reader import make_reader
 from pymavlink.dialects.v20 import common as mavlink
 
+from gcs_tools.export.log_parts import log_metadata
+from gcs_tools.export.tlog import write_tlog
 from gcs_tools.logs.flight_log import read_log
 from onboard.daemon import run
-from onboard.files.models import Contract, DaemonConfig, Mission, load_contract
+from onboard.files.contract_file import Contract, load_contract
+from onboard.files.daemon_config import DaemonConfig
+from onboard.files.mission_file import Mission
 from onboard.files.yaml_file import load_yaml
 from onboard.files.zenoh_endpoints import ZenohEndpoints
-from onboard.recording.flight_logs import LogFileError, Logs
+from onboard.recording.recorder import FlightRecorder, LogFileError
 from onboard.zenoh_session import open_session
 
 CONFIG = Path(__file__).parents[2] / "config"
@@ -170,25 +174,29 @@ def test_neither_a_dropped_terminal_nor_a_second_start_does_harm(
         daemon.send_signal(signal.SIGINT)
         assert daemon.wait(timeout=60.0) == 0
     assert read_log(tmp_path / "flight.mcap").complete
-    assert {path.name for path in tmp_path.glob("flight*")} == {"flight.mcap", "flight.tlog"}
+    assert {path.name for path in tmp_path.glob("flight*")} == {"flight.mcap"}
+    # It holds the traffic of the link: at the least, what the daemon itself has sent.
+    frames, problems = write_tlog([tmp_path / "flight.mcap"], tmp_path / "flight.tlog")
+    assert frames > 0
+    assert problems == []
+    assert log_metadata(tmp_path / "flight.mcap")["log_id"]
 
 
-@pytest.mark.parametrize("extension", ["mcap", "tlog"])
-def test_logs_take_the_next_free_name(tmp_path: Path, extension: str) -> None:
-    old = tmp_path / f"flight.{extension}"
+def test_logs_take_the_next_free_name(tmp_path: Path) -> None:
+    old = tmp_path / "flight.mcap"
     old.write_text("yesterday's")
     paths = []
     for _ in range(3):
-        with Logs(tmp_path / "flight.mcap", {}) as logs:
-            paths.append(logs.path.name)
+        with FlightRecorder(tmp_path / "flight.mcap", {}) as recorder:
+            paths.append(recorder.path.name)
     assert paths == ["flight-2.mcap", "flight-3.mcap", "flight-4.mcap"]
     assert old.read_text() == "yesterday's"
-    assert len(list(tmp_path.iterdir())) == 7
+    assert len(list(tmp_path.iterdir())) == 4
 
 
 def test_logs_make_their_directory(tmp_path: Path) -> None:
-    with Logs(tmp_path / "a" / "b" / "flight.mcap", {}) as logs:
-        assert logs.path.is_file()
+    with FlightRecorder(tmp_path / "a" / "b" / "flight.mcap", {}) as recorder:
+        assert recorder.path.is_file()
 
 
 @pytest.mark.parametrize(
@@ -203,7 +211,7 @@ def test_logs_make_their_directory(tmp_path: Path) -> None:
 def test_a_log_that_cannot_be_begun_is_one_error(tmp_path: Path, path: str, reason: str) -> None:
     (tmp_path / "file").touch()
     with pytest.raises(LogFileError, match=f"flight log cannot be written: {reason}"):
-        Logs(tmp_path / path, {})
+        FlightRecorder(tmp_path / path, {})
     assert len(list(tmp_path.iterdir())) == 1
 
 
@@ -274,7 +282,7 @@ def test_a_disk_that_is_full_only_at_the_end_is_said(
     tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
     (tmp_path / "flight.mcap").symlink_to("/dev/full")
-    with Logs(tmp_path / "flight.mcap", {}):
+    with FlightRecorder(tmp_path / "flight.mcap", {}):
         pass
     assert "the flight log ends here: [Errno 28]" in caplog.text
 
@@ -283,7 +291,7 @@ def test_a_disk_that_is_full_only_at_the_end_is_said(
 def test_another_mission_is_taken_only_where_that_is_meant(
     tmp_path: Path, settings: dict[str, Any], *, allowed: bool
 ) -> None:
-    settings["mission_changes"] = allowed
+    settings["accept_mission_updates"] = allowed
     with running(tmp_path, settings), neighbour(settings) as session:
         statuses = session.declare_subscriber("clearway/v1/status")
         counted = []

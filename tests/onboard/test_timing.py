@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import asyncio
+import gc
+import os
 import time
 from pathlib import Path
 from typing import Any
@@ -13,10 +15,18 @@ from onboard import timing
 from onboard.autonomy import Autonomy
 from onboard.daemon import _follow_clock
 from onboard.events import Severity
-from onboard.files.models import Mission, load_contract
+from onboard.files.contract_file import load_contract
+from onboard.files.mission_file import Mission
 from onboard.files.yaml_file import load_yaml
 from onboard.monitoring.detections import DetectionMonitor
-from onboard.timing import STEP_MIN_S, Clock
+from onboard.recording.state import state_of
+from onboard.timing import (
+    REALTIME_PRIORITY,
+    STEP_MIN_S,
+    Clock,
+    freeze_gc_heap,
+    request_realtime_priority,
+)
 
 CONFIG = Path(__file__).parents[2] / "config"
 EPOCH_UNIX_S = 1.7e9
@@ -184,7 +194,7 @@ def test_sensors_count_as_unseen_until_they_stamp_by_the_new_clock(computer: Com
         for source in sources:
             autonomy.receive_detection(frame(computer.unix_s, source), clock.now_s())
         autonomy.tick(clock.now_s())
-        return autonomy.snapshot(clock.now_s())["detection_age_s"]
+        return state_of(autonomy, clock.now_s()).detection_age_s
 
     assert see("front", "left") == pytest.approx(0.0, abs=1e-5)
     computer.unix_s -= 3600.0  # stamps of before now lie an hour ahead, and would look fresh
@@ -217,7 +227,7 @@ def test_forgotten_stamps_are_no_lateness() -> None:
 
 def test_status_goes_on_when_the_clock_is_set_back(computer: Computer) -> None:
     from onboard.daemon import Bus  # noqa: PLC0415  Zenoh, which the other tests do not need
-    from onboard.recording.record import Record  # noqa: PLC0415
+    from onboard.recording.messages import PlanRecord, StateRecord  # noqa: PLC0415
 
     put: list[str] = []
 
@@ -238,8 +248,42 @@ def test_status_goes_on_when_the_clock_is_set_back(computer: Computer) -> None:
         bus = Bus(Session(), "v1", load_contract(CONFIG / "default_contract.yaml"))  # type: ignore[arg-type]
         for now_s in (0.0, 1.0, 2.0):
             unix_s = EPOCH_UNIX_S - 1e6 * now_s
-            bus.publish([Record("state", unix_s, {}), Record("plan", unix_s, {})], now_s)
+            bus.publish([StateRecord(time_s=unix_s), PlanRecord(time_s=unix_s)], now_s)
 
     asyncio.run(publish())
     assert put.count("clearway/v1/status") == 3
     assert put.count("clearway/v1/plan") == 6
+
+
+# ---------------------------------------------------------------------------- the process
+
+
+def test_real_time_priority_is_asked_for_and_its_refusal_is_survived(
+    monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    asked: list[tuple[int, int, int]] = []
+
+    def grant(pid: int, policy: int, parameters: os.sched_param) -> None:
+        asked.append((pid, policy, parameters.sched_priority))
+
+    def refuse(*_: object) -> None:
+        raise PermissionError
+
+    caplog.set_level("INFO")
+    monkeypatch.setattr(os, "sched_setscheduler", grant)
+    request_realtime_priority()
+    assert asked == [(0, os.SCHED_RR, REALTIME_PRIORITY)]
+    assert caplog.text == ""
+    monkeypatch.setattr(os, "sched_setscheduler", refuse)
+    request_realtime_priority()
+    assert "cannot set real-time priority (needs CAP_SYS_NICE)" in caplog.text
+    monkeypatch.delattr(os, "sched_setscheduler")  # as on macOS
+    request_realtime_priority()
+
+
+def test_what_start_up_has_left_is_not_collected_again() -> None:
+    try:
+        freeze_gc_heap()
+        assert gc.get_freeze_count() > 1000
+    finally:
+        gc.unfreeze()

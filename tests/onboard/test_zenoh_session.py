@@ -146,7 +146,10 @@ def test_user_and_password_are_passed_through(
     ("document", "reason"),
     [
         ({"mode": "router"}, "mode = 'router'"),
-        ({"mode": "client", "listen": ["tcp/[::]:7447"]}, "mode: client cannot listen (tcp/[::]"),
+        (
+            {"mode": "client", "listen": ["tcp/[::]:7447"]},
+            "a client cannot listen (listen: tcp/[::]",
+        ),
         ({"config_file": "z.json5", "connect": ["tcp/h:1"]}, "leave connect out"),
         ({"config_file": "z.json5", "listen": ["tcp/h:1"]}, "leave listen out"),
         ({"config_file": "z.json5", "mode": "client"}, "leave mode out"),

@@ -17,7 +17,7 @@ from pathlib import Path
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from onboard.mavlink.endpoint import COMPONENT_ID
+from onboard.mavlink.transmitter import COMPONENT_ID
 from tests.recordings.flights import EXCERPTS, FLIGHTS, Flight
 from tests.recordings.sightings import hulls_of_log, write_hulls
 from tests.recordings.synthetic import with_ardupilot_gps

@@ -9,15 +9,14 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from onboard.files.models import (
+from onboard.files.contract_file import (
     Contract,
     EnvironmentTerms,
-    Leg,
-    Mission,
     Requirements,
     SensorTerms,
     VehicleTerms,
 )
+from onboard.files.mission_file import Leg, Mission
 
 EXCERPTS = Path(__file__).parent / "excerpts"
 

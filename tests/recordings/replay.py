@@ -28,11 +28,14 @@ import onboard.autonomy
 from onboard.autonomy import Autonomy
 from onboard.contract.assessment import TICK_S
 from onboard.events import Event
-from onboard.files.models import Contract, Mission
+from onboard.files.contract_file import Contract
+from onboard.files.mission_file import Mission
 from onboard.geometry.frames import Vector
 from onboard.guidance.navigator import Navigator
 from onboard.guidance.phases import Phase
-from onboard.mavlink.endpoint import COMPONENT_ID
+from onboard.guidance.reference import Reference
+from onboard.guidance.situation import Situation
+from onboard.mavlink.transmitter import COMPONENT_ID
 from onboard.motion.trajectory import State
 from onboard.vehicle_state import Setpoint
 from tests.recordings.flights import ARDUPILOT, FLIGHTS, PX4, BoxNed, Flight, mission
@@ -200,22 +203,35 @@ def _interpolated(rows: list[tuple[float, ...]], time_s: float) -> tuple[float, 
     return tuple(a + share * (b - a) for a, b in zip(before[1:], following[1:], strict=True))
 
 
+class FollowingReference(Reference):
+    """A reference that is what the recorded daemon sent, wherever it sent anything."""
+
+    def __init__(self, situation: Situation, recording: Recording) -> None:
+        super().__init__()
+        self._situation, self._recording = situation, recording
+
+    def sample(self, time_s: float) -> State | None:
+        own = super().sample(time_s)
+        asked = self._recording.setpoint_at(time_s)
+        if own is None or asked is None:
+            return own
+        leg = self._situation.leg
+        return State(
+            leg.position_leg(asked.position_ned_m),
+            leg.vector_leg(asked.velocity_ned_mps),
+            leg.vector_leg(asked.acceleration_ned_mps2),
+        )
+
+
 class FollowingNavigator(Navigator):
-    """A navigator whose reference is what the recorded daemon sent, wherever it sent anything."""
+    """A navigator that follows a recording."""
 
     recording: Recording
     now_s: float = 0.0
 
-    def reference(self, time_s: float) -> State | None:
-        own = super().reference(time_s)
-        asked = self.recording.setpoint_at(time_s)
-        if own is None or asked is None:
-            return own
-        return State(
-            self.leg.position_leg(asked.position_ned_m),
-            self.leg.vector_leg(asked.velocity_ned_mps),
-            self.leg.vector_leg(asked.acceleration_ned_mps2),
-        )
+    def follow(self, recording: Recording) -> None:
+        self.recording = recording
+        self.situation.reference = FollowingReference(self.situation, recording)
 
     @property
     def cruising_freely(self) -> bool:
@@ -279,7 +295,7 @@ def replay(
         autonomy = Autonomy(contract, mission_flown, epoch_unix_s=recording.epoch_unix_s)
     navigator = autonomy.navigator
     if isinstance(navigator, FollowingNavigator):
-        navigator.recording = recording
+        navigator.follow(recording)
     sensor = _Sensor(recording, sightings, placed, body=body)
     replayed, at = Replayed(), 0
     for tick in range(1, math.ceil(recording.duration_s / TICK_S) + 1):

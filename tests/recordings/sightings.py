@@ -41,11 +41,11 @@ class HullRow:
 def hulls_of_log(path: Path) -> list[HullRow]:
     """Return the hulls of a flight log (MCAP), in the order of time."""
     rows = []
-    for said in read_log(path).topic("/obstacles"):
-        for obstacle in said["obstacles"]:
-            norths, easts = zip(*obstacle["measured_ned_m"], strict=True)
+    for said in read_log(path).obstacles:
+        for obstacle in said.obstacles:
+            norths, easts = zip(*obstacle.measured_ned_m, strict=True)
             box_m = (min(norths), min(easts), max(norths), max(easts))
-            rows.append(HullRow(said["time_s"], obstacle["id"].split("/", 1)[1], box_m))
+            rows.append(HullRow(said.time_s, obstacle.id.split("/", 1)[1], box_m))
     return rows
 
 

@@ -14,7 +14,7 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from onboard.guidance.phases import Phase
-from onboard.mavlink.endpoint import COMPONENT_ID
+from onboard.mavlink.transmitter import COMPONENT_ID
 from tests.recordings.cut import SIZE_MAX_BYTES, excerpt
 from tests.recordings.flights import EXCERPTS, FLIGHTS
 from tests.recordings.replay import (
@@ -34,8 +34,8 @@ STOP_S, NOTICE_S = 1.5, 3.5
 # A plan around a box of 2 m at 2.8 m/s takes some 5 s; from rest and back to rest a few times that.
 PLAN_MAX_S = 60.0
 REFUSAL_PERIOD_S = 5.0
-# ArduPilot, rival at 20 Hz: the vehicle leaves its reference here, by its speed.
-RIVAL_BEGINS_S = 7.1
+# ArduPilot, second commander at 20 Hz: the vehicle leaves its reference here, by its speed.
+SECOND_COMMANDER_BEGINS_S = 7.1
 # In cruise, in the nominal flights; what the tests change in a recording, they change from here on.
 BEGINS_S = 5.0
 
@@ -84,8 +84,8 @@ def test_a_second_commander_at_20_hz_is_noticed() -> None:
     _, service = replayed("ardupilot_second_commander_20hz")
     noticed = [*service.violations(), *service.named("suspicion")]
     assert noticed
-    assert RIVAL_BEGINS_S < noticed[0].time_s < RIVAL_BEGINS_S + 1.5
-    assert service.first_s(Phase.HOLD) < RIVAL_BEGINS_S + 2.5
+    assert SECOND_COMMANDER_BEGINS_S < noticed[0].time_s < SECOND_COMMANDER_BEGINS_S + 1.5
+    assert service.first_s(Phase.HOLD) < SECOND_COMMANDER_BEGINS_S + 2.5
 
 
 @pytest.mark.parametrize("name", ["px4_nominal_tracking_1.2m", "ardupilot_nominal"])

@@ -14,7 +14,7 @@ import atheris
 
 from sitl.vehicle.vehicle import warm_up
 
-# Numba cannot compile instrumented code: what flies is imported and compiled before.
+# Numba cannot compile instrumented code: import and compile the plant before.
 _COMPILED = {
     "sitl.plant.controller",
     "sitl.plant.inner_loop",
@@ -30,7 +30,7 @@ with atheris.instrument_imports(include=["sitl"]):
 
 
 def main() -> None:
-    """Fuzz until the number of runs is reached or something breaks."""
+    """Fuzz until the number of runs is reached or an input fails."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--runs", type=int, default=1_000_000)
     parser.add_argument("--corpus", type=Path, help="kept and extended; a new one by default")

@@ -1,4 +1,4 @@
-"""What is fuzzed of the simulator: vehicles in the air, and bytes on their links.
+"""The fuzz target: simulated vehicles in the air, and bytes on their links.
 
 A vehicle that signs its messages hangs in the air and gets bytes, raw and wrapped into frames with
 right checksums, on two links.  None of it is genuine, so nothing may raise, and the vehicle may not
@@ -20,7 +20,7 @@ WORDS = "open sesame"
 FLAVOURS = ("px4", "ardupilot")
 HOVER_NED_M = (0.0, 0.0, -4.0)
 _ADVANCE = 20  # inputs between two ticks of 10 ms
-_RENEW = 2000  # inputs after which an unsigned vehicle, by then anywhere, is replaced
+_RENEW = 2000  # inputs after which an unsigned vehicle is replaced
 _STILL_M = 1e-3
 
 
@@ -39,7 +39,7 @@ def framed(data: bytes) -> Iterator[bytes]:
 
 
 class Target:
-    """A hovering vehicle of each flavour that signs, and one that does not."""
+    """Two hovering vehicles of each flavour: one that signs, and one that does not."""
 
     def __init__(self) -> None:
         self.inputs = 0
@@ -48,7 +48,7 @@ class Target:
         ]
 
     def feed(self, data: bytes) -> None:
-        """Give an input to the vehicles, flavours by turns.
+        """Give an input to the vehicles of each flavour in turn.
 
         Raises:
             AssertionError: bytes without a key have moved or changed a vehicle.
@@ -67,12 +67,12 @@ class Target:
         return self._pairs[0].unsigned.autopilot.handled
 
     def disturb(self) -> None:
-        """Do what no input may: disarm the vehicle that signs."""
+        """Disarm the vehicle that signs, which no input may do."""
         self._pairs[0].signed.autopilot.commander.disarm(force=True)
 
 
 class _Pair:
-    """The vehicle that signs, as it was in the beginning, and the one that does not."""
+    """A vehicle that signs, as it was at the start, and one that does not."""
 
     def __init__(self, signed: SimulatedVehicle, unsigned: SimulatedVehicle) -> None:
         self.signed = signed
@@ -80,7 +80,7 @@ class _Pair:
         self._before = _state(signed)
 
     def renew(self, flavour: str) -> None:
-        """Replace the vehicle that obeys, by now anywhere."""
+        """Replace the vehicle that obeys unsigned messages, wherever it has flown."""
         self.unsigned = _vehicle(flavour, None)
 
     def feed(self, data: bytes) -> None:
@@ -93,15 +93,15 @@ class _Pair:
                 vehicle.bytes_to_send(link)
 
     def advance(self) -> None:
-        """Let both fly on, and look at what has become of them."""
+        """Advance both vehicles and check their state."""
         for vehicle in (self.signed, self.unsigned):
             vehicle.advance(vehicle.truth.time_s + 0.01)
         if _state(self.signed) != self._before:
-            raise AssertionError("an unsigned message has changed the vehicle")
+            raise AssertionError("an unsigned message changed the vehicle that signs")
         if math.dist(self.signed.truth.position_ned_m, HOVER_NED_M) > _STILL_M:
-            raise AssertionError("an unsigned message has moved the vehicle")
+            raise AssertionError("an unsigned message moved the vehicle that signs")
         if not all(map(math.isfinite, self.unsigned.truth.position_ned_m)):
-            raise AssertionError("the vehicle's state is no longer finite")
+            raise AssertionError("the state of the vehicle is not finite")
 
 
 def _vehicle(flavour: str, words: str | None) -> SimulatedVehicle:

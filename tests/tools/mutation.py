@@ -1,10 +1,10 @@
 """Mutate the contract's formulas: ``python -m tests.tools.mutation [--jobs N] [--file FILE]``.
 
-Every arithmetic operator, comparison, constant, sign, factor, and choice between minimum and
-maximum in the files is changed, one at a time, and the unit tests must notice.  Prints the mutants
-that survive and the score.  Not part of the continuous integration: it takes minutes.
+Changes every arithmetic operator, comparison, constant, sign, factor, and choice between minimum
+and maximum in the files, one at a time, and runs the unit tests, which must fail.  Prints the
+mutants that survive and the score.  Not part of the continuous integration: it takes minutes.
 
-The mutants are written to a copy of the repository in a temporary directory, never to this one.
+Writes the mutants to a copy of the repository in a temporary directory, never to this one.
 """
 
 from __future__ import annotations
@@ -25,26 +25,27 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[2]
-_AGILITY, _CONTRACT, _RECENTRING, _REGION = (
+_AGILITY, _CLAUSES, _CONTRACT, _DERIVATION, _RECENTRING, _REGION, _TERMS = (
     f"tests/onboard/contract/test_{name}.py"
-    for name in ("agility", "assessment", "recentring", "region")
+    for name in ["agility", "clauses", "assessment", "derivation", "recentring", "region", "terms"]
 )
 _BY_HAND = (
     "test_lane_of_a_worked_example",
     "test_boundary_of_the_worked_example",
     "test_border_with_drift_by_hand",
     "test_the_region_lies_around_its_obstacle",
-    "test_lane_holds_who_enters_beside_the_face_and_drifts_on",
+    "test_the_lane_covers_an_entry_beside_the_face_that_drifts_on",
     "test_slow_drift_costs_no_time_and_fast_drift_must_be_outrun",
 )
 
-# Which tests have to notice a change to which file, the quickest first.
+# The tests that must detect a change to each file, the fastest first.
 TESTS = {
     "onboard/contract/agility.py": (_AGILITY, _CONTRACT),
-    "onboard/contract/clauses.py": (_CONTRACT, _RECENTRING),
+    "onboard/contract/arithmetic.py": (_AGILITY, _CONTRACT, _RECENTRING),
+    "onboard/contract/clauses.py": (_CLAUSES, _CONTRACT, _RECENTRING),
     "onboard/contract/assessment.py": (_CONTRACT, _RECENTRING),
-    "onboard/contract/derivation.py": (_CONTRACT, _RECENTRING),
-    "onboard/contract/terms.py": (_CONTRACT, _RECENTRING),
+    "onboard/contract/derivation.py": (_DERIVATION, _CONTRACT, _RECENTRING),
+    "onboard/contract/terms.py": (_TERMS, _CONTRACT, _RECENTRING),
     "onboard/contract/recentring.py": (_RECENTRING,),
     "onboard/contract/region.py": (
         *(f"{_REGION}::{name}" for name in _BY_HAND),
@@ -57,7 +58,7 @@ OPTIONS = (
     *("-W", "ignore::pytest.PytestAssertRewriteWarning"),  # Hypothesis is loaded beforehand
 )
 
-# A mutant that loops is a mutant that is noticed.
+# A mutant that loops without end counts as detected.
 TIME_LIMIT_S = 300
 
 _OPERATORS: dict[type[ast.operator], tuple[type[ast.operator], ...]] = {
@@ -86,7 +87,7 @@ class Mutant:
     Attributes:
         path: of the file, in the repository.
         line: where.
-        change: what, for people.
+        change: what, in words.
         source: the whole changed file.
     """
 
@@ -99,7 +100,7 @@ class Mutant:
 def mutants_of(path: str, source: str) -> Iterator[Mutant]:
     """Yield every mutant of a file."""
     tree = ast.parse(source)
-    # frozen=True and the like are no formulas.
+    # frozen=True and the like are not formulas.
     decorators = [d for node in ast.walk(tree) for d in getattr(node, "decorator_list", ())]
     exempt = {id(part) for decorator in decorators for part in ast.walk(decorator)}
     for number, node in enumerate(ast.walk(tree)):
@@ -114,18 +115,18 @@ def mutants_of(path: str, source: str) -> Iterator[Mutant]:
 
 
 class _Replace(ast.NodeTransformer):
-    """Exchange one node, by identity."""
+    """Replaces one node, by identity."""
 
     def __init__(self, target: ast.AST, replacement: ast.AST) -> None:
         self._target, self._replacement = target, replacement
 
     def visit(self, node: ast.AST) -> ast.AST:
-        """Exchange the node, or look for it below."""
+        """Replace the node, or look for it below."""
         return self._replacement if node is self._target else super().visit(node)
 
 
 def _replacements(node: ast.AST) -> Iterator[tuple[ast.AST, str]]:
-    """Yield what to put in place of a node, and how to call that."""
+    """Yield replacements of a node, each with its description."""
     match node:
         case ast.BinOp(left=left, op=operator, right=right):
             for other in _OPERATORS.get(type(operator), ()):
@@ -217,7 +218,7 @@ def run(files: list[str], jobs: int) -> int:
                 survivors += 1
                 print(f"\rsurvived: {mutant.path}:{mutant.line}: {mutant.change}", flush=True)
     killed = len(mutants) - survivors
-    print(f"\r{killed} of {len(mutants)} mutants noticed: {100.0 * killed / len(mutants):.1f} %")
+    print(f"\r{killed} of {len(mutants)} mutants detected: {100.0 * killed / len(mutants):.1f} %")
     return survivors
 
 

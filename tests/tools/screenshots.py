@@ -23,7 +23,7 @@ _SHOWN_S = 13.0
 
 def picture_report(page: Page, directory: Path) -> None:
     """Fly in virtual time and show the report."""
-    fly(CONFIG / "paper.yaml", virtual=True, seed=1, out=directory, force=False)
+    fly(CONFIG / "paper.yaml", virtual=True, seed=1, out=directory, fly_outside_contract=False)
     page.look_like(*_SIZE_PX)
     page.open((directory / "report.html").as_uri())
     page.evaluate(f"seek({_SHOWN_S})")
@@ -45,7 +45,7 @@ def picture_live_view(page: Page, directory: Path) -> None:
 
 
 def main() -> int:
-    """Take both."""
+    """Take both pictures."""
     with tempfile.TemporaryDirectory() as name, chromium(Path(name) / "profile") as page:
         picture_report(page, Path(name) / "paper-1")
         picture_live_view(page, Path(name) / "live")

@@ -1,4 +1,4 @@
-"""The fuzz target on a fixed corpus; ``python -m tests.tools.fuzz_sitl`` makes up new inputs."""
+"""The fuzz target on a fixed corpus; ``python -m tests.tools.fuzz_sitl`` generates new inputs."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def test_the_fuzzer_itself_runs() -> None:
 
 
 def test_the_corpus_reaches_every_handler() -> None:
-    """Frames made of the seeds are valid, so that what they carry gets to its handler."""
+    """Frames made of the seeds are valid, so that their content reaches its handler."""
     reader = mavlink.MAVLink(None, 1, 1)
     names = set()
     for seed in seeds():

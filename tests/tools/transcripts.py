@@ -1,4 +1,4 @@
-"""Types what a page of the documentation says: ``python -m tests.tools.transcripts [PAGE]``.
+"""Run the commands of a documentation page: ``python -m tests.tools.transcripts [PAGE]``.
 
 Every console block of the page is run by one shell, in a directory of its own that shows the
 repository's files, and what its commands printed is written into the page.  What a block leaves
@@ -53,7 +53,7 @@ def answers(commands: list[str], directory: Path, kept: list[str]) -> list[str]:
     try:
         printed, _ = shell.communicate("\n".join([*lines, ""]), timeout=_TIMEOUT_S)
     finally:
-        with suppress(ProcessLookupError):  # it left nothing running
+        with suppress(ProcessLookupError):  # no process is left
             os.killpg(shell.pid, signal.SIGTERM)
             time.sleep(_ENDING_S)
     return [each.strip("\n") for each in printed.split(_MARK)[1:]]

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from gcs_tools.scenario import load_scenario
 from sitl.autopilot.modes import Mode
-from sitl.plant.controller import ControllerGains, ControllerMemory, Setpoint
+from sitl.plant.controller import ControllerGains, ControllerMemory
 from sitl.plant.inner_loop import fly
 from sitl.plant.multirotor import (
     GRAVITY_MPS2,
@@ -35,6 +35,7 @@ from sitl.plant.multirotor import (
     standing_state,
     step,
 )
+from sitl.plant.setpoint import Setpoint
 from sitl.plant.truth import VehicleTruth
 from sitl.virtual.simulation import SimulatedFlight, Simulation
 

@@ -1,4 +1,4 @@
-"""What Zenoh can tell before a flight: detections, and the daemon that is to fly on them."""
+"""Checks over Zenoh, before a flight: detections, and the daemon that is to fly on them."""
 
 from __future__ import annotations
 
@@ -22,19 +22,22 @@ from gcs_tools.preflight.live.daemon import (
 )
 from gcs_tools.preflight.live.detections import Sample, check_detections
 from onboard.contract.assessment import Assessment
-from onboard.files.models import Contract
+from onboard.files.contract_file import Contract
 from onboard.files.yaml_file import load_yaml
 from onboard.files.zenoh_endpoints import ZenohEndpoints
-from onboard.monitoring.flight_authorization import Clearance
+from onboard.monitoring.flight_authorization import FlightAuthorization
 
-# How long detections are counted.
+# How long the check listens to detections.
 LISTEN_S = 3.0
+
+# Name of the finding on whether the daemon may fly.
+FLIGHT_AUTHORIZATION = "flight authorization"
 
 _POLL_S = 0.05
 
 
 class BusConfig(ZenohEndpoints):
-    """``--zenoh-config F``: how to join Zenoh, and which vehicle to look at."""
+    """``--zenoh-config F``: how to join Zenoh, and which vehicle to check."""
 
     vehicle: Annotated[str, Field(pattern=r"^[A-Za-z0-9_-]+$")] = "vehicle"
 
@@ -43,17 +46,17 @@ def load_bus(path: Path) -> BusConfig:
     """Read a ``--zenoh-config``; paths in it are relative to it.
 
     Raises:
-        FileError: the file is not usable.
+        FileError: the file cannot be read, or its content is not valid.
     """
     return load_yaml(path, BusConfig).relative_to(path.parent)
 
 
 class BusCheck:
-    """Looks at one vehicle's keys, and tells its daemon what came of the whole check.
+    """Checks detections and daemon of one vehicle, and authorizes that daemon to fly.
 
     Args:
         session: an open session.
-        vehicle: name in the keys.
+        vehicle: its name in the Zenoh keys.
     """
 
     def __init__(self, session: zenoh.Session, vehicle: str) -> None:
@@ -61,11 +64,11 @@ class BusCheck:
         self._prefix = f"clearway/{vehicle}"
         self._statuses: list[Status] = []
         self._daemon_ahead_s: float | None = None
-        # A step of this computer's clock during the check must not look like one of another's.
+        # If this computer sets its clock during the check, the other clocks must not seem to step.
         self._epoch_unix_s = time.time() - time.monotonic()
 
     def run(self, assessment: Assessment) -> list[Finding]:
-        """Listen for `LISTEN_S`, ask the daemon, and check all against the contract."""
+        """Listen for `LISTEN_S`, query the daemon, and check both against the contract."""
         samples: list[Sample] = []
         listeners = [
             self._session.declare_subscriber(
@@ -77,7 +80,7 @@ class BusCheck:
             self._session.declare_subscriber(f"{self._prefix}/status", self._on_status),
         ]
         announced = self._announced()
-        # It may take a moment to meet the peers: counting starts with the first frame.
+        # Zenoh takes a moment to connect to its peers: counting starts with the first frame.
         self._until(lambda: bool(samples))
         time.sleep(LISTEN_S)
         for listener in listeners:
@@ -91,19 +94,19 @@ class BusCheck:
             telemetry_finding(statuses),
         ]
 
-    def clear(self, contract: Contract, findings: list[Finding], *, compliant: bool) -> Finding:
-        """Tell the daemon what came of the whole check, and see that it has heard it.
+    def authorize(self, contract: Contract, findings: list[Finding], *, compliant: bool) -> Finding:
+        """Send the daemon the result of the whole check, and wait until it confirms.
 
-        The daemon judges the age of a check by its own clock, so that one is used.
+        The result is stamped by the daemon's clock, by which the daemon computes its age.
 
         Args:
             contract: that was checked.
-            findings: everything that was looked at live.
+            findings: of the live check.
             compliant: whether the check on paper has passed.
         """
         verdict = Verdict.worst(each.verdict for each in findings)
         passed = compliant and verdict is Verdict.HOLDS
-        clearance = Clearance(
+        clearance = FlightAuthorization(
             contract_sha256=contract.sha256,
             stamp_unix_s=self._now_unix_s() + (self._daemon_ahead_s or 0.0),
             passed=passed,
@@ -118,11 +121,13 @@ class BusCheck:
         listener.undeclare()  # type: ignore[no-untyped-call]  # untyped in its own stubs
         if not passed:
             verdict = Verdict.worst([Verdict.of(holds=compliant), verdict])
-            return Finding("daemon", "clearance", verdict, "withheld: the check has not passed")
+            text = "withheld: the check has not passed"
+            return Finding("daemon", FLIGHT_AUTHORIZATION, verdict, text)
         if not heard:
-            text = f"given, but the daemon has not said so within {ANSWER_TIMEOUT_S:g} s"
-            return Finding("daemon", "clearance", Verdict.UNKNOWN, text)
-        return Finding("daemon", "clearance", Verdict.HOLDS, "given, and heard by the daemon")
+            text = f"given, but the daemon did not confirm it within {ANSWER_TIMEOUT_S:g} s"
+            return Finding("daemon", FLIGHT_AUTHORIZATION, Verdict.UNKNOWN, text)
+        text = "given, and confirmed by the daemon"
+        return Finding("daemon", FLIGHT_AUTHORIZATION, Verdict.HOLDS, text)
 
     def _now_unix_s(self) -> float:
         return self._epoch_unix_s + time.monotonic()
@@ -136,7 +141,7 @@ class BusCheck:
     def _on_status(self, sample: zenoh.Sample) -> None:
         try:
             status = json.loads(sample.payload.to_bytes())
-        except ValueError:  # a neighbour that speaks something else is no status
+        except ValueError:  # another node may publish something else under this key
             return
         if isinstance(status, dict):
             self._statuses.append(Status(self._now_unix_s(), status))

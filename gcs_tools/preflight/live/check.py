@@ -13,27 +13,27 @@ from gcs_tools.console.errors import CommandError
 from gcs_tools.console.interruption import interruptible
 from gcs_tools.preflight.finding import Finding, Verdict
 from gcs_tools.preflight.live.bus import BusCheck, BusConfig
-from gcs_tools.preflight.live.vehicle import judge
+from gcs_tools.preflight.live.vehicle import evaluate
 from gcs_tools.vehicle.connection import CONNECT_TIMEOUT_S, UrlError, connected_vehicle
 from gcs_tools.vehicle.operator import Vehicle, VehicleError
 from gcs_tools.vehicle.survey import survey
 from onboard.contract.assessment import Assessment
-from onboard.files.models import Mission
+from onboard.files.mission_file import Mission
 from onboard.zenoh_session import open_session
 
-# Of a look at everything: ten of `survey`, and connecting, the bus, clearing the daemon.
+# Of a complete check: ten of `survey`, and connecting, the bus, authorizing the daemon.
 STEPS = 13
 Report = Callable[[str], None]
 
 
 @dataclass(frozen=True)
 class LiveRequest:
-    """What is to be looked at.
+    """What to check.
 
     Attributes:
-        vehicle_url: MAVSDK connection URL; None for no vehicle.
-        bus: how to reach detections and daemon; None for neither.
-        endurance_s: hover time of a full battery, where the vehicle reckons none.
+        vehicle_url: MAVSDK connection URL; None leaves the vehicle unchecked.
+        bus: how to reach detections and daemon; None leaves both unchecked.
+        endurance_s: hover time of a full battery, where the vehicle estimates no remaining time.
         connect_timeout_s: how long to wait for an autopilot.
         system_id: of the vehicle; None if there is only one on the connection.
     """
@@ -53,20 +53,20 @@ def check_live(
     paper_compliant: bool,
     report: Report = lambda _: None,
 ) -> tuple[Finding, ...]:
-    """Look at everything that was asked for; clear the daemon if all of it holds.
+    """Check everything that the request names; authorize the daemon to fly if all of it holds.
 
-    Only a look at vehicle, mission, detections and daemon together can clear.
+    Only a check of vehicle, mission, detections and daemon together can authorize it.
 
     Args:
-        request: what to look at.
+        request: what to check.
         assessment: the contract.
         mission: what is to be flown.
         paper_compliant: whether the check on paper has passed.
-        report: told of every step before it is taken.
+        report: called before each step.
 
     Raises:
-        CommandError: no Zenoh session, or not this connection, can be opened; or several
-            vehicles are on it and none was chosen.
+        CommandError: the Zenoh session or the connection cannot be opened; or several vehicles
+            are on it and none was chosen.
         Interrupted: the operator gave up.
     """
     with ExitStack() as stack:
@@ -75,23 +75,23 @@ def check_live(
             try:
                 session = stack.enter_context(open_session(request.bus))
             except zenoh.ZError as error:
-                raise CommandError(f"no Zenoh session: {error}") from error
+                raise CommandError(f"cannot open a Zenoh session: {error}") from error
             bus = BusCheck(session, request.bus.vehicle)
         findings = []
         if request.vehicle_url is not None:
             findings += asyncio.run(
-                _look_at(request.vehicle_url, request, assessment, mission, report)
+                _check_vehicle_at(request.vehicle_url, request, assessment, mission, report)
             )
         if bus is not None:
             report("detections and daemon")
             findings += bus.run(assessment)
         if bus is not None and request.vehicle_url is not None and mission is not None:
-            report("clearing the daemon")
-            findings.append(bus.clear(assessment.contract, findings, compliant=paper_compliant))
+            report("authorizing the daemon")
+            findings.append(bus.authorize(assessment.contract, findings, compliant=paper_compliant))
     return tuple(findings)
 
 
-async def _look_at(
+async def _check_vehicle_at(
     url: str,
     request: LiveRequest,
     assessment: Assessment,
@@ -120,9 +120,9 @@ async def check_vehicle(
     endurance_s: float | None,
     report: Report = lambda _: None,
 ) -> list[Finding]:
-    """Look at a vehicle that is connected already.
+    """Check a vehicle that is connected already.
 
     Raises:
         Interrupted: the operator gave up.
     """
-    return judge(await survey(vehicle, report), assessment, mission, endurance_s)
+    return evaluate(await survey(vehicle, report), assessment, mission, endurance_s)

@@ -1,4 +1,4 @@
-"""What the daemon itself says: its contract, what it sees and hears, and by which clock."""
+"""Checks what the daemon reports: its contract, its detections and telemetry, its clock."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 from gcs_tools.preflight.finding import Finding, Verdict
 from onboard.contract.assessment import Terms
-from onboard.files.models import Contract
+from onboard.files.contract_file import Contract
 
 # How long an answer may take.
 ANSWER_TIMEOUT_S = 3.0
@@ -18,11 +18,11 @@ TELEMETRY_AGE_MAX_S = 0.25
 
 
 class Status(NamedTuple):
-    """A status of the daemon as it arrived.
+    """A status of the daemon.
 
     Attributes:
         arrived_unix_s: when, by this computer's clock.
-        document: what it says.
+        document: its content.
     """
 
     arrived_unix_s: float
@@ -30,10 +30,9 @@ class Status(NamedTuple):
 
 
 def clock_ahead_s(statuses: Sequence[Status]) -> float | None:
-    """Return the daemon's clock less this computer's; None if no status tells the time.
+    """Return the daemon's clock less this computer's; None if no status states the time.
 
-    The status that was on its way for the least time tells it best: the true value is greater by
-    that time.
+    The status with the shortest transit gives the best estimate, which is too low by that transit.
     """
     times_s = [(_number(each.document.get("time_s")), each.arrived_unix_s) for each in statuses]
     known_s = [time_s - arrived_s for time_s, arrived_s in times_s if time_s is not None]
@@ -43,38 +42,43 @@ def clock_ahead_s(statuses: Sequence[Status]) -> float | None:
 def contract_finding(answers: list[bytes], contract: Contract) -> Finding:
     """Compare the contract that the daemon has with the one that was checked."""
     if not answers:
-        text = f"no daemon has answered within {ANSWER_TIMEOUT_S:g} s"
+        text = f"no daemon answered within {ANSWER_TIMEOUT_S:g} s"
         return Finding("daemon", "contract", Verdict.UNKNOWN, text)
     try:
         found = {str(json.loads(answer)["sha256"]) for answer in answers}
     except (ValueError, TypeError, KeyError):
         return Finding("daemon", "contract", Verdict.UNKNOWN, "the answer is not a contract")
     if found == {contract.sha256}:
-        return Finding("daemon", "contract", Verdict.HOLDS, f"the same, {contract.sha256[:12]}")
+        return Finding(
+            "daemon",
+            "contract",
+            Verdict.HOLDS,
+            f"the daemon has the checked contract, {contract.sha256[:12]}",
+        )
     others = ", ".join(sorted(each[:12] for each in found))
-    text = f"the daemon has {others}, checked was {contract.sha256[:12]}"
+    text = f"the daemon has {others}, expected the checked contract {contract.sha256[:12]}"
     return Finding("daemon", "contract", Verdict.BROKEN, text)
 
 
 def detections_finding(statuses: Sequence[Status], terms: Terms[float]) -> Finding:
-    """Tell whether the daemon itself sees: what is heard here may not be what it relies on."""
+    """Check the age of the detections that the daemon has, which this computer may not hear."""
     return _age_finding(
         statuses,
         "detections",
         "detection_age_s",
         terms.frame_age_max_s,
-        ("the daemon says that it has no detections", "what each of its sensors saw last is"),
+        ("the daemon has no detections", "the newest frame of each of its sensors is"),
     )
 
 
 def telemetry_finding(statuses: Sequence[Status]) -> Finding:
-    """Tell whether the daemon's own link brings fresh telemetry."""
+    """Check the age of the telemetry on the daemon's own link."""
     return _age_finding(
         statuses,
         "telemetry",
         "telemetry_age_s",
         TELEMETRY_AGE_MAX_S,
-        ("the daemon says that it has heard no position", "the position on its link is"),
+        ("the daemon has received no position", "the position on its link is"),
     )
 
 
@@ -83,7 +87,7 @@ def _age_finding(
 ) -> Finding:
     lacking, subject = words
     if not statuses:
-        return Finding("daemon", name, Verdict.UNKNOWN, "no status from a daemon")
+        return Finding("daemon", name, Verdict.UNKNOWN, "no status received from a daemon")
     ages_s = [_number(each.document.get(key)) for each in statuses]
     known_s = [age_s for age_s in ages_s if age_s is not None]
     if len(known_s) < len(ages_s):

@@ -1,4 +1,4 @@
-"""Live detections against the contract: what the sensors sent in a few seconds."""
+"""Checks the detections that the sensors sent in a few seconds against the contract."""
 
 from __future__ import annotations
 
@@ -14,19 +14,20 @@ from onboard.contract.assessment import Terms
 from onboard.files.json_payload import MalformedPayloadError
 from onboard.monitoring.assumptions import check_frame
 from onboard.monitoring.detections import CLOCK_TOLERANCE_S
-from onboard.perception.obstacle_map import DetectionFrame, parse_frame
+from onboard.perception.detection import DetectionFrame
+from onboard.perception.sources.json_v1 import parse_frame
 
-# What a status takes to arrive hides smaller differences between two clocks.
+# The transit of a status hides smaller differences between two clocks.
 _AGREEMENT_S: Final = 0.05
 
 
 @dataclass(frozen=True)
 class Sample:
-    """A payload as it arrived.
+    """A payload and its time of arrival.
 
     Attributes:
-        arrived_unix_s: when, by this computer's clock.
-        payload: what.
+        arrived_unix_s: by this computer's clock.
+        payload: as it arrived.
     """
 
     arrived_unix_s: float
@@ -40,16 +41,16 @@ def check_detections(
     listened_s: float,
     daemon_ahead_s: float | None,
 ) -> list[Finding]:
-    """Check what the sensors sent against what the contract assumes of them.
+    """Check the frames of each sensor against the contract's assumptions.
 
-    Stamps are judged by the daemon's clock, as the daemon does; this computer's may be wrong.
+    Stamps are compared with the daemon's clock, as the daemon does; this computer's may be wrong.
 
     Args:
         samples: everything that arrived, in order.
-        announced: sources whose liveliness token is there.
+        announced: sources with a liveliness token.
         terms: the contract.
         listened_s: for how long.
-        daemon_ahead_s: the daemon's clock less this computer's; None if it has not told the time.
+        daemon_ahead_s: the daemon's clock less this computer's; None if it is not known.
     """
     frames, malformed = _read(samples)
     findings = []
@@ -60,11 +61,11 @@ def check_detections(
         findings += _check_times(source, frames[source], terms, listened_s, daemon_ahead_s)
         findings += _check_declared(source, [frame for _, frame in frames[source]], terms)
     for source in sorted(set(announced) - frames.keys()):
-        text = f"announced, but silent for {listened_s:g} s"
+        text = f"announced, but sent nothing in {listened_s:g} s"
         findings.append(Finding("detections", source, Verdict.BROKEN, text))
     if malformed:
         worst, count = malformed.most_common(1)[0]
-        text = f"{malformed.total()} frames are malformed, {count} of them: {worst}"
+        text = f"{malformed.total()} malformed frames, {count} of them: {worst}"
         findings.append(Finding("detections", "format", Verdict.BROKEN, text))
     return findings
 
@@ -101,7 +102,7 @@ def _check_times(
     text = "stamps must increase from frame to frame"
     order = finding("order", Verdict.of(holds=increasing), text)
     if daemon_ahead_s is None:
-        text = "no status of a daemon, by whose clock the stamps are judged"
+        text = "no status of a daemon, with whose clock the stamps are compared"
         names = ("age", "reaction", "clock")
         return [*(finding(name, Verdict.UNKNOWN, text) for name in names), order]
     arrived_s = [arrival_s + daemon_ahead_s for arrival_s, _ in arrivals]
@@ -112,14 +113,14 @@ def _check_times(
         f"which is {_offset(daemon_ahead_s)} this computer's"
     )
     if ahead_s > CLOCK_TOLERANCE_S:
-        text = "not known: the stamps are of the future"
+        text = "not known: the stamps are in the future"
         unknown = (finding(name, Verdict.UNKNOWN, text) for name in ("age", "reaction"))
         return [*unknown, finding("clock", Verdict.BROKEN, clock), order]
     late_s = _latest_s(arrived_s, stamps_s)
     limit_s, tau_s = terms.frame_age_max_s, terms.reaction_time_s
     rate_hz = len(arrivals) / listened_s
     age = f"newest frame up to {late_s:.3f} s old ({rate_hz:.0f} Hz), frame_age_max_s {limit_s:g} s"
-    late = f"an object is seen up to {late_s:.3f} s late, reaction_time_s {tau_s:g} s"
+    late = f"an object is reported up to {late_s:.3f} s late, reaction_time_s {tau_s:g} s"
     return [
         finding("age", Verdict.of(holds=late_s <= limit_s), age),
         finding("reaction", Verdict.of(holds=late_s <= tau_s), late),
@@ -129,7 +130,10 @@ def _check_times(
 
 
 def _latest_s(arrived_s: list[float], stamps_s: list[float]) -> float:
-    """Return how long what came into range just after a frame waits until the next arrives."""
+    """Return the longest time from a frame's stamp to the arrival of the next frame.
+
+    An object that comes into range just after a frame is reported by the next one.
+    """
     waits_s = (at_s - before_s for at_s, before_s in zip(arrived_s[1:], stamps_s, strict=False))
     return max(waits_s, default=math.inf)
 
@@ -137,7 +141,7 @@ def _latest_s(arrived_s: list[float], stamps_s: list[float]) -> float:
 def _check_declared(
     source: str, frames: list[DetectionFrame], terms: Terms[float]
 ) -> list[Finding]:
-    """Check what one source declares of itself in its frames."""
+    """Check the range, field of view and uncertainty that one source declares in its frames."""
     broken = {str(v): v for frame in frames for v in check_frame(frame, terms)}
     kinds = {each.assumption: text for text, each in broken.items()}
     if kinds:

@@ -3,39 +3,30 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Final
 
 from gcs_tools.preflight.finding import Finding, Verdict
-
-_NO_STICKS: Final = 4  # of PX4's COM_RC_IN_MODE
-_BY_RADIO: Final[Mapping[str, str]] = {
-    "px4": "its mode switch (POSCTL), or HOLD and LAND from the ground station",
-    "ardupilot": "its mode switch (LOITER), or BRAKE and LAND from the ground station",
-}
-_WITHOUT_RADIO: Final[Mapping[str, str]] = {
-    "px4": "PX4 refuses POSCTL then: take over from the ground station with HOLD or LAND",
-    "ardupilot": "take over from the ground station with BRAKE or LAND",
-}
+from onboard.mavlink.profiles.profile import TakeOver
 
 
 def takeover_finding(
-    flavour: str, parameters: Mapping[str, float], *, heard: bool | None
+    take_over: TakeOver, parameters: Mapping[str, float], *, heard: bool | None
 ) -> Finding:
-    """Say by what the pilot takes over: nothing that the vehicle would refuse.
+    """Tell the pilot how to take over: only by what the vehicle would accept.
 
     Args:
-        flavour: ``px4`` or ``ardupilot``.
+        take_over: from the autopilot's profile.
         parameters: by name.
         heard: whether the vehicle hears a radio; None if it has not said so.
     """
-    name, deaf = "take-over", parameters.get("COM_RC_IN_MODE") == _NO_STICKS
-    if deaf:
-        text = f"sticks are ignored (COM_RC_IN_MODE = 4); {_WITHOUT_RADIO[flavour]}"
+    name, sticks = "take-over", take_over.sticks_ignored
+    if sticks is not None and parameters.get(sticks[0]) == sticks[1]:
+        text = f"sticks are ignored ({sticks[0]} = {sticks[1]:g}); {take_over.without_radio}"
         return Finding("vehicle", name, Verdict.HOLDS, text)
     if heard is None:
-        return Finding("vehicle", name, Verdict.UNKNOWN, "no SYS_STATUS: is a radio heard?")
+        text = "no SYS_STATUS, which tells whether the vehicle hears a radio"
+        return Finding("vehicle", name, Verdict.UNKNOWN, text)
     if heard:
-        text = f"a radio is heard; take over with {_BY_RADIO[flavour]}"
+        text = f"the vehicle hears a radio; take over with {take_over.with_radio}"
     else:
-        text = f"no radio is heard; {_WITHOUT_RADIO[flavour]}"
+        text = f"the vehicle hears no radio; {take_over.without_radio}"
     return Finding("vehicle", name, Verdict.HOLDS, text)

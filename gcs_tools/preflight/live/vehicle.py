@@ -1,16 +1,15 @@
-"""A live vehicle against its contract: what is known of it, and what that means."""
+"""Checks what is known of a live vehicle against its contract and mission."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from itertools import pairwise
 
 from shapely import LineString
 
 from gcs_tools.preflight.finding import VEHICLE_IDENTITY, Finding, Verdict
 from gcs_tools.preflight.live.firmware import firmware_finding
-from gcs_tools.preflight.live.parameters import ReportedParameters, check_parameters, corridor_m
+from gcs_tools.preflight.live.parameters import check_parameters, corridor_m
 from gcs_tools.preflight.live.takeover import takeover_finding
 from gcs_tools.vehicle.clock import ANSWER_TIMEOUT_S, PINGS
 from gcs_tools.vehicle.geofence import FenceError, fence_areas
@@ -18,8 +17,11 @@ from gcs_tools.vehicle.operator import HEALTH_TIMEOUT_S
 from gcs_tools.vehicle.query import TRIES, WAIT_S
 from gcs_tools.vehicle.survey import COUNTED, LISTEN_S, VehicleFacts
 from onboard.contract.assessment import Assessment
-from onboard.files.models import Mission
-from onboard.guidance.navigator import START_TOLERANCE_M
+from onboard.files.mission_file import Mission
+from onboard.guidance.departure import START_TOLERANCE_M
+from onboard.mavlink.profiles.parameter_rules import ReportedParameters
+from onboard.mavlink.profiles.profile import CONSTANT_POSITION, NEEDED_ESTIMATOR_FLAGS
+from onboard.mavlink.profiles.registry import known_profiles
 from onboard.monitoring.detections import CLOCK_TOLERANCE_S
 
 RATE_MIN_HZ = 5.0
@@ -31,60 +33,32 @@ CHARGE_RESERVE = 0.2
 INNOVATION_RATIO_MAX = 0.5
 
 _NOT_ANSWERED = f"neither TIMESYNC nor PING was answered within {ANSWER_TIMEOUT_S:g} s"
-# ESTIMATOR_STATUS_FLAGS and EKF_STATUS_FLAGS have these in common ...
-_ESTIMATOR_NEEDS: Mapping[str, int] = {
-    "attitude": 1,
-    "horizontal velocity": 2,
-    "vertical velocity": 4,
-    "horizontal position": 8 | 16,
-    "height": 32 | 64,
-}
-# ... but tell faults by different bits.
-_CONSTANT_POSITION = 128
-_ESTIMATOR_FAULTS: Mapping[str, Mapping[str, int]] = {
-    "px4": {
-        "position is made up": _CONSTANT_POSITION,
-        "GPS glitch": 1024,
-        "accelerometer fault": 2048,
-    },
-    "ardupilot": {
-        "position is made up": _CONSTANT_POSITION,
-        "not initialised": 1024,
-        "GPS glitch": 32768,
-    },
-}
 
 
-def judge(
+def evaluate(
     facts: VehicleFacts, assessment: Assessment, mission: Mission | None, endurance_s: float | None
 ) -> list[Finding]:
-    """Check what was learnt against a contract, and a mission where there is one.
+    """Check what was learnt of a vehicle against a contract, and a mission where there is one.
 
     Args:
         facts: of the vehicle.
         assessment: the contract.
-        mission: for battery, home, start and geofence.
-        endurance_s: hover time of a full battery; needed where the vehicle reckons none.
+        mission: for battery, home, start and geofence; None leaves these unchecked.
+        endurance_s: hover time of a full battery; needed where the vehicle estimates no
+            remaining time.
     """
     terms = assessment.terms
     findings = [
         _identity(facts),
         _health(facts),
-        firmware_finding(facts.flavour, facts.version, facts.stage),
+        firmware_finding(facts.profile, facts.version, facts.stage),
         *(_rate(facts, name) for name in COUNTED),
         _link_delay(facts, terms.reaction_time_s),
         _clock(facts),
         _estimator(facts),
+        *_parameters(facts, assessment, mission),
+        takeover_finding(facts.profile.take_over, facts.parameters, heard=facts.radio_heard),
     ]
-    if facts.flavour is None:
-        text = "neither PX4 nor ArduPilot: its parameters are not known"
-        findings.append(_unknown("parameters", text))
-    else:
-        reported = ReportedParameters(
-            facts.flavour, facts.parameters, facts.version, complete=facts.parameters_complete
-        )
-        findings += check_parameters(reported, assessment, mission)
-        findings.append(takeover_finding(facts.flavour, facts.parameters, heard=facts.radio_heard))
     if mission is not None:
         findings += [_home(facts), _start(facts, mission)]
         findings.append(_fence_areas(facts, mission, corridor_m(assessment, mission)))
@@ -99,6 +73,19 @@ def flight_time_s(mission: Mission, assessment: Assessment) -> float:
     return GROUND_TIME_S + TIME_RESERVE * length_m / assessment.terms.cruise_speed_mps
 
 
+def _parameters(
+    facts: VehicleFacts, assessment: Assessment, mission: Mission | None
+) -> list[Finding]:
+    if facts.profile.parameters is None:
+        known = ", ".join(each.name for each in known_profiles() if each.parameters is not None)
+        text = f"no rules for the parameters of this autopilot, expected one of: {known}"
+        return [_unknown("parameters", text)]
+    reported = ReportedParameters(
+        facts.parameters, facts.version, complete=facts.parameters_complete
+    )
+    return check_parameters(facts.profile.parameters, reported, assessment, mission)
+
+
 def _known(name: str, *, holds: bool, text: str) -> Finding:
     return Finding("vehicle", name, Verdict.of(holds=holds), text)
 
@@ -109,8 +96,7 @@ def _unknown(name: str, text: str) -> Finding:
 
 def _identity(facts: VehicleFacts) -> Finding:
     version = "" if facts.version is None else ".".join(map(str, facts.version))
-    autopilot = facts.flavour or "neither PX4 nor ArduPilot"
-    text = " ".join(filter(None, (autopilot, version, facts.stage)))
+    text = " ".join(filter(None, (facts.profile.name, version, facts.stage)))
     return _known(VEHICLE_IDENTITY, holds=True, text=f"system id {facts.system_id}, {text}")
 
 
@@ -131,7 +117,7 @@ def _link_delay(facts: VehicleFacts, limit_s: float) -> Finding:
         return _unknown("link delay", _NOT_ANSWERED)
     trip_s = facts.clock.round_trip_s
     text = (
-        f"round trip {trip_s * 1e3:.0f} ms at most in {PINGS} ({facts.clock.source}), "
+        f"round trip {trip_s * 1e3:.0f} ms at most in {PINGS} exchanges ({facts.clock.source}), "
         f"reaction_time_s of the contract {limit_s * 1e3:.0f} ms"
     )
     return _known("link delay", holds=trip_s <= limit_s, text=text)
@@ -142,14 +128,14 @@ def _clock(facts: VehicleFacts) -> Finding:
         return _unknown("clock", _NOT_ANSWERED)
     unsteady_s, unix_s = facts.clock.unsteady_s, facts.clock.unix_offset_s
     if unsteady_s is None:
-        return _unknown("clock", "TIMESYNC not answered, and no SYSTEM_TIME to compare")
-    # None drifts by this much in a few exchanges: it was set, or something resets it.
+        return _unknown("clock", "TIMESYNC was not answered, and no SYSTEM_TIME arrived")
+    # No clock drifts by this much in a few exchanges: it was set, or something resets it.
     holds = unsteady_s <= CLOCK_TOLERANCE_S
     steady = (
         f"jumped by {unsteady_s * 1e3:.1f} ms, limit {CLOCK_TOLERANCE_S * 1e3:g} ms "
         f"({facts.clock.source})"
     )
-    unix = "it tells no Unix time"
+    unix = "it does not tell Unix time"
     if unix_s is not None:
         unix = f"its Unix time is {in_words(unix_s)} this computer's"
     return _known("clock", holds=holds, text=f"{steady}; {unix}")
@@ -163,16 +149,17 @@ def in_words(ahead_s: float) -> str:
 
 
 def _estimator(facts: VehicleFacts) -> Finding:
-    if facts.estimator is None or facts.flavour is None:
+    if facts.estimator is None:
         return _unknown("estimator", f"no status within {TRIES * WAIT_S:g} s, asked {TRIES} times")
     flags, ratio = facts.estimator.flags, facts.estimator.worst_ratio
-    faults, note = dict(_ESTIMATOR_FAULTS[facts.flavour]), ""
-    if facts.flavour == "px4" and facts.on_ground:
-        # PX4 keeps its position constant whenever it rests.
-        del faults["position is made up"]
-        note = ", position kept constant at rest" if flags & _CONSTANT_POSITION else ""
-    wrong = [f"no {name}" for name, bits in _ESTIMATOR_NEEDS.items() if not flags & bits]
-    wrong += [name for name, bits in faults.items() if flags & bits]
+    own, note = facts.profile.estimator, ""
+    faults = {**own.made_up_flags, **own.doubt_flags}
+    if own.constant_at_rest and facts.on_ground:
+        at_rest = [bit for bit in CONSTANT_POSITION if flags & bit]
+        faults = {bit: text for bit, text in faults.items() if bit not in CONSTANT_POSITION}
+        note = ", position kept constant at rest" if at_rest else ""
+    wrong = [f"no {name}" for bits, name in NEEDED_ESTIMATOR_FLAGS if not flags & bits]
+    wrong += [text for bit, text in faults.items() if flags & bit]
     if wrong:
         return _known("estimator", holds=False, text=", ".join(wrong))
     if math.isnan(ratio):
@@ -186,7 +173,7 @@ def _home(facts: VehicleFacts) -> Finding:
         return _unknown("home", f"no HOME_POSITION within {TRIES * WAIT_S:g} s")
     *_, down_m = facts.home_ned_m
     text = (
-        f"{abs(down_m):.1f} m from the height of the local origin, which altitudes count from; "
+        f"{abs(down_m):.1f} m above or below the local origin, from which altitudes count; "
         f"limit {START_TOLERANCE_M:g} m"
     )
     return _known("home", holds=abs(down_m) <= START_TOLERANCE_M, text=text)
@@ -201,14 +188,19 @@ def _start(facts: VehicleFacts, mission: Mission) -> Finding:
 
 
 def _fence_areas(facts: VehicleFacts, mission: Mission, corridor_m: float) -> Finding:
-    """Judge by all areas together: PX4 is content with one inclusion, ArduPilot by default not."""
+    """Check the corridor of the mission against all areas together.
+
+    Some autopilots are content if one inclusion contains the vehicle; all of them must do here.
+    """
     name = "geofence areas"
     if facts.fence is None or facts.origin is None:
-        missing = "what is on board" if facts.fence is None else "where home is"
-        return _unknown(name, f"no answer to {missing}")
-    counted = facts.parameters.get("FENCE_TOTAL", 0.0)
+        missing = "the geofence on board" if facts.fence is None else "home"
+        return _unknown(name, f"the vehicle did not report {missing}")
+    known = facts.profile.parameters
+    counter = None if known is None else known.fence_count
+    counted = 0.0 if counter is None else facts.parameters.get(counter, 0.0)
     if counted > 0.0 and not facts.fence:
-        return _unknown(name, f"the vehicle counts {counted:g} points (FENCE_TOTAL), but gave none")
+        return _unknown(name, f"the vehicle counts {counted:g} points ({counter}), but sent none")
     path = LineString([mission.start_ned_m, *(leg.end_ned_m for leg in mission.legs)])
     try:
         areas = fence_areas(facts.fence, facts.origin)
@@ -227,15 +219,15 @@ def _fence_areas(facts: VehicleFacts, mission: Mission, corridor_m: float) -> Fi
 
 
 def _battery(facts: VehicleFacts, needed_s: float, endurance_s: float | None) -> Finding:
-    reckoned_s, share = facts.battery_time_s, facts.battery_share
+    estimated_s, share = facts.battery_time_s, facts.battery_share
     endured_s = None
     if share is not None and endurance_s is not None:
         endured_s = max(share - CHARGE_RESERVE, 0.0) * endurance_s
-    # What a vehicle reckons with its motors off may be days: the shorter time counts.
-    left_s = min((each for each in (reckoned_s, endured_s) if each is not None), default=None)
+    # What a vehicle estimates with its motors off may be days: the shorter time counts.
+    left_s = min((each for each in (estimated_s, endured_s) if each is not None), default=None)
     if left_s is None:
-        lacking = "charge" if share is None else "remaining time: give --endurance"
+        lacking = "charge" if share is None else "remaining time; set --endurance"
         return _unknown("battery", f"the vehicle reports no {lacking}")
     charge = "" if share is None else f"{100.0 * share:.0f} % charged, "
-    text = f"{charge}{left_s:.0f} s of flight, mission needs {needed_s:.0f} s"
+    text = f"{charge}{left_s:.0f} s of flight left, the mission needs {needed_s:.0f} s"
     return _known("battery", holds=left_s >= needed_s, text=text)

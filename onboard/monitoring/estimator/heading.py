@@ -1,9 +1,9 @@
-"""Whether the nose points where it is told to, and whether the estimated heading can be believed.
+"""Check that the nose points where it is told to, and that the estimated heading can be believed.
 
 Nothing on board measures the true heading.  Four things contradict a wrong one: the estimate
-itself, where it is not at the heading that is commanded; the magnetometer, where the estimator
-rejects it; the gyros, where the estimate turns and they do not; and tracks that are seen again from
-the body, where they come round by an angle.
+itself, if it differs from the commanded heading; the magnetometer, if the estimator rejects it; the
+gyros, if the estimate turns and they do not; and tracks that are seen again from the body, if all
+of them have turned by an angle.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from onboard.monitoring.assumptions import Assumption, Violation
 from onboard.perception.bearings import BearingResidual
 from onboard.vehicle_state import Pose
 
-# As before a leg begins; the recorded flights stay within 3° for all but moments.
+# As before a leg begins; the recorded flights stay within 3°, except for moments.
 POINTING_TOLERANCE_RAD: Final = math.radians(5.0)
 POINTING_CONFIRMATION_S: Final = 1.0
 # Beyond one the estimator rejects the magnetometer: ESTIMATOR_STATUS.mag_ratio of PX4,
@@ -40,15 +40,15 @@ SIGHTING_CONFIRMATION_S: Final = 1.0
 SIGHTING_GAP_S: Final = 1.0
 
 
-class _Lasting:
-    """Whether something has been true without a break for a time."""
+class _Confirmation:
+    """Tells whether something has been true without a break for a time."""
 
     def __init__(self, confirmation_s: float) -> None:
         self._confirmation_s = confirmation_s
         self._since_s: float | None = None
 
-    def note(self, now_s: float, *, exceeded: bool) -> bool:
-        """Take what holds now; tell whether it has held for the time of confirmation."""
+    def update(self, now_s: float, *, exceeded: bool) -> bool:
+        """Take whether it is true now; tell whether it has been for the time of confirmation."""
         if not exceeded:
             self._since_s = None
             return False
@@ -61,22 +61,22 @@ class HeadingMonitor:
     """Compares the estimated heading with the command, magnetometer, gyros and sightings."""
 
     def __init__(self) -> None:
-        self._astray = _Lasting(POINTING_CONFIRMATION_S)
-        self._rejected = _Lasting(COMPASS_CONFIRMATION_S)
-        self._turned = _Lasting(SIGHTING_CONFIRMATION_S)
+        self._astray = _Confirmation(POINTING_CONFIRMATION_S)
+        self._rejected = _Confirmation(COMPASS_CONFIRMATION_S)
+        self._turned = _Confirmation(SIGHTING_CONFIRMATION_S)
         self._sighted_s = -math.inf
         self._drifts: deque[tuple[float, float]] = deque()
         self._drift_begun = 0
 
     def check_pointing(self, pose: Pose, commanded_rad: float | None) -> Violation | None:
-        """Tell whether the nose has been off its command: the sensor looks elsewhere.
+        """Tell whether the nose has been off its command, so that the sensor looks elsewhere.
 
         Args:
             pose: heading, and when.
             commanded_rad: where it has to point; None while the vehicle turns there.
         """
         error_rad = 0.0 if commanded_rad is None else abs(wrap_angle(pose.yaw_rad - commanded_rad))
-        if not self._astray.note(pose.time_s, exceeded=error_rad > POINTING_TOLERANCE_RAD):
+        if not self._astray.update(pose.time_s, exceeded=error_rad > POINTING_TOLERANCE_RAD):
             return None
         return _violation(error_rad, POINTING_TOLERANCE_RAD, "pointing")
 
@@ -84,11 +84,11 @@ class HeadingMonitor:
         """Tell whether the estimator has been rejecting the magnetometer.
 
         Args:
-            ratio: its innovation to the gate; None where the autopilot does not say.
+            ratio: its innovation to the gate; None if the autopilot does not report it.
             now_s: the time.
         """
         exceeded = ratio is not None and ratio > COMPASS_RATIO_MAX
-        if not self._rejected.note(now_s, exceeded=exceeded) or ratio is None:
+        if not self._rejected.update(now_s, exceeded=exceeded) or ratio is None:
             return None
         return Violation(Assumption.HEADING_ERROR, ratio, COMPASS_RATIO_MAX, "of gate", "compass")
 
@@ -132,12 +132,12 @@ class HeadingMonitor:
         if not residuals:
             return None
         if now_s - self._sighted_s > SIGHTING_GAP_S:
-            self._turned = _Lasting(SIGHTING_CONFIRMATION_S)
+            self._turned = _Confirmation(SIGHTING_CONFIRMATION_S)
         self._sighted_s = now_s
         turned_rad = abs(sum(residual.angle_rad for residual in residuals)) / len(residuals)
         explained_rad = sum(residual.error_rad for residual in residuals) / len(residuals)
         limit_rad = 2.0 * terms.heading_error_rad + SIGHTING_TOLERANCE_RAD + explained_rad
-        if not self._turned.note(now_s, exceeded=turned_rad > limit_rad):
+        if not self._turned.update(now_s, exceeded=turned_rad > limit_rad):
             return None
         return _violation(turned_rad, limit_rad, "sightings")
 

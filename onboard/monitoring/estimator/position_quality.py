@@ -1,14 +1,14 @@
-"""Whether the autopilot's position can be believed, by what its estimator and sources say.
+"""Check whether the autopilot's position can be believed, by its estimator and its sources.
 
 The estimate goes on while its sources fail: after a GPS loss both autopilots dead-reckon, and
-LOCAL_POSITION_NED does not show it.  PX4 said GPS_RAW_INT fix 0 at once and a growing accuracy, and
-took its horizontal flags away only 5.7 s later; ArduPilot's GPS_RAW_INT falls silent, and its
-failover came after 8 s and 22 m.  So the sources are judged too, not the estimate alone.
+LOCAL_POSITION_NED does not show it.  PX4 reported GPS_RAW_INT fix 0 at once and a growing accuracy,
+and cleared its horizontal flags only 5.7 s later; ArduPilot's GPS_RAW_INT falls silent, and its
+failover came after 8 s and 22 m.  So the monitor checks the sources too, not the estimate alone.
 
-A sign of doubt is answered by a stop, while the estimate is still good; a position that is made up,
-or has been dead-reckoned for `DEAD_RECKONING_S`, is left to the autopilot's own failsafe.
+The response to a doubtful position is a stop, while the estimate is still good; a position that is
+made up, or has been dead-reckoned for `DEAD_RECKONING_S`, is left to the autopilot's own failsafe.
 
-A vehicle that departed without a GPS fix (optical flow, visual odometry) is not judged by its GPS.
+For a vehicle that departed without a GPS fix (optical flow, visual odometry), GPS does not count.
 """
 
 from __future__ import annotations
@@ -21,11 +21,12 @@ from typing import Final, NamedTuple
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from onboard.mavlink.position_reports import EstimatorReport, HealthReport, PositionReports, Source
+from onboard.mavlink.profiles.profile import NEEDED_ESTIMATOR_FLAGS
 from onboard.monitoring.assumptions import Assumption, Violation
 
 # Dead reckoning is good for about this long: long enough to stop, before drift counts.
 DEAD_RECKONING_S: Final = 3.0
-# A GPS that had a fix this recently has lost it, rather than being one that a vehicle does not use.
+# A GPS that had a fix this recently has lost it; otherwise the vehicle does not use one.
 FIX_MEMORY_S: Final = 10.0
 # A text about the estimate keeps the vehicle from departing for this long.
 TEXT_MEMORY_S: Final = 5.0
@@ -36,16 +37,6 @@ HEALTH_CONFIRMED_S: Final = 0.6
 # PX4's nominal horizontal accuracy is 0.3 m; 2 m and thrice what it was when it departed is lost.
 ACCURACY_MAX_M: Final = 2.0
 ACCURACY_FACTOR_MAX: Final = 3.0
-_HORIZONTAL: Final = mavlink.ESTIMATOR_POS_HORIZ_ABS | mavlink.ESTIMATOR_POS_HORIZ_REL
-_VERTICAL: Final = mavlink.ESTIMATOR_POS_VERT_ABS | mavlink.ESTIMATOR_POS_VERT_AGL
-# One flag of each has to be set.
-_NEEDED_FLAGS: Final = (
-    (mavlink.ESTIMATOR_ATTITUDE, "attitude"),
-    (mavlink.ESTIMATOR_VELOCITY_HORIZ, "horizontal velocity"),
-    (mavlink.ESTIMATOR_VELOCITY_VERT, "vertical velocity"),
-    (_HORIZONTAL, "horizontal position"),
-    (_VERTICAL, "vertical position"),
-)
 
 
 class Worth(Enum):
@@ -88,7 +79,7 @@ class Sign(NamedTuple):
 
 
 class PositionQualityMonitor:
-    """Judges the reports against those at the departure.
+    """Compares the reports with those at the departure.
 
     Args:
         reports: kept up to date by the link.
@@ -135,7 +126,7 @@ class PositionQualityMonitor:
         return list(dict.fromkeys(failures))
 
     def depart(self, now_s: float) -> None:
-        """Remember what the flight relies on: whatever vouches for the position now."""
+        """Remember what the flight relies on: every source that confirms the position now."""
         self._departed_s, self._since_s, self._reckoned_s = now_s, {}, math.inf
         self._by_gps, self._estimator_relied, health = self._sources(now_s)
         bits = self._reports.facts.position_health
@@ -150,11 +141,11 @@ class PositionQualityMonitor:
             self._accuracy_max_m = max(ACCURACY_MAX_M, accuracy_max_m)
 
     def forget_flight(self) -> None:
-        """Judge no more until the next departure: the vehicle has landed."""
+        """Check nothing until the next departure: the vehicle has landed."""
         self._departed_s = math.inf
 
     def check(self, now_s: float) -> Sign | None:
-        """Return the worst sign that has lasted long enough; None but for a departed flight."""
+        """Return the worst sign that has lasted long enough; None before the departure."""
         if now_s < self._departed_s:
             return None
         signs = list(self._signs(now_s))
@@ -171,7 +162,7 @@ class PositionQualityMonitor:
         return max(now_s - self._reckoned_s, 0.0)
 
     def _sources(self, now_s: float) -> tuple[bool, bool, bool]:
-        """Tell what vouches for the position now: GPS with a fix, the estimator, SYS_STATUS."""
+        """Tell what confirms the position now: GPS with a fix, the estimator, SYS_STATUS."""
         reports = self._reports
         gps, estimator, health = (
             source.report is not None and source.silence_s(now_s) is None
@@ -229,7 +220,7 @@ class PositionQualityMonitor:
         if report is None:
             return
         where = f"{report.name}, flags {report.flags:#x}"
-        for flags, what in _NEEDED_FLAGS:
+        for flags, what in NEEDED_ESTIMATOR_FLAGS:
             if not report.flags & flags:
                 sentence = f"{what} lost ({where}): position is made up"
                 yield Sign("estimator_flags", sentence, Worth.MADE_UP, 0.0, 1.0, "flags")

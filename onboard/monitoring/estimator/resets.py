@@ -1,13 +1,13 @@
-"""Resets of the autopilot's estimator: noticed on all three axes, measured and accounted for.
+"""Resets of the autopilot's estimator: detected on all three axes, measured and added up.
 
-A reset moves the vehicle in the local frame, not in the world.  Everything that was stated in the
-frame of before (boxes, past poses, the reference) keeps its place in the world only if it moves by
-the same vector.  Distances between what has been moved do not change, so certificates keep holding;
-what stays is the mission, which is stated in whatever the local frame is now.
+A reset moves the vehicle in the local frame, not in the world.  Everything stated in the frame
+before it (boxes, past poses, the reference) keeps its place in the world only if it moves by the
+same vector.  Distances between what has moved do not change, so certificates stay valid.  The
+mission does not move: it is stated in the local frame as it is now.
 
 A flight may go on across resets that the contract declares (`estimator_reset_max_m`).  Their sum
 since the departure counts, not each alone: by that much the legs flown may lie beside the legs
-that were planned in the world, and many small steps are a drift.
+planned in the world, and many small steps are a drift.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from collections import deque
 from typing import Final, NamedTuple
 
 from onboard.contract.assessment import TICK_S
-from onboard.events import Event, Severity
+from onboard.events import Event, EventData, EventName, Severity
 from onboard.monitoring.assumptions import Assumption, Violation
 from onboard.vehicle_state import Pose
 
@@ -29,11 +29,11 @@ _ACCELERATION_MAX_MPS2: Final = 10.0
 # After a longer silence a reset cannot be told from motion, nor its size; then this is too far.
 CONTINUITY_S: Final = 0.5
 _JUMP_AFTER_SILENCE_M: Final = 0.5
-# Nor is a step beyond this believed: moved there and back, a map would lose its digits.
+# A larger step is not believed either: moved there and back, a map would lose its digits.
 _SHIFT_MAX_M: Final = 1e4
-# The autopilot's clock is believed across such a step; beyond, it has restarted or wrapped.
+# The autopilot's clock is used across such a step; beyond, it has restarted or wrapped.
 _OWN_STEP_MAX_S: Final = 2.0
-# A sensor that reports in the local frame hears of a reset this much earlier or later than we do.
+# A sensor that reports in the local frame learns of a reset this much earlier or later than we do.
 SENSOR_FRAME_TOLERANCE_S: Final = 0.1
 _RESETS_REMEMBERED: Final = 100
 
@@ -66,7 +66,7 @@ class EstimatorReset(NamedTuple):
         return "vertical" if abs(down_m) > math.hypot(north_m, east_m) else "horizontal"
 
     def violation(self) -> Violation:
-        """Return what a reset breaks where none is declared."""
+        """Return the violation that a reset is where the contract declares none."""
         return Violation(Assumption.ESTIMATOR_RESET, self.size_m, POSITION_JUMP_M, "m", self.axis)
 
 
@@ -74,22 +74,22 @@ class PoseMonitor:
     """Whether the position is recent, and continues the one before on all three axes.
 
     Args:
-        stale_after_s: older telemetry is ignored.
+        telemetry_timeout_s: older telemetry is ignored.
     """
 
-    def __init__(self, stale_after_s: float) -> None:
-        self._stale_after_s = stale_after_s
+    def __init__(self, telemetry_timeout_s: float) -> None:
+        self._telemetry_timeout_s = telemetry_timeout_s
         self._previous: Pose | None = None
 
     def check_age(self, pose: Pose | None, now_s: float) -> Violation | None:
         """Tell whether the position is too old."""
         age_s = now_s - pose.time_s if pose is not None else math.inf
-        if age_s <= self._stale_after_s:
+        if age_s <= self._telemetry_timeout_s:
             return None
-        return Violation(Assumption.TELEMETRY_AGE, age_s, self._stale_after_s, "s")
+        return Violation(Assumption.TELEMETRY_AGE, age_s, self._telemetry_timeout_s, "s")
 
     def check_jump(self, pose: Pose) -> EstimatorReset | None:
-        """Tell whether the estimator moved the vehicle since the last pose, not its motors."""
+        """Tell whether the estimator, not the motors, moved the vehicle since the last pose."""
         previous, self._previous = self._previous, pose
         if previous is None:
             return None
@@ -130,23 +130,23 @@ def _beyond_motion(previous: Pose, pose: Pose, step_s: float) -> Vector:
 
 
 class ResetLedger:
-    """The resets so far: those not answered yet, their vectors for late frames, their sum."""
+    """The resets so far: those still to respond to, their vectors for late frames, their sum."""
 
     def __init__(self) -> None:
-        self._unanswered: list[EstimatorReset] = []
+        self._pending: list[EstimatorReset] = []
         self._past: deque[EstimatorReset] = deque(maxlen=_RESETS_REMEMBERED)
         self._flight_m = 0.0
 
     def add(self, reset: EstimatorReset) -> None:
-        """Remember a reset until it is answered, and its vector for frames still to come."""
-        self._unanswered.append(reset)
+        """Remember a reset until it is taken, and its vector for frames still to come."""
+        self._pending.append(reset)
         if reset.measured:
             self._past.append(reset)
 
-    def take_unanswered(self) -> list[EstimatorReset]:
-        """Return and forget the resets that nothing has answered yet."""
-        unanswered, self._unanswered = self._unanswered, []
-        return unanswered
+    def take_pending(self) -> list[EstimatorReset]:
+        """Return and forget the resets since the last call."""
+        pending, self._pending = self._pending, []
+        return pending
 
     def begin_flight(self) -> None:
         """Count from here: a flight departs."""
@@ -171,21 +171,21 @@ class ResetLedger:
         return Violation(Assumption.ESTIMATOR_RESET, measured_m, limit_m, "m", reset.axis)
 
     def event(self, reset: EstimatorReset, obstacles: int, now_s: float) -> Event:
-        """Return the event that says what has been moved, and how much the flight has used up."""
+        """Return the event that states what has moved, and the sum of the resets so far."""
         north_m, east_m, down_m = reset.shift_ned_m
         text = (
             f"estimator reset by ({north_m:.2f}, {east_m:.2f}, {down_m:.2f}) m: reference, plan, "
             f"{obstacles} obstacles and past poses moved along; {self._flight_m:.2f} m so far"
         )
-        data = {"shift_ned_m": reset.shift_ned_m, "flight_m": self._flight_m}
-        return Event(now_s, "estimator_reset", Severity.NOTICE, text, data)
+        data: EventData = {"shift_ned_m": reset.shift_ned_m, "flight_m": self._flight_m}
+        return Event(now_s, EventName.ESTIMATOR_RESET, Severity.NOTICE, text, data)
 
     def placements_m(self, stamp_s: float) -> list[tuple[float, float]]:
         """Return what moves boxes stated in the local frame at a time into the frame of now.
 
         Returns:
-            Vectors north and east: one, or several where it is open which resets the sensor had
-            heard of.
+            Vectors north and east: one, or several where it is open which resets the
+            sensor knew of.
         """
         tolerance_s = SENSOR_FRAME_TOLERANCE_S
         heard = sum(reset.after_s + tolerance_s < stamp_s for reset in self._past)

@@ -1,1 +1,1 @@
-"""Checks how the vehicle responds: tracking, tilt, wind, and who else commands it."""
+"""Monitors of how the vehicle responds: tracking, tilt, wind, and a second commander."""

@@ -1,9 +1,9 @@
-"""Whether another node commands the vehicle, as seen in what the autopilot says it flies to.
+"""Check whether another node commands the vehicle, by the target that the autopilot reports.
 
-Both autopilots keep set-points that are addressed to them to themselves, so a second commander is
-rarely heard directly; POSITION_TARGET_LOCAL_NED is the trace that is left.  ArduPilot reports the
-set-point it took last.  PX4 reports its position controller's *output*: the position asked for, and
-the velocity asked for plus a gain times the position error, which MPC_XY_P and MPC_Z_P bound.
+Neither autopilot forwards setpoints that are addressed to it, so a second commander is rarely heard
+directly; its trace is in POSITION_TARGET_LOCAL_NED.  ArduPilot reports the setpoint it took last.
+PX4 reports its position controller's *output*: the position asked for, and the velocity asked for
+plus a gain times the position error, which MPC_XY_P and MPC_Z_P bound.
 """
 
 from __future__ import annotations
@@ -19,13 +19,11 @@ from onboard.vehicle_state import Pose, Target
 # The target may differ this much from ours, m and m/s: ArduPilot's is up to 0.06 m late in the
 # recorded flights, and PX4's velocity leaves 0.02 m/s that the position error does not explain.
 TARGET_TOLERANCE: Final = 0.15
-# Greatest gain from position error to velocity that PX4 accepts: MPC_XY_P (default 0.95), MPC_Z_P.
-PX4_GAIN_MAX_PER_S: Final = 2.0
 # A target that lacks position or velocity, which we always ask for, differs by at least this.
 LACKING: Final = 1.0
 # Foreign targets before they count, how long they must span (a pilot's mode change looks the same
-# until the next heartbeat), and within which time: a rival that sends less often than we do is
-# overwritten before most echoes leave.
+# until the next heartbeat), and within which time: the setpoints of a second commander that sends
+# less often than we do are overwritten before most echoes leave.
 CONFIRMATIONS: Final = 3
 SPAN_MIN_S: Final = 1.2
 MEMORY_S: Final = 5.0
@@ -40,7 +38,7 @@ class SecondCommanderMonitor:
         self._heard_s = -math.inf
 
     def suspects(self, now_s: float) -> bool:
-        """Tell whether the autopilot's target is no longer ours, so that its error is not ours.
+        """Tell whether the autopilot no longer follows our target, so that the error is not ours.
 
         Either its last target was another's, or it had targets and now has none.
         """
@@ -64,7 +62,7 @@ class SecondCommanderMonitor:
         Args:
             target_heard_s: when the autopilot reported its target.
             target: that target, NED; NaN where it has no position or velocity.
-            ours: our set-points until now, the newest first, as far back as the echo may lag.
+            ours: our setpoints until now, the newest first, as far back as the echo may lag.
             pose: the newest.
             gain_max_per_s: velocity per position error that the autopilot may add to ours.
         """

@@ -1,4 +1,4 @@
-"""Whether the attitude delivers the acceleration that is asked for."""
+"""Check that the attitude delivers the acceleration that is asked for."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ class TiltResponseMonitor:
     """Compares the tilt, less its trim, with the acceleration asked for.
 
     Args:
-        trim: learns while little is asked for; nothing is judged before it is ready.
+        trim: learns while little is asked for; nothing is checked before it is ready.
     """
 
     def __init__(self, trim: TrimEstimator) -> None:
@@ -39,18 +39,18 @@ class TiltResponseMonitor:
 
         Args:
             pose: attitude, and when.
-            asked_ned_mps2: north and east, of the set-point one attitude lag ago.
+            asked_ned_mps2: north and east, of the setpoint one attitude lag ago.
             terms: the contract.
         """
         asked_mps2 = math.hypot(*asked_ned_mps2)
-        # An attitude that is stuck must not be learnt as trim while it is being judged.
-        judged = self._trim.ready and asked_mps2 >= ASKED_MIN_MPS2
-        if judged:
+        # A stuck attitude must not be learnt as trim while it is being checked.
+        checked = self._trim.ready and asked_mps2 >= ASKED_MIN_MPS2
+        if checked:
             self._trim.skip()
         else:
             self._trim.learn(pose)
         agility_mps2 = GRAVITY_MPS2 * math.tan(min(terms.roll_max_rad, terms.pitch_max_rad))
-        if not judged or asked_mps2 < ASKED_MIN_SHARE * agility_mps2:
+        if not checked or asked_mps2 < ASKED_MIN_SHARE * agility_mps2:
             self._lacking_since_s = None
             return None
         tilt_mps2, trim_mps2 = tilt_acceleration(pose), self._trim.trim_mps2

@@ -1,4 +1,4 @@
-"""How well the vehicle follows its reference, against the errors that the contract states."""
+"""Check how well the vehicle follows its reference against the contract's tracking errors."""
 
 from __future__ import annotations
 
@@ -52,21 +52,20 @@ class TrackingMonitor:
             abs(velocity_leg_mps[0] - reference_velocity_leg_mps[0]),
             abs(velocity_leg_mps[1] - reference_velocity_leg_mps[1]),
         )
-        vertical = Assumption.TRACKING_ERROR_Z
+        assumed = Assumption
         bounds = [
-            (Assumption.TRACKING_ERROR, "", self.position_error_m, terms.tracking_error_m, "m"),
-            (vertical, "", self.vertical_error_m, terms.tracking_error_z_m, "m"),
+            (assumed.TRACKING_ERROR, "", self.position_error_m, terms.tracking_error_m, "m"),
+            (assumed.TRACKING_ERROR_Z, "", self.vertical_error_m, terms.tracking_error_z_m, "m"),
         ]
         if cruising:
-            # What endangers is flying faster than the contract's speed, or drifting faster than it
+            # Dangerous is flying faster than the contract's speed, or drifting faster than it
             # allows for; a velocity that only lags behind its reference does neither.
-            excess_mps = velocity_leg_mps[0] - max(
-                terms.cruise_speed_mps, reference_velocity_leg_mps[0]
-            )
+            fastest_mps = max(terms.cruise_speed_mps, reference_velocity_leg_mps[0])
+            excess_mps = velocity_leg_mps[0] - fastest_mps
             sideways_mps = abs(velocity_leg_mps[1]) - terms.recentring_speed_mps
             bounds += [
-                (Assumption.VELOCITY_ERROR, "x", excess_mps, terms.velocity_error_x_mps, "m/s"),
-                (Assumption.VELOCITY_ERROR, "y", sideways_mps, terms.velocity_error_y_mps, "m/s"),
+                (assumed.VELOCITY_ERROR, "x", excess_mps, terms.velocity_error_x_mps, "m/s"),
+                (assumed.VELOCITY_ERROR, "y", sideways_mps, terms.velocity_error_y_mps, "m/s"),
             ]
         return [
             Violation(assumption, measured, limit, unit, axis)

@@ -1,4 +1,4 @@
-"""The tilt that no acceleration of the vehicle explains: what a steady wind takes.
+"""The tilt that no acceleration of the vehicle explains: it balances a steady wind.
 
 The horizontal acceleration that the attitude gives in level flight, g tan, less that of the
 velocity estimate, low-pass filtered.  It is kept in NED, since a vehicle that turns keeps its wind.

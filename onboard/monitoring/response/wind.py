@@ -1,4 +1,4 @@
-"""Whether the steady wind is what the contract declares, as the trim of the attitude shows it."""
+"""Check the steady wind, as the trim of the attitude shows it, against the declared one."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ from onboard.contract.assessment import Terms
 from onboard.monitoring.assumptions import Assumption, Violation
 from onboard.monitoring.response.trim import TrimEstimator
 
-# Trim that is no wind: attitude and velocity estimates are off (recorded, in still air: up to 0.55,
-# PX4), and the drag of flying is not quite as declared.
+# Trim that wind does not cause: attitude and velocity estimates are off (recorded, in still air: up
+# to 0.55, PX4), and the drag of flying is not quite as declared.
 TRIM_TOLERANCE_MPS2: Final = 0.6
 # Gusts pass; what lasts this long is steady.
 CONFIRMATION_S: Final = 3.0
@@ -20,7 +20,7 @@ class WindMonitor:
     """Compares the trim, less the drag of flying, with the drag of the declared wind.
 
     Args:
-        trim: what the attitude has been found to hold against.
+        trim: the tilt that balances the drag of late.
     """
 
     def __init__(self, trim: TrimEstimator) -> None:

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from onboard.geometry.frames import FloatArray
-    from onboard.perception.seen_free import FreeGrid
+    from onboard.geometry.free_grid import FreeGrid
 
 # Plans keep this far inside their rectangles, for what the solver's tolerance takes.
 _MARGIN_M: Final = 5e-3

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 import numpy as np
 
 if TYPE_CHECKING:
-    from onboard.perception.seen_free import FreeGrid
+    from onboard.geometry.free_grid import FreeGrid
 
 # A rectangle grows no farther than this at once.
 _GROWTH_MAX_M: Final = 6.0

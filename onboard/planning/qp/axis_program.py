@@ -27,13 +27,13 @@ if TYPE_CHECKING:
     from onboard.motion.axis_profile import AxisLimits, AxisState
     from onboard.planning.problem import AvoidanceProblem, Side
 
-# Kept from every face and border, and left of every limit: more than the solver's tolerance eats.
+# Kept from every face and border, and left of every limit: more than the solver's tolerance.
 MARGIN_M = 2e-3
 MARGIN_MPS = 5e-3
 USED_SHARE = 0.995
 
 # Exponents of the piece length, shifted by two to be indices: velocity counts in units of A h,
-# length in A h², jerk in A / h (bspline.py), and the reward in A / h.
+# length in A h², jerk in A / h (bspline.py), and the progress_gain in A / h.
 _PARAMETER_POWERS = np.array([-1, 0, -1, 1]) + 2
 _ROW_KINDS = np.repeat(np.arange(len(bspline.ROW_COUNTS)), bspline.ROW_COUNTS)
 _ROW_POWERS = (np.array([0, 1, -1, -1, -2, -2]) + 2)[_ROW_KINDS]
@@ -42,7 +42,7 @@ _ANYWHERE = (-math.inf, math.inf)
 
 
 def _powers(piece_s: FloatArray) -> FloatArray:
-    """Powers -2 to 1 of the piece lengths, (..., 4); filled in, which is ten times a stack."""
+    """Powers -2 to 1 of the piece lengths, (..., 4); filled in place, faster than np.stack."""
     powers = np.empty((*piece_s.shape, 4))
     inverse = powers[..., 1] = 1.0 / piece_s
     powers[..., 0] = inverse * inverse
@@ -53,7 +53,7 @@ def _powers(piece_s: FloatArray) -> FloatArray:
 
 @dataclass(frozen=True)
 class AxisTask:
-    """Everything that distinguishes one axis of one problem, in SI units.
+    """All inputs of one axis of one problem, in SI units.
 
     Attributes:
         start: state at the start; its position is only an origin.
@@ -63,7 +63,7 @@ class AxisTask:
         end_max_m: greatest position at the end, likewise.
         speed_before_mps: least and greatest velocity before the crossing.
         speed_after_mps: the same after it.
-        reward_mps3: what the cost falls by for every metre that the end lies farther on.
+        progress_gain_mps3: what the cost falls by for every metre that the end lies farther on.
         unit_mps2: unit of acceleration of the dimensionless problem.
     """
 
@@ -74,7 +74,7 @@ class AxisTask:
     end_max_m: float
     speed_before_mps: tuple[float, float]
     speed_after_mps: tuple[float, float]
-    reward_mps3: float
+    progress_gain_mps3: float
     unit_mps2: float
 
     def lifted(self, factor: float) -> AxisTask:
@@ -88,11 +88,11 @@ class AxisTask:
 
     @cached_property
     def braking(self) -> Profile:
-        """Come to a halt likewise."""
+        """The profile that comes to a halt as quickly as the limits allow, from position 0."""
         return self.profile_to(0.0)
 
     def parameters(self, piece_s: FloatArray) -> FloatArray:
-        """Dimensionless start and end, and reward for the end position: (..., 4).
+        """Dimensionless start and end, and progress_gain for the end position: (..., 4).
 
         Args:
             piece_s: mean lengths of the pieces of the first phase, (...).
@@ -114,7 +114,7 @@ class AxisTask:
         """The parameters for pieces of one second, (4,)."""
         start, unit_mps2 = self.start, self.unit_mps2
         values = start.velocity_mps, start.acceleration_mps2, self.end_speed_mps
-        return np.array((*values, self.reward_mps3 / 2.0)) / unit_mps2
+        return np.array((*values, self.progress_gain_mps3 / 2.0)) / unit_mps2
 
     @cached_property
     def si_bounds(self) -> FloatArray:
@@ -158,13 +158,13 @@ class TaskBatch(NamedTuple):
     cost_unit: FloatArray
 
     @classmethod
-    def of(cls, questions: Sequence[tuple[AxisTask, FloatArray]], rows: IntArray) -> Self:
+    def of(cls, queries: Sequence[tuple[AxisTask, FloatArray]], rows: IntArray) -> Self:
         """Collect tasks with their piece lengths [s], and some rows of their bounds."""
-        counts = [len(pieces_s) for _, pieces_s in questions]
-        pieces_s = np.concatenate([pieces_s for _, pieces_s in questions])
-        si_parameters = np.array([task.si_parameters for task, _ in questions])
-        si_bounds = np.array([task.si_bounds for task, _ in questions]).transpose(1, 2, 0)
-        units_mps2 = np.array([task.unit_mps2 for task, _ in questions])
+        counts = [len(pieces_s) for _, pieces_s in queries]
+        pieces_s = np.concatenate([pieces_s for _, pieces_s in queries])
+        si_parameters = np.array([task.si_parameters for task, _ in queries])
+        si_bounds = np.array([task.si_bounds for task, _ in queries]).transpose(1, 2, 0)
+        units_mps2 = np.array([task.unit_mps2 for task, _ in queries])
         powers = _powers(pieces_s)
         # In the order of memory: fancy indices would leave the long axis outermost.
         lower, upper = si_bounds[:, rows].repeat(counts, axis=2)
@@ -210,9 +210,9 @@ def build(matrices: bspline.TwoPhaseSpline, task: AxisTask, piece_s: FloatArray)
         piece_s: length of the pieces of the first phase, ().
     """
     parameters = task.parameters(piece_s)
-    ends, reward = parameters[:3], parameters[3]
+    ends, progress_gain = parameters[:3], parameters[3]
     gradient = matrices.gradient_from_parameters @ ends
-    gradient[bspline.END_POSITION] -= reward
+    gradient[bspline.END_POSITION] -= progress_gain
     lower, upper = task.bounds(piece_s)
     fixed = matrices.rows_from_parameters @ ends
     cost_unit = float(task.cost_unit(piece_s))
@@ -240,8 +240,8 @@ def along_task(problem: AvoidanceProblem, *, clear: bool) -> AxisTask:
         end_max_m=region.x_pob_m - start.position_m,
         speed_before_mps=forward,
         speed_after_mps=forward,
-        # What lies beyond the end is flown at exit speed.
-        reward_mps3=DELAY_COST_M2PS4 / problem.exit_speed_mps,
+        # The way beyond the end is flown at exit speed.
+        progress_gain_mps3=DELAY_COST_M2PS4 / problem.exit_speed_mps,
         unit_mps2=problem.envelope.along.largest_mps2,
     )
 
@@ -260,6 +260,6 @@ def across_task(problem: AvoidanceProblem, side: Side, *, clear: bool) -> AxisTa
         end_max_m=sidestep.lane_m - start.position_m,
         speed_before_mps=outward if clear else either_way,
         speed_after_mps=outward,
-        reward_mps3=0.0,
+        progress_gain_mps3=0.0,
         unit_mps2=sidestep.limits.largest_mps2,
     )

@@ -22,11 +22,11 @@ from onboard.motion.axis_profile import AxisLimits
 from onboard.motion.trajectory import Z
 from onboard.planning.qp import bspline
 from onboard.planning.qp.axis_program import MARGIN_M, USED_SHARE, AxisTask
-from onboard.planning.qp.solver import QpSolver
 
 if TYPE_CHECKING:
     from onboard.geometry.frames import FloatArray
     from onboard.planning.problem import AvoidanceProblem
+    from onboard.planning.qp.solver import QpSolver
 
 # What an upward acceleration counts in the QP, where climbing is preferred: enough to settle it.
 _PREFERRED_WEIGHT = 0.02
@@ -67,7 +67,9 @@ class ClimbProgram:
     z; then, at every inner node, x forwards and backwards, y towards and away.
     """
 
-    def __init__(self, matrices: bspline.TwoPhaseSpline, coupling: Coupling) -> None:
+    def __init__(
+        self, matrices: bspline.TwoPhaseSpline, coupling: Coupling, solver: type[QpSolver]
+    ) -> None:
         self._matrices = matrices
         along, across = coupling.along, coupling.across
         unit_x_mps2, unit_y_mps2 = along.largest_mps2, across.largest_mps2
@@ -93,7 +95,7 @@ class ClimbProgram:
             block += _row_block(2, share * self._lift * accelerations)
             blocks.append(block)
         hessian = np.kron(np.diag(self._weights), matrices.hessian).astype(np.float64)
-        self._solver = QpSolver(hessian, np.vstack(blocks))
+        self._solver = solver(hessian, np.vstack(blocks))
 
     @property
     def _lift(self) -> float:
@@ -190,7 +192,7 @@ def vertical_task(problem: AvoidanceProblem, unit_mps2: float) -> AxisTask:
         end_max_m=math.inf,
         speed_before_mps=anything,
         speed_after_mps=anything,
-        reward_mps3=0.0,
+        progress_gain_mps3=0.0,
         unit_mps2=unit_mps2,
     )
 

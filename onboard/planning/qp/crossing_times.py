@@ -1,9 +1,9 @@
-"""Which crossing time and which ratio of the two phases: ranked before any QP is solved.
+"""Ranks crossing times and ratios of the two phases before any QP is solved.
 
 For every candidate the QP without its inequalities has a closed form.  So has the QP with the
-crossing and any one other row as equalities, and the dearest of those is nearly what the whole QP
-costs.  The estimates of all candidates are a few array operations, and the lowest usually is the
-best.
+crossing and any one other row as equalities, and the costliest of those costs nearly as much as the
+whole QP.  The estimates of all candidates are a few array operations, and the candidate with the
+lowest is usually the best.
 """
 
 from __future__ import annotations
@@ -23,13 +23,13 @@ if TYPE_CHECKING:
     from onboard.geometry.frames import FloatArray
     from onboard.planning.qp.axis_program import AxisTask
 
-# Below this a phase is only noise to a vehicle that turns in tenths of a second.
+# A vehicle that turns in tenths of a second cannot make use of a shorter phase.
 _CROSSING_MIN_S = 0.25
 
 # Longest crossing time, in the larger of the times to sidestep and to approach at speed.
 _PATIENCE = 2.5
 
-# Where nothing is in the way any more: long enough for whatever is left to be done gently.
+# The latest crossing where the obstacle is cleared already: long enough for gentle accelerations.
 _UNHURRIED_S = 2.0
 
 # A start slower than this share of the exit speed counts as this fast.
@@ -38,11 +38,11 @@ _SLOW_SHARE = 0.3
 # More than any vehicle reaches in a sidestep.
 _UNBOUNDED_MPS = 1e3
 
-# A row that hardly bends once the crossing is fixed cannot be mended by bending it.
-_LEAST_CHEAPNESS = 1e-3
+# With the crossing held, a row keeps at least this share of its sensitivity: one that hardly moves
+# any more would seem to cost without limit.
+_SENSITIVITY_MIN_SHARE = 1e-3
 
-
-# Enough of the rows to find the dearest, nearly: every other one, and the end.
+# Enough of the rows to find the costliest, nearly: every other one, and the end.
 _CHECKED_ROWS = np.append(np.arange(0, bspline.CROSSING_ROW, 2), bspline.END_ROW)
 # Last, the row of the crossing itself.
 _ASKED_ROWS = np.append(_CHECKED_ROWS, bspline.CROSSING_ROW)
@@ -56,28 +56,30 @@ class CostEstimates:
     """
 
     def __init__(self, splines: list[bspline.TwoPhaseSpline]) -> None:
-        terms = [_closed_form(matrices) for matrices in splines]
-        cost, rows, bend, cheapness, cheapness_held = (
-            np.array(term) for term in zip(*terms, strict=True)
-        )
-        self._cost = cost.reshape(len(splines), -1)
-        self._crossing = rows[:, bspline.CROSSING_ROW]
-        self._crossing_cheapness = cheapness[:, bspline.CROSSING_ROW, None]
-        # As functions of the parameters and of the bend of the crossing.  Single precision is
+        forms = [_closed_form(matrices) for matrices in splines]
+        optimum = _ClosedForm(*(np.array(part) for part in zip(*forms, strict=True)))
+        sensitivity = optimum.constraint_sensitivity
+        self._cost = optimum.cost.reshape(len(splines), -1)
+        self._crossing = optimum.rows[:, bspline.CROSSING_ROW]
+        self._crossing_sensitivity = sensitivity[:, bspline.CROSSING_ROW, None]
+        # As functions of the parameters and of the shift of the crossing.  Single precision is
         # plenty to choose by, and half of the memory to go through.
-        checked = np.concatenate((rows, bend[..., None]), axis=-1)[:, _CHECKED_ROWS]
+        per_shift = optimum.rows_per_crossing_shift[..., None]
+        checked = np.concatenate((optimum.rows, per_shift), axis=-1)[:, _CHECKED_ROWS]
         self._rows = checked.astype(np.float32)
-        self._dearness = (1.0 / cheapness[:, _CHECKED_ROWS, None]).astype(np.float32)
-        self._dearness_held = (1.0 / cheapness_held[:, _CHECKED_ROWS, None]).astype(np.float32)
+        self._violation_weight, self._violation_weight_held = (
+            (1.0 / each[:, _CHECKED_ROWS, None]).astype(np.float32)
+            for each in (sensitivity, optimum.sensitivity_crossing_held)
+        )
 
-    def of(self, questions: Sequence[tuple[AxisTask, FloatArray]]) -> list[FloatArray]:
+    def of(self, queries: Sequence[tuple[AxisTask, FloatArray]]) -> list[FloatArray]:
         """Return costs [m²/s³], (ratios, crossings), for each task and its crossing times (n,).
 
         All at once, because what takes time here is the number of array operations.
         """
-        counts = [len(crossings_s) for _, crossings_s in questions]
+        counts = [len(crossings_s) for _, crossings_s in queries]
         batch = TaskBatch.of(
-            [(task, crossings_s / bspline.PIECES) for task, crossings_s in questions], _ASKED_ROWS
+            [(task, crossings_s / bspline.PIECES) for task, crossings_s in queries], _ASKED_ROWS
         )
         cost = batch.cost_unit * self._dimensionless(batch)
         ends = list(itertools.accumulate(counts))
@@ -89,31 +91,46 @@ class CostEstimates:
         products = parameters[:, :, None] * parameters[:, None, :]
         cost: FloatArray = self._cost @ products.reshape(len(products), self._cost.shape[1]).T
         crossing = self._crossing @ parameters.T
-        bend = crossing.clip(batch.lower[-1], batch.upper[-1])
-        bend -= crossing
-        bent = np.empty((len(bend), parameters.shape[1] + 1, len(parameters)), np.float32)
-        bent[:, :-1], bent[:, -1] = parameters.T, bend
-        rows = self._rows @ bent
+        crossing_shift = crossing.clip(batch.lower[-1], batch.upper[-1])
+        crossing_shift -= crossing
+        given = np.empty(
+            (len(crossing_shift), parameters.shape[1] + 1, len(parameters)), np.float32
+        )
+        given[:, :-1], given[:, -1] = parameters.T, crossing_shift
+        rows = self._rows @ given
         excess = np.maximum(rows, batch.lower[:-1].astype(np.float32))
         np.minimum(excess, batch.upper[:-1].astype(np.float32), out=excess)
         excess -= rows
         excess *= excess
-        dearest = (excess * self._dearness).max(axis=1)
-        excess *= self._dearness_held
-        dearest_held = excess.max(axis=1)
-        cost += bend**2 / self._crossing_cheapness
-        cost += np.where(bend == 0.0, dearest, dearest_held)
+        costliest = (excess * self._violation_weight).max(axis=1)
+        excess *= self._violation_weight_held
+        costliest_held = excess.max(axis=1)
+        cost += crossing_shift**2 / self._crossing_sensitivity
+        cost += np.where(crossing_shift == 0.0, costliest, costliest_held)
         return cost
 
 
-def _closed_form(matrices: bspline.TwoPhaseSpline) -> tuple[FloatArray, ...]:
-    """Optimum of the QP without inequalities, as a function of the parameters (v, a, v_T, reward).
+class _ClosedForm(NamedTuple):
+    """Optimum of the QP without inequalities, as a function of the parameters.
 
-    Returns:
-        Cost as a quadratic form (4, 4); rows (ROWS, 4); what the rows change by as the crossing
-        is moved by one (ROWS,); cheapness: the square of a row's change that costs one, (ROWS,);
-        the same while the crossing is held.
+    The parameters are (v, a, v_T, progress gain), as of `AxisTask.parameters`.
+
+    Attributes:
+        cost: quadratic form, (4, 4).
+        rows: values of the rows, (ROWS, 4).
+        rows_per_crossing_shift: what the rows change by as the crossing is moved by one, (ROWS,).
+        constraint_sensitivity: the square of a row's change that costs one, (ROWS,).
+        sensitivity_crossing_held: the same while the crossing stays where it is, (ROWS,).
     """
+
+    cost: FloatArray
+    rows: FloatArray
+    rows_per_crossing_shift: FloatArray
+    constraint_sensitivity: FloatArray
+    sensitivity_crossing_held: FloatArray
+
+
+def _closed_form(matrices: bspline.TwoPhaseSpline) -> _ClosedForm:
     inverse = np.linalg.inv(matrices.hessian)
     end = np.zeros((bspline.FREE, 1))
     end[bspline.END_POSITION] = 1.0
@@ -123,11 +140,11 @@ def _closed_form(matrices: bspline.TwoPhaseSpline) -> tuple[FloatArray, ...]:
     rows = -matrices.rows @ inverse @ gradient
     rows[:, :3] += matrices.rows_from_parameters
     coupling = matrices.rows @ inverse @ matrices.rows.T
-    cheapness = np.diag(coupling)
+    sensitivity = np.diag(coupling)
     crossing = coupling[:, bspline.CROSSING_ROW]
-    bend = crossing / cheapness[bspline.CROSSING_ROW]
-    held = np.maximum(cheapness - crossing * bend, _LEAST_CHEAPNESS * cheapness)
-    return cost, rows, bend, cheapness, held
+    per_shift = crossing / sensitivity[bspline.CROSSING_ROW]
+    held = np.maximum(sensitivity - crossing * per_shift, _SENSITIVITY_MIN_SHARE * sensitivity)
+    return _ClosedForm(cost, rows, per_shift, sensitivity, held)
 
 
 class CrossingTimes(NamedTuple):

@@ -1,7 +1,7 @@
 """Eq. 17 by QPs: a search over both sides and a grid of horizons.
 
-Horizons are taken in the order of what they should cost (horizons.py), until the best plan found
-is cheaper than the next estimate.  A plan counts once it certifies.
+Horizons are tried in the order of their estimated costs (crossing_times.py), until the best plan
+found is cheaper than the next estimate.  A plan counts once it certifies.
 """
 
 from __future__ import annotations
@@ -22,10 +22,10 @@ from onboard.planning.qp import bspline
 from onboard.planning.qp.axis_program import AxisTask, across_task, along_task, build
 from onboard.planning.qp.climb_program import ClimbProgram, Coupling, coupling_of
 from onboard.planning.qp.crossing_times import CostEstimates, crossing_times
-from onboard.planning.qp.solver import QpSolver
+from onboard.planning.qp.solver import QpBackend, QpSolver, solver_of
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator
+    from collections.abc import Callable, Iterable, Iterator
 
     from onboard.geometry.frames import FloatArray, IntArray
     from onboard.planning.problem import AvoidanceProblem, Side
@@ -51,7 +51,7 @@ _LIFT = 1.2
 # Horizons for which the coupled QP is solved at most.
 _CLIMBS_MAX = 3
 
-# Vertical speed and acceleration that are round-off, not motion.
+# Vertical speeds and accelerations up to this are round-off.
 _LEVEL = 1e-9
 
 # A candidate is tried if it may save more than this share of the cost.
@@ -65,19 +65,19 @@ class _Shape(NamedTuple):
     solver: QpSolver
 
 
-class _Bank:
+class SplineLibrary:
     """Shapes and cost estimates for all ratios, with one growth of the pieces."""
 
-    def __init__(self, growth: float) -> None:
+    def __init__(self, growth: float, solver: type[QpSolver]) -> None:
         splines = [bspline.TwoPhaseSpline.with_ratio(ratio, growth) for ratio in _RATIOS]
-        self.shapes = [_Shape(each, QpSolver(each.hessian, each.rows)) for each in splines]
+        self.shapes = [_Shape(each, solver(each.hessian, each.rows)) for each in splines]
         self.estimates = CostEstimates(splines)
 
 
 @functools.cache
-def _bank(growth: float) -> _Bank:
-    """Return the bank of a growth: one for all planners, since solvers remember nothing."""
-    return _Bank(growth)
+def spline_library(growth: float, solver: type[QpSolver]) -> SplineLibrary:
+    """Return the library of a growth: one for all planners, since solvers keep no state."""
+    return SplineLibrary(growth, solver)
 
 
 class _Candidate(NamedTuple):
@@ -102,12 +102,17 @@ class _Ranked(NamedTuple):
 
     @classmethod
     def of(
-        cls, bank: _Bank, side: Side, crossings_s: FloatArray, along: FloatArray, across: FloatArray
+        cls,
+        library: SplineLibrary,
+        side: Side,
+        crossings_s: FloatArray,
+        along: FloatArray,
+        across: FloatArray,
     ) -> Self:
         """Add up the costs of the axes and of the delay."""
         estimates = along + across + DELAY_COST_M2PS4 * crossings_s * _RELATIVE_DURATIONS
         order = estimates.argsort(axis=None, kind="stable")
-        return cls(side, bank.shapes, crossings_s, estimates, along, order)
+        return cls(side, library.shapes, crossings_s, estimates, along, order)
 
     def cheapest_first(self) -> Iterator[_Candidate]:
         """Yield the candidates."""
@@ -123,10 +128,17 @@ class _Ranked(NamedTuple):
 
 
 class QpPlanner:
-    """Holds the solvers' factorisations, and nothing else from plan to plan."""
+    """Holds the solvers' factorisations, and nothing else from plan to plan.
 
-    def __init__(self) -> None:
-        self._even, self._front_loaded = _bank(1.0), _bank(_GROWTH)
+    Args:
+        backend: name of the QP solver.
+    """
+
+    def __init__(self, backend: QpBackend = "osqp") -> None:
+        self._solver = solver_of(backend)
+        self._even, self._front_loaded = (
+            spline_library(growth, self._solver) for growth in (1.0, _GROWTH)
+        )
         self._climbs: dict[tuple[bspline.TwoPhaseSpline, Coupling], ClimbProgram] = {}
 
     def plan(
@@ -147,7 +159,7 @@ class QpPlanner:
         search = _Search(problem, self._even, self._front_loaded, incumbent)
         search.rank(current)
         if max(map(abs, problem.start.axis(Z)[1:])) > _LEVEL:
-            # Not level: only the coupled QP knows how to go on.
+            # Not level: only the coupled QP has a state in height to continue.
             best = self._plan_to_climb(search, search.promising(), incumbent)
         else:
             best = search.run()
@@ -162,12 +174,18 @@ class QpPlanner:
     ) -> Plan | None:
         """Solve the coupled QP of the first candidates; keep what is better, or preferred."""
         for candidate in itertools.islice(candidates, _CLIMBS_MAX):
-            plan = search.climb(candidate, self._climbs)
+            plan = search.climb(candidate, self._climb_program)
             if plan is None:
                 continue
             if best is None or plan.cost < best.cost or search.problem.climb_preferred:
                 return plan
         return best
+
+    def _climb_program(self, spline: bspline.TwoPhaseSpline, coupling: Coupling) -> ClimbProgram:
+        key = spline, coupling
+        if key not in self._climbs:
+            self._climbs[key] = ClimbProgram(spline, coupling, self._solver)
+        return self._climbs[key]
 
 
 class _Search:
@@ -176,13 +194,13 @@ class _Search:
     def __init__(
         self,
         problem: AvoidanceProblem,
-        even: _Bank,
-        front_loaded: _Bank,
+        even: SplineLibrary,
+        front_loaded: SplineLibrary,
         incumbent: Plan | None = None,
     ) -> None:
         self.reasons: list[str] = []
         self.problem = problem
-        self._banks = even, front_loaded
+        self._libraries = even, front_loaded
         self._tasks: dict[Side, tuple[AxisTask, AxisTask]] = {}
         alongs = {clear: along_task(problem, clear=clear) for clear in (False, True)}
         for side in SIDES:
@@ -192,7 +210,7 @@ class _Search:
         self._window_s: dict[Side, tuple[float, float]] = dict.fromkeys(SIDES, (0.0, math.inf))
         self._best = incumbent
         self._best_candidate: _Candidate | None = None
-        self._bank_of: dict[Side, _Bank] = {}
+        self._library_of: dict[Side, SplineLibrary] = {}
         self._ranked: list[_Ranked] = []
         self._solves = 0
 
@@ -208,7 +226,7 @@ class _Search:
             if len(times_s) == 0 and self.problem.climb_m > 0.0:
                 along, across = (task.lifted(_LIFT) for task in self._tasks[side])
                 times_s, waiting = crossing_times(along, across, _CROSSINGS)
-            self._bank_of[side] = self._banks[waiting]
+            self._library_of[side] = self._libraries[waiting]
             if current is not None and current.side == side and current.crossing_s is not None:
                 remaining_s = max(current.crossing_s - self.problem.start_s, _REMAINING_MIN_S)
                 times_s = np.append(times_s, remaining_s)
@@ -216,37 +234,35 @@ class _Search:
                 crossings_s[side] = times_s
             else:
                 self.reasons.append(f"qp, {side}: no time both clears the side and stays short")
-        for bank in self._banks:
-            sides = [side for side in crossings_s if self._bank_of[side] is bank]
+        for library in self._libraries:
+            sides = [side for side in crossings_s if self._library_of[side] is library]
             if not sides:
                 continue
-            questions = [(task, crossings_s[side]) for side in sides for task in self._tasks[side]]
-            costs = bank.estimates.of(questions)
+            queries = [(task, crossings_s[side]) for side in sides for task in self._tasks[side]]
+            costs = library.estimates.of(queries)
             for side, *axes in zip(sides, costs[::2], costs[1::2], strict=True):
-                self._ranked.append(_Ranked.of(bank, side, crossings_s[side], *axes))
+                self._ranked.append(_Ranked.of(library, side, crossings_s[side], *axes))
 
     def promising(self) -> Iterable[_Candidate]:
-        """Return the best candidate, or where there is none those that seem cheapest."""
+        """Return the best candidate; without one, all in the order of their estimates."""
         return self._cheapest_first() if self._best_candidate is None else [self._best_candidate]
 
     def climb(
         self,
         candidate: _Candidate,
-        programs: dict[tuple[bspline.TwoPhaseSpline, Coupling], ClimbProgram],
+        program_of: Callable[[bspline.TwoPhaseSpline, Coupling], ClimbProgram],
     ) -> Plan | None:
         """Solve the coupled QP of a candidate.
 
         Args:
             candidate: side and horizon.
-            programs: the matrices made so far, added to.
+            program_of: gives the QP of a spline and a coupling.
         """
         matrices, _ = candidate.shape
         along, across = self._tasks[candidate.side]
-        key = matrices, coupling_of(self.problem, along, across)
-        if key not in programs:
-            programs[key] = ClimbProgram(*key)
+        program = program_of(matrices, coupling_of(self.problem, along, across))
         piece_s = candidate.crossing_s / bspline.PIECES
-        nodes_mps2 = programs[key].solve(self.problem, along, across, piece_s)
+        nodes_mps2 = program.solve(self.problem, along, across, piece_s)
         if nodes_mps2 is None:
             return None
         return self._complete(candidate, matrices.durations * piece_s, nodes_mps2)
@@ -279,11 +295,11 @@ class _Search:
         matrices, solver = candidate.shape
         piece_s = np.array(candidate.crossing_s / bspline.PIECES)
         durations_s = matrices.durations * piece_s
-        price = DELAY_COST_M2PS4 * float(durations_s.sum())
+        total_cost = DELAY_COST_M2PS4 * float(durations_s.sum())
         nodes_mps2 = np.zeros((bspline.TOTAL_PIECES + 1, 3))
         # Sideways first: where anything is impossible, that is.
         for axis, task in zip((Y, X), reversed(self._tasks[candidate.side]), strict=True):
-            if axis == X and not self._may_be_better(price + candidate.along_estimate):
+            if axis == X and not self._may_be_better(total_cost + candidate.along_estimate):
                 return
             self._solves += 1
             program = build(matrices, task, piece_s)
@@ -291,11 +307,11 @@ class _Search:
             if optimum is None:
                 self._narrow(candidate, axis)
                 return
-            price += program.cost(optimum.objective)
+            total_cost += program.cost(optimum.objective)
             nodes_mps2[:, axis] = task.unit_mps2 * matrices.accelerations(
                 optimum.variables, program.ends
             )
-        if self._best is not None and price >= self._best.cost:
+        if self._best is not None and total_cost >= self._best.cost:
             return
         plan = self._complete(candidate, durations_s, nodes_mps2)
         if plan is not None:
@@ -304,8 +320,8 @@ class _Search:
     def _narrow(self, candidate: _Candidate, axis: int) -> None:
         """Rule out what is harder than a candidate that failed: sooner sideways, later along.
 
-        Where the front face is out of reach it is not in the way: there was too little time to get
-        back below the greatest speed by as much as the solver is off.
+        A front face out of reach was not what failed: there was too little time to get back below
+        the greatest speed by as much as the solver is off.
         """
         soonest_s, latest_s = self._window_s[candidate.side]
         along, _ = self._tasks[candidate.side]
@@ -338,5 +354,5 @@ class _Search:
             self.reasons.append(reason(f"qp, {candidate.side}", certificate))
             return None
         crossing_s = problem.start_s + candidate.crossing_s
-        price = cost(trajectory, problem)
-        return Plan("qp", trajectory, candidate.side, price, certificate, crossing_s)
+        total_cost = cost(trajectory, problem)
+        return Plan("qp", trajectory, candidate.side, total_cost, certificate, crossing_s)

@@ -17,18 +17,18 @@ from sitl.plant.truth import VehicleTruth
 
 
 class Flavour(ABC):
-    """One autopilot's names, numbers and habits.
+    """One autopilot's names, numbers and behaviour.
 
     Attributes:
         autopilot: MAV_AUTOPILOT.
         version: AUTOPILOT_VERSION.flight_sw_version.
         capabilities: MAV_PROTOCOL_CAPABILITY bits beyond those of every flavour.
-        default_rates_hz: messages that a link gets unasked.
-        texts_need_ground_station: whether STATUSTEXT goes only where a ground station is heard.
+        default_rates_hz: messages that a link gets without a request.
+        texts_need_ground_station: whether STATUSTEXT goes only to links with a ground station.
         integers_bytewise: whether integer parameters are copied into the float field bit by bit.
         mission_first_item: number of the first item flown.
         take_off_above_sea: whether MAV_CMD_NAV_TAKEOFF gives altitude above mean sea level.
-        field, ideal: what it does as measured, and what an ideal one of its kind would.
+        field, ideal: its behaviour as measured, and an ideal one.
         modes: what AVAILABLE_MODES lists.
         target_type_mask: POSITION_TARGET_LOCAL_NED.type_mask.
     """

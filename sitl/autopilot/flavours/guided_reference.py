@@ -1,10 +1,10 @@
-"""What ArduPilot makes of the targets of a companion computer: a reference that they lead, NED.
+"""How ArduPilot follows the targets of a companion computer: by a reference, NED.
 
 GUIDED does not fly a target itself.  It steers a reference after it, whose acceleration changes no
-faster than PSC_JERK_XY; what a target asks beyond that is caught up with later.  WPNAV_ACCEL is no
-cap on the reference, but sets how hard it is pulled: its velocity at J/A, its position at a quarter
-of that.  The lean angle is a cap.  All are read when GUIDED begins to follow targets.  Heights pass
-unchanged.
+faster than PSC_JERK_XY, so that the reference lags behind a target that asks for more.  WPNAV_ACCEL
+does not limit the reference, but sets its feedback: J/A on the velocity, a quarter of that on the
+position.  The lean angle limits its acceleration.  GUIDED reads all of them when it begins to
+follow targets.  Heights pass unchanged.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ import cmath
 import math
 from dataclasses import dataclass
 
-from sitl.plant.controller import Setpoint
+from sitl.plant.setpoint import Setpoint
 from sitl.plant.truth import VehicleTruth
 
 _POSITION_SHARE = 0.25  # of the velocity's gain

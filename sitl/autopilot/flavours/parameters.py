@@ -1,6 +1,6 @@
 """Autopilot parameters: what one is, and the checks on setting it.
 
-Which parameters there are is the flavour's business: ``px4``, ``ardupilot``.
+Which parameters exist depends on the flavour: ``px4_parameters``, ``ardupilot_parameters``.
 """
 
 from __future__ import annotations
@@ -8,6 +8,10 @@ from __future__ import annotations
 import enum
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from types import MappingProxyType
+from typing import NamedTuple
+
+from sitl.plant.controller import ControllerGains
 
 
 @dataclass(frozen=True)
@@ -90,3 +94,25 @@ class ParameterStore:
             return SetResult.OUT_OF_RANGE
         self._values[name] = int(value) if spec.is_integer else float(value)
         return SetResult.DONE
+
+
+class GainNames(NamedTuple):
+    """What a flavour calls the controller's feedback gains."""
+
+    roll: str
+    pitch: str
+    position: str
+    velocity: str
+
+
+def ideal_gains(names: GainNames) -> Mapping[str, float]:
+    """Return the gains of an ideal controller, by the flavour's parameter names."""
+    ideal = ControllerGains()
+    return MappingProxyType(
+        {
+            names.roll: ideal.roll_per_s,
+            names.pitch: ideal.pitch_per_s,
+            names.position: ideal.position_per_s,
+            names.velocity: ideal.velocity_per_s,
+        }
+    )

@@ -1,4 +1,4 @@
-"""SET_POSITION_TARGET_LOCAL_NED and _GLOBAL_INT as written, before a flavour judges them."""
+"""SET_POSITION_TARGET_LOCAL_NED and _GLOBAL_INT as sent, before a flavour evaluates them."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from sitl.autopilot.geodesy import GeographicPosition, ned_from_geographic
 from sitl.autopilot.mission import ABSOLUTE_FRAMES, RELATIVE_FRAMES
 from sitl.config import HomeConfig
-from sitl.plant.controller import Setpoint
+from sitl.plant.setpoint import Setpoint
 from sitl.plant.truth import Vector
 
 NOTHING: Vector = (math.nan, math.nan, math.nan)
@@ -30,7 +30,7 @@ class MotionTarget(NamedTuple):
             position has been converted.
         mask: POSITION_TARGET_TYPEMASK.
         position_m, velocity_mps, acceleration_mps2: in ``frame``.
-        yaw_rad, yaw_rate_radps: None where masked or absurd.
+        yaw_rad, yaw_rate_radps: None where masked or implausible.
     """
 
     frame: int
@@ -48,12 +48,12 @@ class MotionTarget(NamedTuple):
 
     @property
     def plausible(self) -> bool:
-        """Whether no component is absurd: infinite, or beyond anything that flies."""
+        """Whether every component is finite and within 1e6."""
         every = (*self.position_m, *self.velocity_mps, *self.acceleration_mps2)
         return not any(abs(value) > _PLAUSIBLE_MAX for value in every)
 
     def setpoint(self) -> Setpoint:
-        """Return the same in local NED's terms; the vectors must be NED by now."""
+        """Return the setpoint of a target whose vectors are NED."""
         x, y, z = (0.0 if math.isnan(value) else value for value in self.acceleration_mps2)
         return Setpoint.of(
             self.position_m,
@@ -66,7 +66,7 @@ class MotionTarget(NamedTuple):
 
 
 def read_target(message: Any, origin: HomeConfig, home_ned_m: Vector) -> MotionTarget:
-    """Return what the message says, masks applied."""
+    """Return the content of a message, masks applied."""
     mask = int(message.type_mask)
     frame = int(message.coordinate_frame)
     if message.get_type() == "SET_POSITION_TARGET_LOCAL_NED":
@@ -95,12 +95,12 @@ def turned(vector: Vector, yaw_rad: float) -> Vector:
 
 
 def is_given(vector: Vector) -> bool:
-    """Whether any component is there."""
+    """Whether any component is given."""
     return not all(map(math.isnan, vector))
 
 
 def is_whole(vector: Vector) -> bool:
-    """Whether every component is there."""
+    """Whether every component is given."""
     return not any(map(math.isnan, vector))
 
 
@@ -108,7 +108,7 @@ def _ned_from_global(message: Any, frame: int, origin: HomeConfig, home_ned_m: V
     above_sea_m = message.alt
     if frame in RELATIVE_FRAMES:
         above_sea_m += origin.altitude_m - home_ned_m[2]
-    elif frame in _TERRAIN_FRAMES:  # the world is flat
+    elif frame in _TERRAIN_FRAMES:  # flat terrain
         above_sea_m += origin.altitude_m
     place = GeographicPosition(message.lat_int * 1e-7, message.lon_int * 1e-7, above_sea_m)
     return ned_from_geographic(origin, place)

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import math
 
-from sitl.plant.controller import Setpoint, ahead
+from sitl.plant.setpoint import Setpoint, ahead
 
 _JERK_MAX_MPS3 = 30.0
-_JERK_PERIOD_MAX_S = 0.25  # successive setpoints farther apart say nothing about jerk
+_JERK_PERIOD_MAX_S = 0.25  # setpoints farther apart do not show the jerk
 
 
 class OffboardStream:
@@ -31,7 +31,7 @@ class OffboardStream:
             setpoint: what is wanted from now on, NED.
             now_s: time of arrival.
             loss_s: a longer silence breaks the stream.
-            holds_yaw: the setpoint says nothing about the heading.
+            holds_yaw: the setpoint leaves the heading open.
         """
         age_s = self.age_s(now_s)
         if age_s > loss_s:
@@ -53,8 +53,8 @@ class OffboardStream:
     def setpoint(self, now_s: float, held_yaw_rad: float) -> Setpoint:
         """Return the motion wanted at ``now_s``: the last setpoint, moved along by its age.
 
-        When the acceleration has had its time, the vehicle coasts at the velocity reached, until
-        the loss of the stream is noticed.
+        After ``acceleration_hold_s`` the vehicle coasts at the velocity reached, until the
+        autopilot detects the loss of the stream.
 
         Raises:
             RuntimeError: no setpoint has come yet.

@@ -33,7 +33,7 @@ _MODE_OF_STANDARD: Final = {number: mode for mode, number in STANDARD_MODES.item
 
 
 def mode_of_standard(number: float) -> Mode | None:
-    """Return the mode of a MAV_STANDARD_MODE; None if there is none."""
+    """Return the mode of a MAV_STANDARD_MODE; None for an unknown number."""
     return _MODE_OF_STANDARD.get(int(number)) if math.isfinite(number) else None
 
 
@@ -55,7 +55,7 @@ class _Packed(mavlink.MAVLink_message):  # type: ignore[misc]  # pymavlink is un
 
 
 class CurrentMode(_Packed):
-    """CURRENT_MODE: the mode flown, and the one that the user wants."""
+    """CURRENT_MODE: the mode flown, and the one that the user asked for."""
 
     layout = struct.Struct("<IIB")
 

@@ -1,4 +1,4 @@
-"""MAVLink commands: MAV_CMD number -> what the commander is asked, and the answer."""
+"""MAVLink commands: from a MAV_CMD number to a request of the commander, and its result."""
 
 from __future__ import annotations
 
@@ -9,7 +9,8 @@ from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from sitl.autopilot.commander import Commander, Verdict
+from sitl.autopilot.commander import Commander
+from sitl.autopilot.decisions import Verdict
 from sitl.autopilot.flavours.flavour import Flavour
 from sitl.autopilot.flavours.standard_modes import (
     AVAILABLE_MODES_ID,
@@ -20,11 +21,13 @@ from sitl.autopilot.geodesy import GeographicPosition, ned_from_geographic
 from sitl.autopilot.mission import ABSOLUTE_FRAMES, RELATIVE_FRAMES
 from sitl.autopilot.modes import Mode
 from sitl.autopilot.protocol.link import MavlinkLink
-from sitl.autopilot.protocol.telemetry import BUILDERS, Snapshot, StreamSchedule
+from sitl.autopilot.protocol.snapshot import Snapshot
+from sitl.autopilot.protocol.streams import StreamSchedule
+from sitl.autopilot.protocol.telemetry import BUILDERS
 from sitl.config import HomeConfig
 
 _ARM_FORCE = 21196.0  # the magic number of MAV_CMD_COMPONENT_ARM_DISARM
-_INT32_MAX = 2**31 - 1  # COMMAND_INT's way of saying nan
+_INT32_MAX = 2**31 - 1  # nan in a COMMAND_INT
 _REPOSITION_MAX_M = 100_000.0
 
 
@@ -235,7 +238,7 @@ def _degrees(scaled: int) -> float:
 
 
 def _whole(value: float) -> int:
-    """Return a float parameter as the integer that it stands for; -1 if it is none."""
+    """Return a whole-numbered float parameter as an integer; -1 if it is not whole."""
     return int(value) if math.isfinite(value) and value.is_integer() else -1
 
 

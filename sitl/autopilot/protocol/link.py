@@ -11,7 +11,7 @@ from sitl.autopilot.protocol.signing import Signing
 
 
 class _Outbox(bytearray):
-    """The `file` that pymavlink writes to."""
+    """The file that pymavlink writes to."""
 
     def write(self, data: bytes) -> None:
         self.extend(data)
@@ -41,7 +41,7 @@ class MavlinkLink:
 
     @property
     def bytes_dropped(self) -> int:
-        """Bytes that were no part of a valid, known frame."""
+        """Bytes that did not belong to a valid, known frame."""
         return self._reader.bytes_dropped
 
     def sign_with(self, signing: Signing | None) -> None:

@@ -1,7 +1,6 @@
 """The mission protocol: upload, download, clear, set current; one transfer at a time.
 
-Missions proper and geofences: there are no rally points on board, so that their list is empty and
-cannot be uploaded.
+Missions and geofences; rally points are not supported: their list is empty and cannot be uploaded.
 """
 
 from __future__ import annotations
@@ -79,7 +78,7 @@ class MissionTransfer:
         self._handlers[message.get_type()](message, reply, now_s)
 
     def step(self, now_s: float) -> None:
-        """Ask again for an item that does not come; in the end, give up."""
+        """Request a missing item again; after a while, cancel the upload."""
         upload = self._upload
         if upload is None:
             return
@@ -111,7 +110,7 @@ class MissionTransfer:
             return
         upload.heard_s = now_s
         if message.seq != len(upload.items):
-            return  # a repetition: the right one is asked for again in time
+            return  # a repetition: `step` requests the right one again
         item = MissionItem.of(message)
         refusal = self._stores[upload.mission_type].refusal(message.seq, item)
         if refusal is not None:

@@ -22,7 +22,7 @@ _LATE_MAX = 60 * _TICKS_PER_S
 
 
 class Signing:
-    """What the links of one vehicle sign with, and judge by.
+    """Key and memory with which the links of one vehicle sign and check.
 
     Args:
         key: 32 bytes.

@@ -1,4 +1,4 @@
-"""TIMESYNC as PX4 answered it before November 2025: to whatever its memory held as the target."""
+"""TIMESYNC as PX4 answered it before November 2025: with an uninitialized target."""
 
 from __future__ import annotations
 
@@ -6,8 +6,8 @@ from typing import Any, Final
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-# Neither all systems (0) nor one that is there; what an uninitialised field holds is arbitrary.
-_UNINITIALISED_TARGET: Final = bytes((0xA5, 0x5A))
+# Neither all systems (0) nor an existing one; the content of an uninitialized field is arbitrary.
+_UNINITIALIZED_TARGET: Final = bytes((0xA5, 0x5A))
 
 
 class MisaddressedTimesync(mavlink.MAVLink_timesync_message):  # type: ignore[misc]  # untyped
@@ -15,6 +15,6 @@ class MisaddressedTimesync(mavlink.MAVLink_timesync_message):  # type: ignore[mi
 
     def pack(self, mav: Any, force_mavlink1: bool = False) -> bytes:
         """Return the frame; see pymavlink."""
-        payload = self.unpacker.pack(self.tc1, self.ts1) + _UNINITIALISED_TARGET
+        payload = self.unpacker.pack(self.tc1, self.ts1) + _UNINITIALIZED_TARGET
         packed: bytes = self._pack(mav, self.crc_extra, payload, force_mavlink1=force_mavlink1)
         return packed

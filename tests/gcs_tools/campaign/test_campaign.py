@@ -10,7 +10,7 @@ import subprocess
 import sys
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import pytest
 import yaml
@@ -20,22 +20,28 @@ from hypothesis import strategies as st
 from scipy.special import bdtr, bdtrc
 
 from gcs_tools.campaign import flight as campaign_flight
-from gcs_tools.campaign.command import replay_command, scenario_document
-from gcs_tools.campaign.flight import FlightRow, GeneratedSource, fly_case, fly_numbered
+from gcs_tools.campaign.command import scenario_document
+from gcs_tools.campaign.flight import FlightRow, fly_case, fly_numbered, replay_command
 from gcs_tools.campaign.forest import ForestSource
-from gcs_tools.campaign.generator.scenarios import FAULT_KINDS, GENERATORS, generated
-from gcs_tools.campaign.oracles import ORACLES, Evidence, findings
+from gcs_tools.campaign.generator.faults import FAULT_KINDS
+from gcs_tools.campaign.generator.generators import GENERATORS, generated
+from gcs_tools.campaign.oracles.evidence import Evidence
+from gcs_tools.campaign.oracles.registry import ORACLES, findings
 from gcs_tools.campaign.shrink import shrink
-from gcs_tools.campaign.statistics import failure_rate_bounds, summarise
+from gcs_tools.campaign.sources import GeneratedSource
+from gcs_tools.campaign.statistics import failure_rate_bounds, summarize
 from gcs_tools.campaign.table import read_table, write_table
-from gcs_tools.campaign.workers import Order, fly_on_cluster
+from gcs_tools.campaign.workers import FlightJob, fly_on_cluster
 from gcs_tools.preflight.command import check
 from gcs_tools.scenario import load_scenario
 from onboard.contract import region
+from onboard.contract.arithmetic import Arithmetic
 from onboard.contract.assessment import assess
-from onboard.contract.region import Arithmetic, Encounter
+from onboard.contract.region import Encounter
+from onboard.events import EventData, EventName
 from onboard.geometry.frames import wrap_angle
-from sitl.virtual.faults.schedule import Fault
+from onboard.recording.messages import CertificateRecord, EventRecord, PlanRecord, StateRecord
+from sitl.virtual.faults.schema import Fault
 from tests.gcs_tools.running import Clearway, is_alive, until
 
 NOMINAL = GeneratedSource("nominal")
@@ -144,48 +150,45 @@ def test_a_nominal_flight_passes_every_oracle(evidence: Evidence) -> None:
     assert findings(evidence) == {}
 
 
-def _spoilt(evidence: Evidence, topic: str, change: Callable[[dict[str, Any]], Any]) -> Evidence:
-    """Return the evidence with one topic's messages changed; `change` returns the new values."""
-    messages = {**evidence.flight.messages}
-    messages[topic] = [{**message, **change(message)} for message in messages[topic]]
-    return dataclasses.replace(
-        evidence, flight=dataclasses.replace(evidence.flight, messages=messages)
-    )
+def _with_states(evidence: Evidence, change: Callable[[StateRecord], dict[str, Any]]) -> Evidence:
+    """Return the evidence with every state changed; `change` returns the new values."""
+    states = [dataclasses.replace(state, **change(state)) for state in evidence.states]
+    return dataclasses.replace(evidence, flight=dataclasses.replace(evidence.flight, states=states))
 
 
-def _moved(key: str, axis: int, by: float) -> Callable[[dict[str, Any]], dict[str, Any]]:
-    def change(state: dict[str, Any]) -> dict[str, Any]:
-        if state[key] is None:
+def _with_plans(evidence: Evidence, change: Callable[[PlanRecord], dict[str, Any]]) -> Evidence:
+    plans = [dataclasses.replace(plan, **change(plan)) for plan in evidence.flight.plans]
+    return dataclasses.replace(evidence, flight=dataclasses.replace(evidence.flight, plans=plans))
+
+
+def _moved(key: str, axis: int, by: float) -> Callable[[StateRecord], dict[str, Any]]:
+    def change(state: StateRecord) -> dict[str, Any]:
+        before = getattr(state, key)
+        if before is None:
             return {}
-        vector = list(state[key])
+        vector = list(before)
         vector[axis] += by
-        return {key: vector}
+        return {key: tuple(vector)}
 
     return change
 
 
-def _jumping(state: dict[str, Any]) -> dict[str, Any]:
-    if state["reference_position_ned_m"] is None:
+def _jumping(state: StateRecord) -> dict[str, Any]:
+    if state.reference_position_ned_m is None:
         return {}
-    north_m, east_m, down_m = state["reference_position_ned_m"]
-    north_m += 5.0 * (state["time_s"] % 4.0 > 2.0)
-    return {"reference_position_ned_m": [north_m, east_m, down_m]}
+    north_m, east_m, down_m = state.reference_position_ned_m
+    north_m += 5.0 * (state.time_s % 4.0 > 2.0)
+    return {"reference_position_ned_m": (north_m, east_m, down_m)}
 
 
-def _short(plan: dict[str, Any]) -> dict[str, Any]:
-    return {"path_ned_m": [[n + 100.0, e, d] for n, e, d in plan["path_ned_m"]]}
+def _short(plan: PlanRecord) -> dict[str, Any]:
+    return {"path_ned_m": [(n + 100.0, e, d) for n, e, d in plan.path_ned_m]}
 
 
 def _with_event(evidence: Evidence, **data: Any) -> Evidence:
-    event = {"time_s": 0.0, "name": "violation", "text": "", "data": data}
-    return _replaced(evidence, "/events", [event])
-
-
-def _replaced(evidence: Evidence, topic: str, messages: list[dict[str, Any]]) -> Evidence:
-    changed = {**evidence.flight.messages, topic: messages}
-    return dataclasses.replace(
-        evidence, flight=dataclasses.replace(evidence.flight, messages=changed)
-    )
+    event = EventRecord(time_s=0.0, name=EventName.VIOLATION, data=cast("EventData", data))
+    flight = dataclasses.replace(evidence.flight, events=[event])
+    return dataclasses.replace(evidence, flight=flight)
 
 
 def _with_fault(evidence: Evidence, fault: Fault) -> Evidence:
@@ -194,19 +197,19 @@ def _with_fault(evidence: Evidence, fault: Fault) -> Evidence:
 
 
 def _pushed_without_alarm(evidence: Evidence) -> Evidence:
-    truths = [{**truth, "collisions": 1} for truth in evidence.truth.topic("/truth")]
+    truths = [dataclasses.replace(truth, collisions=1) for truth in evidence.truth.truths]
     return dataclasses.replace(
         evidence,
         case=dataclasses.replace(evidence.case, covered=False, variant="gust"),
         result=dataclasses.replace(evidence.result, collisions=1),
-        truth=dataclasses.replace(evidence.truth, messages={"/truth": truths}),
+        truth=dataclasses.replace(evidence.truth, truths=truths),
     )
 
 
 BROKEN: dict[str, Callable[[Evidence], Evidence]] = {
     "no_surprise": _pushed_without_alarm,
     "no_exception": lambda e: _with_event(e, assumption="self_check", unit="exceptions"),
-    "plan_not_expired": lambda e: _spoilt(e, "/plan", lambda plan: {"end_s": plan["start_s"]}),
+    "plan_not_expired": lambda e: _with_plans(e, lambda plan: {"end_s": plan.start_s}),
     "no_collision": lambda e: dataclasses.replace(
         e, result=dataclasses.replace(e.result, collisions=1)
     ),
@@ -219,19 +222,19 @@ BROKEN: dict[str, Callable[[Evidence], Evidence]] = {
         case=dataclasses.replace(e.case, expectation=True),
         result=dataclasses.replace(e.result, outcome="held"),
     ),
-    "certified_plans": lambda e: _spoilt(e, "/plan", lambda _: {"certificate": {"valid": False}}),
-    "plans_in_region": lambda e: _spoilt(e, "/plan", _short),
-    "tracking": lambda e: _spoilt(e, "/state", _moved("reference_position_ned_m", 1, 0.5)),
-    "setpoints_in_limits": lambda e: _spoilt(
-        e, "/state", _moved("reference_acceleration_ned_mps2", 0, 6.0)
+    "certified_plans": lambda e: _with_plans(
+        e, lambda _: {"certificate": CertificateRecord(valid=False)}
     ),
-    "continuous_reference": lambda e: _spoilt(e, "/state", _jumping),
-    "entry_condition": lambda e: _spoilt(e, "/state", _moved("reference_velocity_ned_mps", 0, 9.0)),
-    "entered_in_time": lambda e: _spoilt(
-        e, "/plan", lambda plan: {"region_ned_m": plan["keep_out_ned_m"]}
+    "plans_in_region": lambda e: _with_plans(e, _short),
+    "tracking": lambda e: _with_states(e, _moved("reference_position_ned_m", 1, 0.5)),
+    "setpoints_in_limits": lambda e: _with_states(
+        e, _moved("reference_acceleration_ned_mps2", 0, 6.0)
     ),
-    "exit_condition": lambda e: _spoilt(e, "/state", _moved("reference_velocity_ned_mps", 0, 9.0)),
-    "bounded_memory": lambda e: _spoilt(e, "/state", lambda _: {"obstacles_known": 10_000}),
+    "continuous_reference": lambda e: _with_states(e, _jumping),
+    "entry_condition": lambda e: _with_states(e, _moved("reference_velocity_ned_mps", 0, 9.0)),
+    "entered_in_time": lambda e: _with_plans(e, lambda plan: {"region_ned_m": plan.keep_out_ned_m}),
+    "exit_condition": lambda e: _with_states(e, _moved("reference_velocity_ned_mps", 0, 9.0)),
+    "bounded_memory": lambda e: _with_states(e, lambda _: {"obstacles_known": 10_000}),
     "detected_in_time": lambda e: _with_fault(
         e, Fault(kind="detections_off", phase="cruise", start_s=2.0)
     ),
@@ -239,7 +242,7 @@ BROKEN: dict[str, Callable[[Evidence], Evidence]] = {
 
 
 def test_a_ghost_in_every_frame_may_be_remembered(evidence: Evidence) -> None:
-    full = _spoilt(evidence, "/state", lambda _: {"obstacles_known": 201})
+    full = _with_states(evidence, lambda _: {"obstacles_known": 201})
     assert "bounded_memory" in findings(full)
     haunted = Fault(kind="detections_ghost", start_s=0.0)
     assert "bounded_memory" not in findings(_with_fault(full, haunted))
@@ -273,7 +276,7 @@ def test_refusals_are_counted_apart() -> None:
     flown = fly_numbered(GeneratedSource("violating"), SEED, refused)
     assert flown.refused
     assert flown.good
-    (summary,) = summarise([flown])
+    (summary,) = summarize([flown])
     assert (summary.flights, summary.refused) == (1, 1)
     assert summary.collision_rate == (0.0, 1.0)
 
@@ -337,7 +340,7 @@ def test_a_scenario_file_is_held_to_its_expectation(
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (("absent",), "neither a scenario file, a stem map (CSV) nor one of nominal"),
+        (("absent",), "expected a scenario file, a stem map (CSV) or one of nominal"),
         (("absent.yaml",), "absent.yaml"),
     ],
 )
@@ -371,11 +374,11 @@ def command_of(pid: int) -> str:
 
 
 def test_a_cluster_that_loses_a_worker_flies_the_same_flights() -> None:
-    orders = [Order(QUICK, SEED, number) for number in range(6)]
+    jobs = [FlightJob(QUICK, SEED, number) for number in range(6)]
     here = {number: fly_numbered(QUICK, SEED, number) for number in (0, 5)}
     with LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None) as cluster:
         rows: list[FlightRow] = []
-        for row in fly_on_cluster(orders, cluster.scheduler_address):
+        for row in fly_on_cluster(jobs, cluster.scheduler_address):
             if not rows:
                 os.kill(cluster.workers[0].pid, signal.SIGKILL)
             rows.append(row)
@@ -441,7 +444,7 @@ def test_far_outside_the_contract_flights_collide_and_just_outside_they_fall_bac
     assert sum(row.collisions > 0 for row in far) >= 2
     assert not any(row.collisions for row in near)
     assert any(row.fell_back for row in near)
-    (summary,) = summarise(far)
+    (summary,) = summarize(far)
     assert summary.fell_back == 3
     assert not summary.covered
 

@@ -13,9 +13,9 @@ from typing import Any
 import pytest
 
 from gcs_tools.console.progress import FlightProgress
-from onboard.files.models import Leg, Mission
+from onboard.files.mission_file import Leg, Mission
 from onboard.recording.flight_log import FlightLog
-from onboard.recording.record import Record
+from onboard.recording.messages import StateRecord
 from tests.gcs_tools.fly.test_fly import short_scenario
 from tests.gcs_tools.running import CONFIG
 from tests.gcs_tools.terminal import Terminal, terminal
@@ -69,7 +69,7 @@ def test_a_report_shows_how_much_of_the_log_is_read(tmp_path: Path) -> None:
     with FlightLog(path, {}) as log:
         for number in range(80_000):
             time_s = 1_790_000_000.0 + 0.02 * number
-            log.write([Record("state", time_s, {"time_s": time_s, "phase": "cruise"})])
+            log.write([StateRecord(time_s=time_s, phase="cruise")])
     ran, screen = run("report", str(path))
     assert ran.stdout == f"{tmp_path / 'report.html'}\n"
     assert screen.shares[0] == 0

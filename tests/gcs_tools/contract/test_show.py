@@ -123,7 +123,7 @@ def test_a_contract_that_does_not_comply_is_shown(clearway: Clearway, config: Pa
     table = clearway(*arguments)
     assert table.code == 0
     assert table.out.startswith("NOT COMPLIANT")
-    assert "broken most: separation" in table.out
+    assert "most violated: separation" in table.out
 
 
 def test_paper_input_set_is_wider_sideways(clearway: Clearway, config: Path) -> None:

@@ -17,9 +17,9 @@ from gcs_tools.contract.keys import contract_key
 from gcs_tools.contract.solve import solve
 from gcs_tools.contract.surface import FIGURES, FigureNumber, SurfaceRequest, request_surface
 from gcs_tools.contract.surface_grid import Axis, Surface, evaluate
+from onboard.contract.arithmetic import SCALAR
 from onboard.contract.assessment import assess, clauses, derive
-from onboard.contract.region import SCALAR
-from onboard.files.models import InputSet, load_contract
+from onboard.files.contract_file import InputSet, load_contract
 from tests.gcs_tools.running import CONTRACTS, Clearway
 
 EXAMPLE_PATH = CONTRACTS / "precise_vehicle.yaml"
@@ -254,11 +254,14 @@ def test_wind_and_heading_are_axes_like_any_other() -> None:
     ("options", "problem"),
     [
         (("--x", SPEEDS), "give both --x and --y"),
-        (("--x", "vehicle.speed=1:2:3", "--y", RANGES), "vehicle.speed is no numeric key"),
-        (("--x", "vehicle.cruise_speed_mps=1:2", "--y", RANGES), "write KEY=LO:HI:N"),
-        (("--x", "vehicle.cruise_speed_mps=2:1:5", "--y", RANGES), "LO must be less than HI"),
+        (
+            ("--x", "vehicle.speed=1:2:3", "--y", RANGES),
+            "unknown numeric contract key 'vehicle.speed'; did you mean vehicle.cru",
+        ),
+        (("--x", "vehicle.cruise_speed_mps=1:2", "--y", RANGES), "expected KEY=LO:HI:N"),
+        (("--x", "vehicle.cruise_speed_mps=2:1:5", "--y", RANGES), "expected LO less than HI"),
         (("--x", "vehicle.cruise_speed_mps=1:2:1", "--y", RANGES), "N at least 2"),
-        (("--x", "vehicle.cruise_speed_mps=1:nan:5", "--y", RANGES), "LO must be less"),
+        (("--x", "vehicle.cruise_speed_mps=1:nan:5", "--y", RANGES), "expected LO less"),
         (("--x", "vehicle.cruise_speed_mps=0:2:5", "--y", RANGES), "greater than 0"),
         (("--x", "vehicle.roll_max_deg=5:90:5", "--y", RANGES), "less than 90"),
         (("--x", SPEEDS, "--y", SPEEDS), "cannot be on both axes"),
@@ -292,5 +295,5 @@ def test_bad_requests_are_refused(draw: Any, options: tuple[str, ...], problem: 
 
 
 def test_an_unknown_axis_is_named() -> None:
-    with pytest.raises(CommandError, match="no numeric key"):
+    with pytest.raises(CommandError, match="unknown numeric contract key"):
         Axis.parse("requirements.stop=0:1:2")

@@ -65,7 +65,7 @@ def test_the_same_seed_gives_the_same_logs(
 def test_intersecting_regions_are_refused(
     clearway: Clearway, written: Callable[[str, Any], Path], tmp_path: Path
 ) -> None:
-    scenario = written("careful.yaml", {**intersecting(), "force": False})
+    scenario = written("careful.yaml", {**intersecting(), "fly_outside_contract": False})
     out = tmp_path / "flight"
     ran = clearway("fly", scenario, "--virtual", "--out", out)
     assert ran.code == 1
@@ -74,11 +74,11 @@ def test_intersecting_regions_are_refused(
     assert not out.exists()
 
 
-def test_intersecting_regions_end_in_a_hold_when_forced(
+def test_intersecting_regions_end_in_a_hold_outside_the_contract(
     clearway: Clearway, written: Callable[[str, Any], Path], tmp_path: Path
 ) -> None:
-    scenario = written("careless.yaml", {**intersecting(), "force": False})
-    ran = clearway("fly", scenario, "--virtual", "--force", "--out", tmp_path)
+    scenario = written("careless.yaml", {**intersecting(), "fly_outside_contract": False})
+    ran = clearway("fly", scenario, "--virtual", "--fly-outside-contract", "--out", tmp_path)
     result = result_in(tmp_path)
     assert ran.code == 1
     assert result["outcome"] == "held"
@@ -203,10 +203,10 @@ def test_the_autopilot_stops_the_vehicle_when_the_daemon_is_killed(
     assert "clearway-onboard ended (SIGKILL)" in result["reason"]
     assert result["collisions"] == 0
     assert result["clearance_min_m"] > 0.0
-    truth = read_log(out / "truth.mcap").topic("/truth")
+    truth = read_log(out / "truth.mcap").truths
     # It stopped short of the first obstacle, and came down there.
-    assert truth[-1]["position_ned_m"][0] < 11.0 - 0.3
-    assert truth[-1]["position_ned_m"][2] == pytest.approx(0.0, abs=0.1)
+    assert truth[-1].position_ned_m[0] < 11.0 - 0.3
+    assert truth[-1].position_ned_m[2] == pytest.approx(0.0, abs=0.1)
     assert not is_alive(started["sitl"])
 
 

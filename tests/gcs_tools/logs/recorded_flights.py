@@ -17,8 +17,7 @@ import numpy as np
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from onboard.contract.agility import GRAVITY_MPS2
-from onboard.recording.flight_log import FlightLog
-from onboard.recording.record import Record
+from tests.gcs_tools.logs.raw_log import raw_log
 
 BESIDE_M, DRIFT_MPS, LOW_M, LOOK_RAD, LAG_S = 0.3, 0.05, 0.12, 0.03, 0.2
 SPEED_MPS, SWAY_M, SWAY_RADPS, ALTITUDE_M = 3.0, 1.0, 1.5, 4.0
@@ -276,7 +275,7 @@ def mcap(
         stamp: the clock of the daemon.
         said: what each state says instead.
     """
-    with FlightLog(path, {}) as log:
+    with raw_log(path) as write:
         for time_s in TIMES_S.tolist():
             north_m, east_m, down_m, vn, ve, vd = pose(time_s)
             now_s = time_s + 0.01
@@ -298,5 +297,5 @@ def mcap(
                 "detection_age_s": 0.05,
                 "telemetry_age_s": 0.01,
             }
-            log.write([Record("state", EPOCH_UNIX_S + now_s, state | (said or {}))])
+            write("state", EPOCH_UNIX_S + now_s, state | (said or {}))
     return path

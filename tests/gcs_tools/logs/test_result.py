@@ -15,10 +15,17 @@ from matplotlib.image import imread
 from gcs_tools.console.errors import CommandError
 from gcs_tools.fly.picture import draw_flight
 from gcs_tools.logs.flight_log import Log, read_log
-from gcs_tools.logs.result import Result, plan_time_ms, result_of
+from gcs_tools.logs.result import MissingValueError, Result, plan_time_ms, result_of
 from gcs_tools.scenario import Expectation, load_scenario
+from onboard.files.truth_record import TruthRecord
 from onboard.recording.flight_log import FlightLog
-from onboard.recording.record import Record
+from onboard.recording.messages import (
+    EventRecord,
+    KnownObstacle,
+    Obstacles,
+    PlanRecord,
+    StateRecord,
+)
 from tests.gcs_tools.running import CONFIG
 
 KEYS = {
@@ -29,50 +36,45 @@ KEYS = {
 MISSION = ("standby", "cruise", "avoid", "avoid", "cruise", "avoid", "cruise", "arrived")
 
 
-def state(time_s: float, phase: str, **more: Any) -> dict[str, Any]:
+def state(time_s: float, phase: str, **more: Any) -> StateRecord:
     speed_mps = 2.0 if phase in {"cruise", "avoid"} else 0.0
-    return {
-        "time_s": time_s,
-        "phase": phase,
-        "mode": "OFFBOARD",
-        "position_ned_m": [2.0 * time_s, 0.1, -4.0],
-        "velocity_ned_mps": [speed_mps, 0.0, 0.0],
-        "reference_position_ned_m": None if phase == "standby" else [2.0 * time_s, 0.0, -4.0],
+    given: dict[str, Any] = {
+        "position_ned_m": (2.0 * time_s, 0.1, -4.0),
+        "velocity_ned_mps": (speed_mps, 0.0, 0.0),
+        "reference_position_ned_m": None if phase == "standby" else (2.0 * time_s, 0.0, -4.0),
         "tracking_error_m": 0.05,
-        "velocity_error_mps": [0.02, 0.01],
+        "velocity_error_mps": (0.02, 0.01),
         "cruising": phase == "cruise",
         **more,
     }
+    return StateRecord(time_s=time_s, phase=phase, mode="OFFBOARD", **given)
 
 
-def truth(time_s: float, **more: Any) -> dict[str, Any]:
-    return {
-        "time_unix_s": time_s,
-        "position_ned_m": [2.0 * time_s, 0.1, -4.0],
-        "clearance_m": 1.0,
-        "clearance_min_m": 0.4,
-        "collisions": 0,
-        **more,
-    }
+def truth(time_s: float, collisions: int = 0, clearance_min_m: float = 0.4) -> TruthRecord:
+    return TruthRecord(
+        time_unix_s=time_s,
+        position_ned_m=(2.0 * time_s, 0.1, -4.0),
+        clearance_m=1.0,
+        clearance_min_m=clearance_min_m,
+        collisions=collisions,
+    )
 
 
 def logs(
     phases: Sequence[str] = MISSION,
     *,
-    events: Sequence[dict[str, Any]] = (),
-    truths: Sequence[dict[str, Any]] = (),
+    events: Sequence[EventRecord] = (),
+    truths: Sequence[TruthRecord] = (),
 ) -> tuple[Log, Log]:
     states = [state(float(number), phase) for number, phase in enumerate(phases)]
-    plans = [{"kind": "qp"}, {"kind": "qp"}, {"kind": "vertex"}]
-    flight = {"/state": states, "/plan": plans, "/events": list(events)}
+    plans = [PlanRecord(time_s=0.0, kind=kind) for kind in ("qp", "qp", "vertex")]
     metadata = {"clearway": {"contract_sha256": "abc"}}
-    return Log(flight, metadata, complete=True), Log(
-        {"/truth": list(truths) or [truth(7.0)]}, {}, complete=True
-    )
+    flight = Log(states=states, plans=plans, events=events, metadata=metadata)
+    return flight, Log(truths=truths or [truth(7.0)])
 
 
-def event(name: str, text: str) -> dict[str, Any]:
-    return {"name": name, "text": text}
+def event(name: str, text: str) -> EventRecord:
+    return EventRecord(time_s=0.0, name=name, text=text)
 
 
 def test_a_mission_flown() -> None:
@@ -138,20 +140,34 @@ def test_a_mission_without_an_end_is_aborted() -> None:
     assert result.outcome == "aborted"
     assert result.reason == "given up; staying standby: no fresh telemetry"
     assert result.duration_s == 0.0
-    nothing = result_of(Log({}, {}, complete=False), Log({}, {}, complete=False), seed=1)
+    nothing = result_of(Log(complete=False), Log(complete=False), seed=1)
     assert (nothing.outcome, nothing.final_position_ned_m) == ("aborted", None)
 
 
 def test_errors_count_only_while_the_daemon_flies() -> None:
     flight, flown = logs()
-    states = flight.messages["/state"]
-    states[0] |= {"tracking_error_m": 9.0}
-    states[-1] |= {"tracking_error_m": 9.0}
-    states[1] |= {"velocity_error_mps": [0.3, 0.0]}
-    states[2] |= {"velocity_error_mps": [9.0, 9.0]}  # avoiding: bounded by the plan, not by this
-    result = result_of(flight, flown, seed=1)
+    states = list(flight.states)
+    states[0] = replace(states[0], tracking_error_m=9.0)
+    states[-1] = replace(states[-1], tracking_error_m=9.0)
+    states[1] = replace(states[1], velocity_error_mps=(0.3, 0.0))
+    # Avoiding: the plan bounds it, not this.
+    states[2] = replace(states[2], velocity_error_mps=(9.0, 9.0))
+    result = result_of(replace(flight, states=states), flown, seed=1)
     assert result.tracking_error_max_m == 0.05
     assert result.velocity_error_max_mps == (0.3, 0.01)
+
+
+@pytest.mark.parametrize("name", ["tracking_error_m", "velocity_error_mps", "cruising"])
+def test_a_value_that_the_log_lacks_is_named_and_not_replaced_by_zero(name: str) -> None:
+    flight, flown = logs()
+    missing: dict[str, Any] = {name: None}
+    states = list(flight.states)
+    states[1] = replace(states[1], **missing)
+    with pytest.raises(MissingValueError, match=name):
+        result_of(replace(flight, states=states), flown, seed=1)
+    # On the ground it is not needed.
+    grounded = [replace(states[0], **missing), *flight.states[1:]]
+    assert result_of(replace(flight, states=grounded), flown, seed=1).succeeded
 
 
 def test_an_unfinished_avoidance_is_none() -> None:
@@ -177,8 +193,8 @@ def write_log(path: Path, states: int) -> None:
         for number in range(states):
             phase = "cruise" if number % 2 else "avoid"
             # Incompressible, so that the file has several chunks.
-            noise = [math.sin(number * 1e3 + k) for k in range(100)]
-            log.write([Record("state", float(number), state(float(number), phase, noise=noise))])
+            noise = " ".join(str(math.sin(number * 1e3 + k)) for k in range(100))
+            log.write([state(float(number), phase, position_doubt=noise)])
 
 
 def test_a_log_comes_back_as_it_was_written(tmp_path: Path) -> None:
@@ -186,7 +202,7 @@ def test_a_log_comes_back_as_it_was_written(tmp_path: Path) -> None:
     write_log(path, states=200)
     log = read_log(path)
     assert log.complete
-    assert [message["time_s"] for message in log.topic("/state")] == list(range(200))
+    assert [state.time_s for state in log.states] == list(range(200))
     assert log.metadata["clearway"]["contract_sha256"] == "abc"
 
 
@@ -196,7 +212,7 @@ def test_a_log_that_breaks_off_is_read_up_to_there(tmp_path: Path) -> None:
     whole = path.read_bytes()
     path.write_bytes(whole[: len(whole) * 2 // 3])
     log = read_log(path)
-    times_s = [message["time_s"] for message in log.topic("/state")]
+    times_s = [state.time_s for state in log.states]
     assert not log.complete
     assert 20 < len(times_s) < 200
     assert times_s == list(range(len(times_s)))
@@ -215,9 +231,9 @@ def test_what_is_no_log_is_refused(tmp_path: Path, content: bytes) -> None:
 @pytest.mark.parametrize("phases", [MISSION, ("standby",), ()])
 def test_any_flight_can_be_drawn(tmp_path: Path, phases: tuple[str, ...]) -> None:
     flight, flown = logs(phases)
-    corners = [[20.0, -2.0], [26.0, -2.0], [26.0, 2.0], [20.0, 2.0]]
-    obstacles = [{"obstacles": [{"id": "1", "region_ned_m": corners}]}]
-    flight = replace(flight, messages={**flight.messages, "/obstacles": obstacles})
+    corners = [(20.0, -2.0), (26.0, -2.0), (26.0, 2.0), (20.0, 2.0)]
+    known = Obstacles(time_s=0.0, obstacles=[KnownObstacle(id="1", region_ned_m=corners)])
+    flight = replace(flight, obstacles=[known])
     path = tmp_path / "flight.png"
     scenario = load_scenario(CONFIG / "paper.yaml")
     draw_flight(scenario, flight, flown, result_of(flight, flown, seed=1), path)

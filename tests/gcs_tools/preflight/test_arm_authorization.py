@@ -10,7 +10,7 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from gcs_tools.console.processes import free_ports
-from gcs_tools.preflight.arm_authorization import AUTHORISER_SYSTEM_ID, answer_arm_requests
+from gcs_tools.preflight.arm_authorization import AUTHORIZER_SYSTEM_ID, answer_arm_requests
 from gcs_tools.preflight.finding import Verdict
 from gcs_tools.vehicle.connection import AmbiguousVehicleError
 from tests.gcs_tools.vehicle.fake_autopilot import FakeAutopilot, autopilots
@@ -29,7 +29,7 @@ def asks_every_second(once: list[str]) -> Callable[[FakeAutopilot], None]:
         if once and time.monotonic() > due_s[0]:
             due_s[0] = time.monotonic() + 1.0
             autopilot.link.mav.command_long_send(
-                AUTHORISER_SYSTEM_ID, 0, REQUEST, 0, *(0.0,) * 7
+                AUTHORIZER_SYSTEM_ID, 0, REQUEST, 0, *(0.0,) * 7
             )  # as PX4, which does not fill in its own id
 
     return stream

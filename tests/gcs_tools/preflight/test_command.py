@@ -20,7 +20,8 @@ from gcs_tools.preflight.field_merging import intersecting_pairs
 from gcs_tools.preflight.finding import Verdict
 from gcs_tools.preflight.live.check import LiveRequest, check_live
 from onboard.contract.assessment import assess
-from onboard.files.models import Mission, load_contract
+from onboard.files.contract_file import load_contract
+from onboard.files.mission_file import Mission
 from onboard.files.obstacle_field import Obstacle, ObstacleField
 from onboard.geometry.box import Box
 from tests.gcs_tools.running import CONFIG, Clearway
@@ -239,9 +240,9 @@ def test_a_wrong_url_is_one_line(clearway: Clearway, config: Path, url: str, rea
     [
         (("--system-id", "0"), "--system-id 0: expected 1 to 255"),
         (("--system-id", "256"), "--system-id 256: expected 1 to 255"),
-        (("--system-id", "-1"), "'-1' is not a number"),
-        (("--system-id", "one"), "'one' is not a number"),
-        (("--system-id", "1.5"), "'1.5' is not a number"),
+        (("--system-id", "-1"), "'-1' is not a whole number"),
+        (("--system-id", "one"), "'one' is not a whole number"),
+        (("--system-id", "1.5"), "'1.5' is not a whole number"),
     ],
 )
 def test_a_wrong_system_id_is_one_line(
@@ -255,7 +256,7 @@ def test_a_wrong_system_id_is_one_line(
 
 def test_a_system_id_needs_a_connection(clearway: Clearway, config: Path) -> None:
     ran = clearway("preflight", "--contract", config / "paper_contract.yaml", "--system-id", "1")
-    assert_refused(ran, "--system-id", "give --vehicle")
+    assert_refused(ran, "--system-id", "needs --vehicle")
 
 
 def test_two_vehicles_on_the_port_are_refused_by_name(clearway: Clearway, config: Path) -> None:

@@ -15,7 +15,7 @@ from gcs_tools.preflight.command import check
 from gcs_tools.preflight.field_check import check_field, region_extents
 from gcs_tools.preflight.field_merging import PAIRS_MAX, Merged, merge
 from onboard.contract.assessment import assess
-from onboard.files.models import load_contract
+from onboard.files.contract_file import load_contract
 from onboard.files.obstacle_field import Obstacle, ObstacleField
 from onboard.geometry.frames import FloatArray, LegFrame
 from onboard.monitoring.assumptions import measured_size_max
@@ -93,9 +93,7 @@ def test_two_stems_that_fit_into_one_obstacle_are_accepted_and_said_so() -> None
     rules = {rule.name: rule for rule in check_field(PAPER, twins(limit_m), None)}
     assert rules["roi_disjoint"].holds
     assert rules["separation"].holds
-    assert rules["roi_disjoint"].note == (
-        "what stands close is avoided as one: a+b (heading north)"
-    )
+    assert rules["roi_disjoint"].note == ("close obstacles are avoided as one: a+b (heading north)")
     rules = {rule.name: rule for rule in check_field(PAPER, twins(limit_m + 0.01), None)}
     assert not rules["roi_disjoint"].holds
     assert not rules["separation"].holds
@@ -137,4 +135,4 @@ def test_a_crowd_is_counted_only_so_far(monkeypatch: pytest.MonkeyPatch) -> None
     crowd = ObstacleField.of([stem(str(n), 20.0, 0.001 * n, SIZE_MAX_M) for n in range(3_000)])
     disjoint = check_field(PAPER, crowd, None)[3]
     assert (disjoint.holds, disjoint.required) == (False, limit)
-    assert disjoint.note.endswith(f"counted no further than {limit}")
+    assert disjoint.note.endswith(f"counting stopped at {limit}")

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from gcs_tools.preflight.field_placement import SITE_M, check_placement
-from onboard.files.models import Leg, Mission
+from onboard.files.mission_file import Leg, Mission
 from onboard.files.obstacle_field import Obstacle, ObstacleField
 from tests.gcs_tools.running import CONFIG, Clearway
 

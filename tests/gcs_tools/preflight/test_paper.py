@@ -21,7 +21,8 @@ from gcs_tools.preflight.remedy import Remedy, remedies
 from gcs_tools.preflight.report import advice
 from gcs_tools.preflight.speed import fastest_speed_mps
 from onboard.contract.assessment import Assessment, assess
-from onboard.files.models import Contract, Mission, load_contract
+from onboard.files.contract_file import Contract, load_contract
+from onboard.files.mission_file import Mission
 from onboard.files.obstacle_field import ObstacleField, load_field
 from onboard.files.yaml_file import load_yaml
 from onboard.geometry.box import Box

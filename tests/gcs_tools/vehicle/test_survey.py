@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Awaitable, Callable
+from contextlib import ExitStack
 from typing import Any
 
 import pytest
@@ -19,7 +20,7 @@ from gcs_tools.vehicle.connection import AmbiguousVehicleError, connected_vehicl
 from gcs_tools.vehicle.operator import Vehicle, VehicleError
 from gcs_tools.vehicle.query import TRIES, answer
 from onboard.contract.assessment import assess
-from onboard.files.models import load_contract
+from onboard.files.contract_file import load_contract
 from tests.gcs_tools.running import CONFIG
 from tests.gcs_tools.vehicle.fake_autopilot import (
     Behaviour,
@@ -160,6 +161,43 @@ def test_a_companion_of_the_same_system_makes_no_second_vehicle() -> None:
     companion = FakeAutopilot(port, 1, mavlink.MAV_AUTOPILOT_INVALID, component_id=196)
     with autopilots(companion, FakeAutopilot(port, 1)):
         assert connected(port, identity) == 1
+
+
+async def climb(vehicle: Vehicle) -> tuple[str, str]:
+    """Ask for a take-off, which the scripted autopilot refuses; tell the profile and the answer."""
+    with pytest.raises(VehicleError) as refused:
+        await vehicle.take_off(4.0)
+    return vehicle.profile.key, str(refused.value)
+
+
+def test_ardupilot_takes_off_by_its_profile_although_a_companion_is_heard_first() -> None:
+    """MAVSDK takes the autopilot to be what the first heartbeat of the system states."""
+    (port,) = free_ports(1)
+    told: list[tuple[int, float]] = []
+
+    def refuse(autopilot: FakeAutopilot, message: Any) -> None:
+        if message.command == mavlink.MAV_CMD_NAV_TAKEOFF:
+            told.append((message.command, message.param7))
+            autopilot.link.mav.command_ack_send(message.command, mavlink.MAV_RESULT_DENIED)
+
+    companion = FakeAutopilot(port, 1, mavlink.MAV_AUTOPILOT_INVALID, component_id=196)
+    ardupilot = FakeAutopilot(
+        port, 1, mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA, behaviour={"COMMAND_LONG": refuse}
+    )
+
+    async def run() -> tuple[str, str]:
+        url = f"udpin://127.0.0.1:{port}"
+        with ExitStack() as stack:
+            stack.enter_context(companion)
+            late = asyncio.get_running_loop().call_later(1.0, stack.enter_context, ardupilot)
+            async with connected_vehicle(url, Interruption(), 10.0) as vehicle:
+                late.cancel()
+                return await climb(vehicle)
+
+    assert asyncio.run(run()) == (
+        "ardupilot", "taking off: refused by the vehicle (MAV_RESULT 2)",
+    )  # fmt: skip
+    assert set(told) == {(mavlink.MAV_CMD_NAV_TAKEOFF, 4.0)}
 
 
 @pytest.mark.parametrize(

@@ -19,9 +19,10 @@ import pytest
 from rich.console import Console
 
 from gcs_tools.logs.flight_log import read_log
-from gcs_tools.watch.feed import _BACKLOG, EVENTS_KEPT, Feed
+from gcs_tools.watch.feed import _BACKLOG, EVENTS_KEPT, Feed, Message
 from gcs_tools.watch.server import serving
 from gcs_tools.watch.terminal import view
+from onboard.recording.messages import StateRecord
 from tests.gcs_tools.browser import Page, chromium
 from tests.gcs_tools.running import Clearway, children_of, is_alive, until
 from tests.gcs_tools.terminal import terminal
@@ -38,19 +39,35 @@ MONITORS = {
     "clearance": {"measured": 1.5, "limit": 0.0, "unit": "m"},
 }
 MARGINS = {
+    "time_s": 1_790_000_000.0, "compliant": False, "binding": "stop",
     "clauses": [
-        {"name": "separation", "margin": 0.7, "unit": "m", "holds": True},
-        {"name": "stop", "margin": -0.1, "unit": "m", "holds": False},
-    ]
-}
+        {"name": "separation", "required": 0.3, "declared": 1.0, "margin": 0.7, "unit": "m",
+         "holds": True},
+        {"name": "stop", "required": 0.3, "declared": 0.2, "margin": -0.1, "unit": "m",
+         "holds": False},
+    ],
+}  # fmt: skip
 
 
 def said(feed: Feed, key: str, payload: Any) -> None:
     feed.receive(key, json.dumps(payload).encode())
 
 
+def payload_of(message: Message) -> dict[str, Any]:
+    document = json.loads(message.as_json())
+    assert document["key"] == message.key
+    payload: dict[str, Any] = document["payload"]
+    return payload
+
+
 def violation(number: int) -> dict[str, Any]:
-    return {"time_s": 0.0, "name": "violation", "severity": "error", "text": f"event {number}"}
+    return {
+        "time_s": 0.0,
+        "name": "violation",
+        "severity": "error",
+        "text": f"event {number}",
+        "data": {},
+    }
 
 
 # ---------------------------------------------------------------------------- the feed
@@ -66,7 +83,7 @@ def test_who_joins_late_gets_what_lasts_the_path_and_the_events() -> None:
     missed, count = feed.snapshot()
     by_key: dict[str, list[dict[str, Any]]] = {}
     for message in missed:
-        by_key.setdefault(message.key, []).append(message.payload)
+        by_key.setdefault(message.key, []).append(payload_of(message))
     assert by_key["trail"][0]["points_ned_m"] == [[n, 0.0, -4.0] for n in range(3)]
     assert by_key["status"][0]["position_ned_m"] == [2, 0.0, -4.0]
     assert by_key["margins"] == [MARGINS]
@@ -75,15 +92,23 @@ def test_who_joins_late_gets_what_lasts_the_path_and_the_events() -> None:
     ]
     said(feed, "events", violation(999))
     fresh, _ = feed.wait(count, 0.0)
-    assert [message.payload["text"] for message in fresh] == ["event 999"]
+    assert [payload_of(message)["text"] for message in fresh] == ["event 999"]
 
 
-@pytest.mark.parametrize("data", [b"", b"\xff", b"[1, 2]", b"null", b"{"])
+@pytest.mark.parametrize(
+    "data",
+    [
+        *(b"", b"\xff", b"[1, 2]", b"null", b"{", b"{}"),
+        b'{"time_s": "noon"}',
+        b'{"time_s": 1.0, "position_ned_m": [1.0, 2.0]}',
+        b'{"time_s": 1.0, "position_ned_m": [NaN, 2.0, 3.0]}',
+    ],
+)
 def test_malformed_messages_are_counted_and_dropped(data: bytes) -> None:
     feed = Feed()
     feed.receive("status", data)
     assert feed.dropped == 1
-    assert feed.latest("status") == {}
+    assert feed.latest(StateRecord) is None
 
 
 def test_a_listener_that_fell_behind_starts_anew() -> None:
@@ -226,8 +251,8 @@ def test_the_page_shows_everything_that_is_said(tmp_path: Path) -> None:
         page.look_like(1280, 900)
         page.open(url)
         for key, payload in {
-            "map": {"obstacles": [OBSTACLE]},
-            "plan": {"path_ned_m": [[11, 0.5, -4], [14, 2.2, -4]]},
+            "map": {"time_s": 0.0, "obstacles": [OBSTACLE]},
+            "plan": {"time_s": 0.0, "path_ned_m": [[11, 0.5, -4], [14, 2.2, -4]]},
             "monitors": MONITORS,
             "margins": MARGINS,
             "events": {**violation(7), "text": "<b>not markup</b>"},

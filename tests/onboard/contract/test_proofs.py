@@ -3,6 +3,7 @@
 Every statement is put as polynomials over the reals, for all values at once.  Time is the
 parameter, so that no square root is left: instead of t = √(2s/u), u t² = 2s.  z3 decides them: a
 theorem holds because its negation has no solution, an erratum because the printed claim has one.
+The last part ties the statements to the code: it runs on z3's reals as on floats and arrays.
 
 Notation as in `onboard.contract.region`: b, a braking and forward, u, d right and left; V entry
 speed, w drift, T lag, S size across.  ``pytest -v tests/onboard/contract/test_proofs.py`` lists
@@ -11,10 +12,15 @@ what is proven.
 
 from __future__ import annotations
 
+from fractions import Fraction
 from typing import Any
 
 import pytest
 import z3
+
+from onboard.contract import region
+from onboard.contract.arithmetic import Arithmetic
+from onboard.contract.region import Encounter
 
 # Ample: each takes a fraction of a second.  A solver that gives up fails the test.
 TIMEOUT_MS = 60_000
@@ -102,7 +108,7 @@ t_u, t_d = z3.Reals("t_u t_d")
 FACE = [y_r > 0, y_l > 0, t_u > 0, t_d > 0, u * t_u * t_u == 2 * y_r, d * t_d * t_d == 2 * y_l]
 
 
-def test_eq_8_inside_the_boundary_nobody_escapes() -> None:
+def test_eq_8_inside_the_boundary_no_input_escapes() -> None:
     """Whatever the input, the face is reached before either corner can have been passed.
 
     x_1, y_1 stand for any position that admissible inputs lead to at time t.
@@ -522,3 +528,146 @@ def test_theory_f_a_drift_ends_short_of_the_face() -> None:
 def test_theory_f_a_view_no_wider_than_the_slope_sees_nothing_in_time() -> None:
     narrow = [v > 0, slope > 0, view > 0, view <= slope, ago > 0, room > 0]
     assert solution(*narrow, room + slope * v * ago == view * v * ago) is None
+
+
+# --- the formulas that are flown: the same statements about the code itself
+
+
+class Symbols:
+    """Arithmetic on z3's reals; of a square root it is known what it squares to."""
+
+    def __init__(self) -> None:
+        self.known: list[Any] = []
+        self.arithmetic: Arithmetic[Any] = Arithmetic(
+            sqrt=self._sqrt,
+            sin=self._unknown,
+            tan=self._unknown,
+            atan2=self._unknown,
+            minimum=lambda first, second: z3.If(first <= second, first, second),
+            maximum=lambda first, second: z3.If(first >= second, first, second),
+            where=z3.If,
+            anywhere=self._unknown,
+        )
+
+    def _sqrt(self, square: Any) -> Any:
+        root = z3.FreshReal("root")
+        self.known += [root >= 0, root * root == square]
+        return root
+
+    def _unknown(self, *_: Any) -> Any:
+        raise AssertionError("no statement about this function")
+
+
+def encounter(**changes: Any) -> Encounter[Any]:
+    """The encounter of the symbols of this file."""
+    zero = z3.RealVal(0)
+    plain: dict[str, Any] = {
+        "brake_mps2": b,
+        "forward_mps2": a,
+        "left_mps2": d,
+        "right_mps2": u,
+        "speed_mps": v,
+        "lateral_speed_mps": zero,
+        "size_along_m": zero,
+        "size_across_m": size,
+        "attitude_lag_s": zero,
+        "reaction_time_s": zero,
+        "run_on_m": zero,
+        "coast_time_s": zero,
+        "coast_drift_m": zero,
+    }
+    return Encounter(**plain | changes)
+
+
+def test_the_code_of_least_advance_is_phi() -> None:
+    code = region.least_advance(v, b, t, Symbols().arithmetic)
+    moving = [*LIMITS, v > 0, t >= 0]
+    assert_theorem(code == advance(v, t), *moving, t * b <= v)
+    assert_theorem(code == v * v / (2 * b), *moving, t * b >= v)
+    # Whatever brakes by no more than b has got at least as far: at x'' = -b' with b' <= b.
+    gentler = z3.Real("gentler")
+    assert_theorem(
+        code <= v * t - gentler * t * t / 2, *moving, gentler >= 0, gentler <= b, t * gentler <= v
+    )
+
+
+def test_the_code_of_time_to_clear_without_drift_is_t_star() -> None:
+    symbols = Symbols()
+    code = region.time_to_clear(encounter(), symbols.arithmetic)
+    assumptions = [*LIMITS, v > 0, size > 0, t_s > 0, (u + d) * t_s * t_s == 2 * size]
+    assert_theorem(code == t_s, *assumptions, *symbols.known)
+
+
+def test_the_code_of_time_to_clear_with_a_slow_drift_is_t_star() -> None:
+    symbols = Symbols()
+    code = region.time_to_clear(encounter(lateral_speed_mps=w), symbols.arithmetic)
+    slow = [w <= d * t_s, w <= u * t_s]
+    # Both roots of the outrun branch exist, and are not taken.
+    assert_theorem(code == t_s, *ENTRY, *slow, *symbols.known)
+
+
+def test_the_code_of_the_outrun_time_reaches_the_far_side() -> None:
+    """Theory A: w t + u t²/2 = S + w²/2d, for the direction that the drift goes in."""
+    symbols = Symbols()
+    code = region._time_to_clear_against_drift(
+        u, d, t_s, encounter(lateral_speed_mps=w), symbols.arithmetic
+    )
+    covered = w * code + u * code * code / 2 == size + w * w / (2 * d)
+    assert_theorem(covered, *ENTRY, *symbols.known, w > d * t_s)
+
+
+def test_the_code_of_the_lane_is_the_overhang() -> None:
+    symbols = Symbols()
+    drifting = encounter(lateral_speed_mps=w, attitude_lag_s=lag)
+    width, peak_speed = region._overhang(u, d, t_m, drifting, symbols.arithmetic)
+    crossing = z3.Real("crossing")
+    square = (w + u * t_m) * (w + u * t_m) + 2 * u * w * lag
+    late = [w >= 0, lag >= 0, t_m >= 0, crossing >= 0, crossing * crossing == square]
+    assert_theorem(width == overhang(crossing, lag), *LIMITS, *symbols.known, *late)
+    assert_theorem(peak_speed == crossing + u * lag, *LIMITS, *symbols.known, *late)
+    # The speed at the crossing is what the theorem about the lane asks for.
+    assert_theorem(crossing >= w + u * t_m, *LIMITS, *late)
+
+
+def test_the_code_of_the_lane_without_drift_and_lag_is_eq_12() -> None:
+    symbols = Symbols()
+    width, _ = region._overhang(u, d, t_m, encounter(), symbols.arithmetic)
+    assert_theorem(width == overhang(u * t_m, 0), *LIMITS, *symbols.known, t_m >= 0)
+
+
+@pytest.mark.parametrize(
+    "limits", [(2, 2, 1, 3), (3, 2, 1, 1), (2, 5, 4, 1), (1, 1, 2, 2), (5, 1, 1, 7)], ids=str
+)
+def test_the_code_of_the_border_covers_every_crossing(limits: tuple[int, int, int, int]) -> None:
+    """Eq. 15 as corrected, for these limits (b, a, d, u) and all speeds and crossings up to t_m.
+
+    For all limits at once the solver gives up; that the schedule is the worst one for them is
+    proven above.
+    """
+    braking, forward, left, right = (Fraction(each) for each in limits)
+    worst = max(right / left, left / right, braking / forward)
+    share = (worst * forward - braking) / (forward + braking)
+    b_, a_, d_, u_, more, both = (
+        z3.Q(each.numerator, each.denominator)
+        for each in (braking, forward, left, right, 1 + share, 1 + braking / forward)
+    )
+    lopsided = encounter(brake_mps2=b_, forward_mps2=a_, left_mps2=d_, right_mps2=u_)
+    code = region.recovery_distance(lopsided, t_m, Symbols().arithmetic)
+    total = more * t
+    way = both * (v * total - b_ * total * total / 2) - (v * t - b_ * t * t / 2)
+    assert_theorem(code >= way, v > 0, t >= 0, t <= t_m, total * b_ <= v)
+
+
+def test_the_code_of_the_border_is_the_speeding_up_for_the_boxes_of_eq_7() -> None:
+    code = region.recovery_distance(encounter(), t_m, Symbols().arithmetic)
+    moving = [*LIMITS, v > 0, t_m >= 0]
+    assert_theorem(code == v * v / (2 * a), *moving, a == b, u == d)
+    # A vehicle that has stopped before the face needs as much, whatever its limits.
+    assert_theorem(code >= v * v / (2 * a), *moving)
+
+
+def test_the_code_of_the_drift_is_the_way_that_ends_short_of_the_face() -> None:
+    """Theory F and D: coasting, the lag, then full input."""
+    drifting = encounter(lateral_speed_mps=w, attitude_lag_s=lag, coast_drift_m=coast)
+    way = region._drift(d, drifting)
+    assert_theorem(way == coast + w * lag + w * w / (2 * d), *LIMITS, w >= 0, lag >= 0)

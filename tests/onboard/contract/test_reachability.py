@@ -14,6 +14,7 @@ from onboard.contract.region import Encounter, RegionOfInfluence, boundary_depth
 from onboard.geometry.box import Box
 from onboard.geometry.frames import FloatArray
 from tests.onboard.contract.double_integrator import Flight, Loss, Start, fly, steps_of_notice
+from tests.onboard.contract.ideal_encounter import ideal_encounter
 
 ACCELERATIONS_MPS2 = st.floats(0.8, 6.0)
 LIMITS = st.builds(AccelerationLimits, *[ACCELERATIONS_MPS2] * 4)
@@ -30,7 +31,7 @@ def encounter(
 ) -> tuple[Box, Encounter[float], float]:
     """Return an obstacle, the ideal encounter with it, and a step for simulating it."""
     obstacle = Box(50.0, 50.0 + size_m[0], -0.3 * size_m[1], 0.7 * size_m[1])
-    e = Encounter.ideal(limits, speed_mps, size_m)
+    e = ideal_encounter(limits, speed_mps, size_m)
     clearing_s = math.sqrt(2.0 * size_m[1] / (limits.left_mps2 + limits.right_mps2))
     return obstacle, e, min(clearing_s, speed_mps / limits.brake_mps2) / STEPS
 
@@ -258,7 +259,9 @@ def faces(draw: st.DrawFn) -> tuple[AccelerationLimits, float, Box]:
 
 @SIMULATED
 @given(faces(), st.integers(0, 2**32))
-def test_from_inside_nobody_escapes(face: tuple[AccelerationLimits, float, Box], seed: int) -> None:
+def test_from_inside_no_input_escapes(
+    face: tuple[AccelerationLimits, float, Box], seed: int
+) -> None:
     """One per cent inside the boundary, dense at its branches: every input collides."""
     limits, speed_mps, box = face
     random, count = np.random.default_rng(seed), 200

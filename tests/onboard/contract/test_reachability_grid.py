@@ -6,9 +6,11 @@ import numpy as np
 import pytest
 
 from onboard.contract.agility import AccelerationLimits
-from onboard.contract.region import SCALAR, Encounter, boundary_depth_at, dimensions
+from onboard.contract.arithmetic import SCALAR
+from onboard.contract.region import boundary_depth_at, dimensions
 from onboard.geometry.box import Box
 from tests.onboard.contract.grid_reachability import GridProblem
+from tests.onboard.contract.ideal_encounter import ideal_encounter
 
 FLAT = GridProblem(AccelerationLimits(2.6286, 2.6286, 2.7213, 2.7213), 2.8, 4.0)
 POINTED = GridProblem(AccelerationLimits(2.6286, 2.6286, 2.7213, 2.7213), 4.5, 4.0)
@@ -30,7 +32,7 @@ def test_boundary_agrees_with_the_grid(problem: GridProblem, flat: bool) -> None
     numerical_m = problem.depths(y_m)
     np.testing.assert_allclose(numerical_m, exact_m, atol=problem.cell_m)
     # Fine enough to tell a forgotten factor 2 from the truth.
-    e = Encounter.ideal(problem.limits, problem.speed_mps, (1.0, problem.width_m))
+    e = ideal_encounter(problem.limits, problem.speed_mps, (1.0, problem.width_m))
     size = dimensions(e, SCALAR)
     assert size.flat == flat
     assert numerical_m.max() == pytest.approx(size.collision_set_depth_m, abs=problem.cell_m)

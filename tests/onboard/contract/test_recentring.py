@@ -10,21 +10,22 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from onboard.contract.agility import AccelerationLimits
+from onboard.contract.arithmetic import ARRAY, SCALAR
 from onboard.contract.assessment import TICK_S, Clause, Terms, assess, clauses, derive
 from onboard.contract.clauses import recentring_drift
 from onboard.contract.recentring import DEAD_BAND_M, Corridor, Drift, drift_of, required_view
-from onboard.contract.region import ARRAY, SCALAR, Encounter
-from onboard.files.models import Contract
+from onboard.files.contract_file import Contract
 from onboard.geometry.box import Box
 from onboard.geometry.frames import FloatArray
 from onboard.motion.trajectory import State, Y
 from onboard.planning.closed_form import stop_at
+from tests.onboard.contract.ideal_encounter import ideal_encounter
 from tests.onboard.planning.avoidance_cases import Variety
 from tests.onboard.planning.avoidance_cases import draw as drawn_problem
 
 LIMITS = AccelerationLimits(2.0, 4.0, 1.0, 3.0)
 ENCOUNTER = replace(
-    Encounter.ideal(LIMITS, 2.5, (2.0, 2.0)),
+    ideal_encounter(LIMITS, 2.5, (2.0, 2.0)),
     lateral_speed_mps=0.5,
     attitude_lag_s=0.2,
     coast_drift_m=0.1,

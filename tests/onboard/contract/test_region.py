@@ -14,10 +14,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from onboard.contract.agility import AccelerationLimits, Agility
+from onboard.contract.agility import AccelerationLimits
+from onboard.contract.arithmetic import ARRAY, SCALAR
 from onboard.contract.region import (
-    ARRAY,
-    SCALAR,
     Dimensions,
     Encounter,
     RegionOfInfluence,
@@ -29,6 +28,7 @@ from onboard.contract.region import (
 )
 from onboard.geometry.box import Box
 from onboard.geometry.frames import FloatArray
+from tests.onboard.contract.ideal_encounter import ideal_encounter
 
 ACCELERATIONS_MPS2 = st.floats(0.4, 8.0)
 LIMITS = st.builds(AccelerationLimits, *[ACCELERATIONS_MPS2] * 4)
@@ -40,7 +40,7 @@ LAGS_S = st.one_of(st.just(0.0), st.floats(0.0, 0.6))
 
 @st.composite
 def encounters(draw: st.DrawFn) -> Encounter[float]:
-    ideal = Encounter.ideal(draw(LIMITS), draw(SPEEDS_MPS), (draw(SIZES_M), draw(SIZES_M)))
+    ideal = ideal_encounter(draw(LIMITS), draw(SPEEDS_MPS), (draw(SIZES_M), draw(SIZES_M)))
     return replace(
         ideal,
         lateral_speed_mps=draw(DRIFTS_MPS),
@@ -55,7 +55,7 @@ def symmetric(
     x_mps2: float, y_mps2: float, speed_mps: float, size_m: tuple[float, float]
 ) -> Encounter[float]:
     limits = AccelerationLimits(x_mps2, x_mps2, y_mps2, y_mps2)
-    return Encounter.ideal(limits, speed_mps, size_m)
+    return ideal_encounter(limits, speed_mps, size_m)
 
 
 def paper_box_15_deg() -> AccelerationLimits:
@@ -81,7 +81,7 @@ def crossing_times_s(distance_m: FloatArray, speed_mps: float, limit_mps2: float
 
 def test_checked_numbers() -> None:
     """The worked example of the theory: 15°, 2.8 m/s, a square of 4 m."""
-    size = dimensions(Encounter.ideal(paper_box_15_deg(), 2.8, (4.0, 4.0)), SCALAR)
+    size = dimensions(ideal_encounter(paper_box_15_deg(), 2.8, (4.0, 4.0)), SCALAR)
     assert size.collision_set_depth_m == pytest.approx(1.4913, abs=5e-5)
     assert size.overhang_left_m == pytest.approx(1.5439, abs=5e-5)
     assert size.overhang_right_m == pytest.approx(1.5439, abs=5e-5)
@@ -105,7 +105,7 @@ def test_depth_is_the_deepest_point_of_the_boundary(
     limits: AccelerationLimits, speed_mps: float, size_m: float
 ) -> None:
     obstacle = Box(3.0, 4.0, -1.0, size_m - 1.0)
-    size = dimensions(Encounter.ideal(limits, speed_mps, (1.0, size_m)), SCALAR)
+    size = dimensions(ideal_encounter(limits, speed_mps, (1.0, size_m)), SCALAR)
     y_m = np.linspace(obstacle.y_min_m, obstacle.y_max_m, 2001)
     depths_m = [boundary_depth_at(float(y), obstacle, limits, speed_mps) for y in y_m]
     deepest_m = max(depths_m)
@@ -262,18 +262,18 @@ def test_slow_drift_costs_no_time_and_fast_drift_must_be_outrun() -> None:
     outrun_s = (math.sqrt(2.25 + 25.0) - 1.5) / 4.0
     for left_mps2, right_mps2 in ((1.0, 4.0), (4.0, 1.0)):
         limits = AccelerationLimits(2.0, 2.0, left_mps2, right_mps2)
-        e = replace(Encounter.ideal(limits, 5.0, (2.0, 2.0)), lateral_speed_mps=1.5)
+        e = replace(ideal_encounter(limits, 5.0, (2.0, 2.0)), lateral_speed_mps=1.5)
         assert time_to_clear(e, SCALAR) == pytest.approx(outrun_s)
 
 
 # --- lane
 
 
-def test_lane_holds_who_enters_beside_the_face_and_drifts_on() -> None:
+def test_the_lane_covers_an_entry_beside_the_face_that_drifts_on() -> None:
     """Next to no obstacle: 0.5 m/s are stopped within 1/16 m by 2 m/s² and 1/32 m by 4 m/s²."""
     for left_mps2, right_mps2 in ((4.0, 2.0), (2.0, 4.0)):
         limits = AccelerationLimits(2.0, 2.0, left_mps2, right_mps2)
-        e = replace(Encounter.ideal(limits, 5.0, (1e-9, 1e-9)), lateral_speed_mps=0.5)
+        e = replace(ideal_encounter(limits, 5.0, (1e-9, 1e-9)), lateral_speed_mps=0.5)
         region = dimensions(e, SCALAR)
         # Towards the side that is pushed to the harder, outrunning the drift needs more.
         narrower_m = min(region.overhang_left_m, region.overhang_right_m)
@@ -323,7 +323,7 @@ def test_lane_with_drift_and_lag(e: Encounter[float], share_of_lag: float) -> No
 
 def test_drift_and_lag_break_the_printed_lane() -> None:
     """Erratum 14: 0.2 m/s of drift alone adds 0.22 m a side at 15°, 4 m, 2.8 m/s."""
-    ideal = Encounter.ideal(paper_box_15_deg(), 2.8, (4.0, 4.0))
+    ideal = ideal_encounter(paper_box_15_deg(), 2.8, (4.0, 4.0))
     drifting = replace(ideal, lateral_speed_mps=0.2)
     printed_m = dimensions(ideal, SCALAR).overhang_right_m
     assert dimensions(drifting, SCALAR).overhang_right_m - printed_m == pytest.approx(
@@ -338,7 +338,7 @@ def test_lane_of_a_worked_example() -> None:
     """Numbers by hand: u = 3, d = 1, V/b = 1 s, w = 0.5 m/s, T = 0.2 s, coasting 0.4 s."""
     limits = AccelerationLimits(2.0, 4.0, 1.0, 3.0)
     e = replace(
-        Encounter.ideal(limits, 2.0, (6.0, 8.0)),
+        ideal_encounter(limits, 2.0, (6.0, 8.0)),
         lateral_speed_mps=0.5,
         attitude_lag_s=0.2,
         reaction_time_s=0.3,
@@ -365,7 +365,7 @@ def test_lane_of_a_worked_example() -> None:
 def test_lane_of_an_entry_from_outside() -> None:
     """A strong drift near a narrow post: the entry lies farther out than the overshoot."""
     limits = AccelerationLimits(10.0, 10.0, 100.0, 1.0)
-    e = replace(Encounter.ideal(limits, 1.0, (0.1, 0.1)), lateral_speed_mps=2.0)
+    e = replace(ideal_encounter(limits, 1.0, (0.1, 0.1)), lateral_speed_mps=2.0)
     assert dimensions(e, SCALAR).overhang_right_m == pytest.approx(2.0 + 0.02)
 
 
@@ -421,13 +421,13 @@ def test_border_is_that_of_the_worst_crossing(e: Encounter[float]) -> None:
 
 def test_printed_eq_15_is_too_short_for_lopsided_limits() -> None:
     lopsided = AccelerationLimits(2.0, 2.0, 1.0, 4.0)
-    e = Encounter.ideal(lopsided, 3.0, (0.0, 8.0))
+    e = ideal_encounter(lopsided, 3.0, (0.0, 8.0))
     printed_m = 3.0**2 / (2.0 * 2.0)
     t_m = min(1.5, time_to_clear(e, SCALAR))
     assert worst_recovery_m(e) > 1.3 * printed_m
     assert recovery_distance(e, t_m, SCALAR) == pytest.approx(worst_recovery_m(e), rel=1e-3)
     # And it prints |w1x|, the braking limit, where the forward limit counts.
-    weak = Encounter.ideal(AccelerationLimits(2.0, 0.5, 2.0, 2.0), 3.0, (0.0, 8.0))
+    weak = ideal_encounter(AccelerationLimits(2.0, 0.5, 2.0, 2.0), 3.0, (0.0, 8.0))
     assert recovery_distance(weak, 1.5, SCALAR) == pytest.approx(3.0**2 / (2.0 * 0.5))
 
 
@@ -472,7 +472,7 @@ def test_border_with_drift_is_exact_for_equal_sides(e: Encounter[float]) -> None
 def test_border_with_drift_by_hand() -> None:
     """b = 4a: k = 4, m_1 = 0, m_0 = 0.1 s, C = 16 m/s², worst t = 0.875 s, q = 0.975 s."""
     limits = AccelerationLimits(4.0, 1.0, 2.0, 2.0)
-    e = replace(Encounter.ideal(limits, 4.0, (1.0, 8.0)), lateral_speed_mps=1.0)
+    e = replace(ideal_encounter(limits, 4.0, (1.0, 8.0)), lateral_speed_mps=1.0)
     assert recovery_distance(e, 1.0, SCALAR) == pytest.approx(5.0 * 1.99875 - 1.96875)
     # A drift that outlasts everything: the worst crossing is at once, m_0 = 0.75 s.
     fast = replace(symmetric(2.0, 1.0, 2.0, (1.0, 8.0)), lateral_speed_mps=1.5)
@@ -488,7 +488,7 @@ def test_border_with_lag_by_hand() -> None:
 
 def test_border_of_lopsided_sides_with_lag_by_hand() -> None:
     limits = AccelerationLimits(brake_mps2=1.0, forward_mps2=1.0, left_mps2=1.0, right_mps2=4.0)
-    e = replace(Encounter.ideal(limits, 10.0, (1.0, 1.0)), attitude_lag_s=0.5)
+    e = replace(ideal_encounter(limits, 10.0, (1.0, 1.0)), attitude_lag_s=0.5)
     # The sides differ fourfold: braking goes on for 1.5 t.  The lag lets the crossing last 0.5 s
     # longer, t = 2 s: 2 Φ(2.5 t) - Φ(t), with Φ(t) = 10 t - t²/2; and 10 (1 + 1) 0.5 for the lag.
     assert recovery_distance(e, 1.5, SCALAR) == pytest.approx(2.0 * 37.5 - 18.0 + 10.0)
@@ -503,7 +503,7 @@ def test_weak_forward_acceleration_still_meets_the_post_condition(
     Stop before the face, sidestep, speed up: at the border the entry speed is back.
     """
     limits = AccelerationLimits(4.0, 4.0 * weakness, 4.0, 4.0)
-    e = Encounter.ideal(limits, speed_mps, (0.1, size_m))
+    e = ideal_encounter(limits, speed_mps, (0.1, size_m))
     border_m = dimensions(e, SCALAR).pob_depth_m
     stopping_m = speed_mps**2 / (2.0 * limits.brake_mps2)
     speeding_up_m = speed_mps**2 / (2.0 * limits.forward_mps2)
@@ -562,7 +562,7 @@ def test_no_dimension_jumps(e: Encounter[float], name: str) -> None:
 def test_no_dimension_jumps_at_the_branches() -> None:
     """Just either side of every threshold that the formulas have."""
     limits = AccelerationLimits(2.0, 3.0, 1.0, 2.5)
-    e = Encounter.ideal(limits, 3.0, (1.0, 4.0))
+    e = ideal_encounter(limits, 3.0, (1.0, 4.0))
     t_s = time_to_clear(e, SCALAR)
     branches = [
         ("speed_mps", limits.brake_mps2 * t_s),
@@ -592,7 +592,7 @@ def test_the_region_lies_around_its_obstacle() -> None:
     limits = AccelerationLimits(2.0, 4.0, 1.0, 3.0)
     obstacle = Box(10.0, 10.5, -3.0, 5.0)
     e = replace(
-        Encounter.ideal(limits, 2.0, obstacle.size_m),
+        ideal_encounter(limits, 2.0, obstacle.size_m),
         lateral_speed_mps=0.5,
         attitude_lag_s=0.2,
         run_on_m=0.3,
@@ -620,65 +620,14 @@ def test_the_region_lies_around_its_obstacle() -> None:
     assert (region.drift_left_m, region.drift_right_m) == (size.drift_left_m, size.drift_right_m)
 
 
-def test_what_lies_ahead() -> None:
+def test_what_is_on_a_collision_course() -> None:
     limits = AccelerationLimits(2.0, 4.0, 1.0, 3.0)
-    e = replace(Encounter.ideal(limits, 2.0, (1.0, 8.0)), lateral_speed_mps=0.6)
+    e = replace(ideal_encounter(limits, 2.0, (1.0, 8.0)), lateral_speed_mps=0.6)
     region = RegionOfInfluence.around(Box(10.0, 11.0, -3.0, 5.0), e)
     # A drift of 0.6 m/s towards the face needs 18 cm on the left and 6 cm on the right to end.
-    assert region.lies_ahead(0.0, -3.179)
-    assert not region.lies_ahead(0.0, -3.181)
-    assert region.lies_ahead(0.0, 5.059)
-    assert not region.lies_ahead(0.0, 5.061)
-    assert region.lies_ahead(11.0, 0.0)
-    assert not region.lies_ahead(11.001, 0.0)
-
-
-# --- boxes
-
-
-def test_boxes() -> None:
-    box = Box(1.0, 3.0, -2.0, 5.0)
-    assert box.size_m == (2.0, 7.0)
-    assert box.inflated(0.5) == Box(0.5, 3.5, -2.5, 5.5)
-    assert box.enclosing(Box(2.0, 4.0, -3.0, 1.0)) == Box(1.0, 4.0, -3.0, 5.0)
-    assert box.enclosing(Box(0.0, 2.0, 0.0, 9.0)) == Box(0.0, 3.0, -2.0, 9.0)
-
-
-@pytest.mark.parametrize(
-    ("other", "touches"),
-    [
-        (Box(3.0, 4.0, 0.0, 1.0), True),
-        (Box(3.001, 4.0, 0.0, 1.0), False),
-        (Box(0.0, 1.0, 0.0, 1.0), True),
-        (Box(0.0, 0.999, 0.0, 1.0), False),
-        (Box(1.0, 2.0, 5.0, 6.0), True),
-        (Box(1.0, 2.0, 5.001, 6.0), False),
-        (Box(1.0, 2.0, -3.0, -2.0), True),
-        (Box(1.0, 2.0, -3.0, -2.001), False),
-        (Box(0.0, 9.0, -9.0, 9.0), True),
-    ],
-)
-def test_closed_boxes_touch(other: Box, touches: bool) -> None:
-    box = Box(1.0, 3.0, -2.0, 5.0)
-    assert box.intersects(other) is touches
-    assert other.intersects(box) is touches
-
-
-@pytest.mark.parametrize("corners", [(2.0, 1.0, 0.0, 1.0), (0.0, 1.0, 2.0, 1.0), (math.nan,) * 4])
-def test_boxes_have_an_inside(corners: tuple[float, float, float, float]) -> None:
-    with pytest.raises(ValueError, match="not a box"):
-        Box(*corners)
-
-
-def test_a_point_is_a_box() -> None:
-    assert Box(1.0, 1.0, 2.0, 2.0).size_m == (0.0, 0.0)
-
-
-def test_ideal_encounter_is_the_papers() -> None:
-    limits = Agility(0.2, 0.3, 2.0).acceleration_limits("inner")
-    e = Encounter.ideal(limits, 2.8, (1.0, 4.0))
-    assert (e.brake_mps2, e.forward_mps2) == (limits.brake_mps2, limits.forward_mps2)
-    assert (e.left_mps2, e.right_mps2) == (limits.left_mps2, limits.right_mps2)
-    assert (e.speed_mps, e.size_along_m, e.size_across_m) == (2.8, 1.0, 4.0)
-    assert e.lateral_speed_mps == e.attitude_lag_s == e.reaction_time_s == 0.0
-    assert e.run_on_m == e.coast_time_s == 0.0
+    assert region.on_collision_course(0.0, -3.179)
+    assert not region.on_collision_course(0.0, -3.181)
+    assert region.on_collision_course(0.0, 5.059)
+    assert not region.on_collision_course(0.0, 5.061)
+    assert region.on_collision_course(11.0, 0.0)
+    assert not region.on_collision_course(11.001, 0.0)

@@ -72,7 +72,7 @@ def test_one_vector_is_moved_like_many(leg: LegFrame, vector: tuple[float, float
 
 
 def test_a_leg_without_length_has_no_frame() -> None:
-    with pytest.raises(ValueError, match="a leg needs length"):
+    with pytest.raises(ValueError, match="leg start and end are less than 1 cm apart"):
         LegFrame.between((1.0, 1.0, 0.0), (1.0, 1.005, -30.0))
 
 

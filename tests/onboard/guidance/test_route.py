@@ -6,9 +6,11 @@ from itertools import pairwise
 import pytest
 
 from onboard.autonomy import Autonomy
-from onboard.files.models import Contract, Mission
+from onboard.files.contract_file import Contract
+from onboard.files.mission_file import Mission
 from onboard.guidance.phases import Phase
-from onboard.guidance.route import Itinerary
+from onboard.guidance.route import Route
+from onboard.recording.state import state_of
 from tests.onboard.test_autonomy import EPOCH_UNIX_S, OFFBOARD, POSCTL, Rig, box
 
 
@@ -33,33 +35,33 @@ def cruising(contract: Contract) -> Rig:
 
 
 def test_legs_begin_where_the_vehicle_is() -> None:
-    itinerary = Itinerary(mission_to((30.0, 0.0), (30.0, 40.0)))
-    assert itinerary.frame.origin_ned_m == (0.0, 0.0, -4.0)
-    assert itinerary.length_m == 30.0
-    assert itinerary.begin_next(30.0, -2.0)
-    assert itinerary.frame.origin_ned_m == (30.0, -2.0, -4.0)
-    assert itinerary.frame.heading_rad == pytest.approx(math.pi / 2.0)
-    assert itinerary.length_m == 42.0
-    assert not itinerary.begin_next(30.0, 40.0)
+    route = Route(mission_to((30.0, 0.0), (30.0, 40.0)))
+    assert route.frame.origin_ned_m == (0.0, 0.0, -4.0)
+    assert route.length_m == 30.0
+    assert route.begin_next(30.0, -2.0)
+    assert route.frame.origin_ned_m == (30.0, -2.0, -4.0)
+    assert route.frame.heading_rad == pytest.approx(math.pi / 2.0)
+    assert route.length_m == 42.0
+    assert not route.begin_next(30.0, 40.0)
 
 
 def test_a_leg_that_ends_here_has_been_flown() -> None:
-    itinerary = Itinerary(mission_to((30.0, 0.0), (33.0, 0.0), (33.0, 20.0)))
-    assert itinerary.begin_next(33.0, 0.0)
-    assert itinerary.leg.end_ned_m == (33.0, 20.0)
-    assert not Itinerary(mission_to((30.0, 0.0), (33.0, 0.0))).begin_next(33.0, 0.05)
+    route = Route(mission_to((30.0, 0.0), (33.0, 0.0), (33.0, 20.0)))
+    assert route.begin_next(33.0, 0.0)
+    assert route.leg.end_ned_m == (33.0, 20.0)
+    assert not Route(mission_to((30.0, 0.0), (33.0, 0.0))).begin_next(33.0, 0.05)
 
 
 def test_a_successor_begins_here_in_flight_and_at_its_start_before() -> None:
-    itinerary, other = Itinerary(mission_to((30.0, 0.0), (30.0, 40.0))), mission_to((0.0, 50.0))
-    itinerary.successor = other
-    assert itinerary.begin_next(10.0, 0.0)
-    assert itinerary.mission is other
-    assert itinerary.successor is None
-    assert itinerary.frame.origin_ned_m == (10.0, 0.0, -4.0)
-    itinerary.successor = other
-    itinerary.restart()
-    assert itinerary.frame.origin_ned_m == (0.0, 0.0, -4.0)
+    route, other = Route(mission_to((30.0, 0.0), (30.0, 40.0))), mission_to((0.0, 50.0))
+    route.successor = other
+    assert route.begin_next(10.0, 0.0)
+    assert route.mission is other
+    assert route.successor is None
+    assert route.frame.origin_ned_m == (10.0, 0.0, -4.0)
+    route.successor = other
+    route.restart()
+    assert route.frame.origin_ned_m == (0.0, 0.0, -4.0)
 
 
 # ---------------------------------------------------------------------------- in flight
@@ -105,7 +107,9 @@ def test_another_height_is_refused_in_flight_and_said(cruising: Rig) -> None:
     sent(cruising, mission_to((0.0, 40.0), altitude_m=9.0))
     cruising.run(30.0, until=lambda: cruising.phase is Phase.ARRIVED)
     assert cruising.position_ned_m == pytest.approx((60.0, 0.0, -4.0), abs=0.05)
-    assert cruising.texts("mission_refused") == ["mission refused: in flight it has to stay at 4 m"]
+    assert cruising.texts("mission_refused") == [
+        "mission refused: altitude 9 m (expected 4 m while in flight)"
+    ]
 
 
 def test_the_last_of_several_counts_even_while_the_nose_turns(cruising: Rig) -> None:
@@ -153,11 +157,11 @@ def test_a_hold_is_not_left_for_another_mission(cruising: Rig) -> None:
         b'{"altitude_m": 4.0, "legs": [{"end_ned_m": [1.0, 2.0]}], "wind": 1}',
     ],
 )
-def test_what_is_no_mission_is_counted_and_changes_nothing(cruising: Rig, payload: bytes) -> None:
+def test_a_malformed_mission_is_counted_and_changes_nothing(cruising: Rig, payload: bytes) -> None:
     cruising.autonomy.receive_mission(payload, cruising.now_s)
     cruising.run(0.1)
-    dropped = cruising.autonomy.snapshot(cruising.now_s)["dropped"]
-    assert dropped["missions_malformed"] == 1
+    dropped = state_of(cruising.autonomy, cruising.now_s).dropped
+    assert dropped.missions_malformed == 1
     assert cruising.velocity_ned_mps[0] == pytest.approx(2.8, abs=0.01)
     assert cruising.texts("violation") == []
 

@@ -200,13 +200,13 @@ def test_set_points_go_to_the_vehicle_alone(listening: str, calling: str, strang
         ):
             if stranger == "before the vehicle":
                 await say(other, b"hello", b"hello")
-                daemon.send(b"set-point")  # dropped: that is not the vehicle
+                daemon.send(b"setpoint")  # dropped: that is not the vehicle
             await say(vehicle, heartbeat(), heartbeat())
             for _ in range(5):
                 other.send(b"hello" + heartbeat())
                 await asyncio.sleep(0.01)
-                daemon.send(b"set-point")
-            await until(lambda: b"set-point" in at_vehicle)
+                daemon.send(b"setpoint")
+            await until(lambda: b"setpoint" in at_vehicle)
 
     asyncio.run(exchange())
     assert not at_stranger
@@ -227,8 +227,8 @@ def test_a_caller_reads_only_what_its_address_sends() -> None:
                     stranger.sendto(heartbeat(), daemon)
                 autopilot.sendto(b"telemetry", daemon)
                 await until(lambda: bool(heard))
-                link.send(b"set-point")
-                assert autopilot.recv(100) == b"set-point"
+                link.send(b"setpoint")
+                assert autopilot.recv(100) == b"setpoint"
 
     asyncio.run(call())
     assert heard == b"telemetry"
@@ -259,7 +259,7 @@ def test_names_are_resolved_once_and_off_the_tick(
     async def send() -> None:
         async with opened(f"{scheme}://autopilot.local:9", lambda _: None) as link:
             for _ in range(5):
-                link.send(b"set-point")
+                link.send(b"setpoint")
                 await asyncio.sleep(0.01)
 
     asyncio.run(send())

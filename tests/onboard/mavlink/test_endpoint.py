@@ -1,3 +1,5 @@
+"""What the service reads from an autopilot: modes, poses, targets, reports, and garbage."""
+
 import math
 from collections.abc import Iterator
 from typing import Any
@@ -7,17 +9,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from onboard.contract.assessment import TICK_S
-from onboard.mavlink.autopilot_facts import ARDUPILOT
-from onboard.mavlink.endpoint import COMPONENT_ID, MavlinkEndpoint
+from onboard.mavlink.endpoint import MavlinkEndpoint
 from onboard.mavlink.position_reports import GpsReport, HealthReport
-from onboard.mavlink.status_text import CHUNK_BYTES, TEXT_BYTES_MAX, chunks
-from onboard.vehicle_state import Setpoint
-from tests.status_texts import status_texts
+from onboard.mavlink.profiles.ardupilot import ARDUPILOT
+from onboard.mavlink.profiles.px4 import PX4
 
 OFFBOARD = 6 << 16
 LOITER = 4 << 16 | 3 << 24
-CONTROL = dict.fromkeys((*range(0x20), *range(0x7F, 0xA0)), " ")
 
 
 class Autopilot:
@@ -89,11 +87,15 @@ def autopilot() -> Autopilot:
         (LOITER, 12, "LOITER", False),
         (3 << 16, 12, "POSCTL", False),
         (4, 3, "GUIDED", True),
-        (5, 3, "COPTER 5", False),
+        (5, 3, "LOITER", False),
+        (17, 3, "BRAKE", False),
+        (99, 3, "COPTER 99", False),
+        (OFFBOARD, 13, f"MODE {OFFBOARD}", False),
+        (4, 0, "MODE 4", False),
         (OFFBOARD, 3, "COPTER 393216", False),
     ],
 )
-def test_mode_is_read_in_both_flavours(
+def test_mode_is_read_by_the_profile_of_the_autopilot(
     endpoint: MavlinkEndpoint,
     autopilot: Autopilot,
     custom_mode: int,
@@ -157,11 +159,11 @@ def test_other_systems_and_components_are_ignored(
 
 
 @pytest.mark.parametrize("autopilot_id", [3, 12])
-def test_the_flavour_is_read_from_the_heartbeat(
+def test_the_profile_is_that_of_the_heartbeat(
     endpoint: MavlinkEndpoint, autopilot: Autopilot, autopilot_id: int
 ) -> None:
     endpoint.receive(autopilot.heartbeat(0, armed=True, autopilot=autopilot_id), 1.0)
-    assert endpoint.status.ardupilot is (autopilot_id == 3)
+    assert endpoint.profile is {3: ARDUPILOT, 12: PX4}[autopilot_id]
 
 
 @pytest.mark.parametrize(
@@ -192,32 +194,6 @@ def test_what_a_target_ignores_is_no_number(
     nothing = pytest.approx((math.nan,) * 3, nan_ok=True)
     assert position_ned_m == ((1.0, 2.0, -4.0) if has_position else nothing)
     assert velocity_ned_mps == ((2.5, 0.5, 0.25) if has_velocity else nothing)
-
-
-def test_setpoint_carries_everything(endpoint: MavlinkEndpoint, autopilot: Autopilot) -> None:
-    setpoint = Setpoint((1.0, 2.0, -4.0), (2.5, 0.5, 0.0), (0.25, -0.5, 0.125), 0.75)
-    endpoint.send_setpoint(setpoint, now_s=1.5)
-    (message,) = autopilot.heard(endpoint.bytes_to_send())
-    assert message.get_type() == "SET_POSITION_TARGET_LOCAL_NED"
-    assert (message.get_srcSystem(), message.get_srcComponent()) == (1, COMPONENT_ID)
-    assert (message.target_system, message.target_component) == (1, 1)
-    assert message.coordinate_frame == mavlink.MAV_FRAME_LOCAL_NED
-    assert message.type_mask == mavlink.POSITION_TARGET_TYPEMASK_YAW_RATE_IGNORE
-    assert (message.x, message.y, message.z) == setpoint.position_ned_m
-    assert (message.vx, message.vy, message.vz) == setpoint.velocity_ned_mps
-    assert (message.afx, message.afy, message.afz) == setpoint.acceleration_ned_mps2
-    assert message.yaw == 0.75
-    assert message.time_boot_ms == 1500
-    assert endpoint.bytes_to_send() == b""
-
-
-def test_heartbeat_goes_out_once_a_second(endpoint: MavlinkEndpoint, autopilot: Autopilot) -> None:
-    beats = []
-    for tick in range(150):
-        endpoint.keep_alive(tick * 0.02, active=True)
-        beats += list(autopilot.heard(endpoint.bytes_to_send()))
-    assert [beat.get_type() for beat in beats] == ["HEARTBEAT"] * 3
-    assert beats[0].type == mavlink.MAV_TYPE_ONBOARD_CONTROLLER
 
 
 COMMON_IDS = {1, 24, 30, 32, 85, 245}
@@ -288,7 +264,7 @@ def test_what_the_autopilot_says_of_its_position_is_read(
     reports = endpoint.position_reports
     assert (reports.estimator.report, reports.gps.report, reports.health.report) == (None,) * 3
     endpoint.receive(autopilot.heartbeat(4, armed=True, autopilot=3), 1.0)
-    assert reports.facts is ARDUPILOT
+    assert reports.facts is ARDUPILOT.estimator
     endpoint.receive(autopilot.estimator(0x37F), 1.1)
     assert reports.estimator.report is not None
     assert reports.estimator.report.name == "ESTIMATOR_STATUS"
@@ -317,91 +293,6 @@ def test_texts_are_bounded(endpoint: MavlinkEndpoint, autopilot: Autopilot) -> N
     endpoint.receive(autopilot.said(), 0.0)
     assert [text for _, text in endpoint.position_reports.texts][-1] == "99"
     assert len(endpoint.position_reports.texts) == 20
-
-
-def texts_heard(endpoint: MavlinkEndpoint, autopilot: Autopilot, seconds: float) -> list[Any]:
-    messages: list[Any] = []
-    for tick in range(round(seconds / TICK_S)):
-        endpoint.keep_alive(tick * TICK_S, active=True)
-        messages += autopilot.heard(endpoint.bytes_to_send())
-    return [message for message in messages if message.get_type() == "STATUSTEXT"]
-
-
-@pytest.mark.parametrize(
-    "text",
-    [
-        "",
-        "short",
-        "x" * 50,
-        "x" * 51,
-        "x" * 99,
-        "x" * 100,
-        "x" * 101,
-        "x" * 249,
-        "Clearway: tracking error 0.40 > 0.25 m with 3.2 m/s², obstacle front/7: braking to hover",
-        "é" * 25,
-        "é" * 60,
-    ],
-)
-def test_a_long_text_is_sent_in_chunks(
-    endpoint: MavlinkEndpoint, autopilot: Autopilot, text: str
-) -> None:
-    endpoint.send_text(mavlink.MAV_SEVERITY_ERROR, text)
-    heard = texts_heard(endpoint, autopilot, 1.0)
-    assert status_texts(heard) == [text]
-    assert {message.severity for message in heard} == {mavlink.MAV_SEVERITY_ERROR}
-    assert [message.chunk_seq for message in heard] == list(range(len(heard)))
-    if len(text.encode()) <= 50:
-        assert [message.id for message in heard] == [0]
-    else:
-        (text_id,) = {message.id for message in heard}
-        assert text_id > 0
-        # The first NUL ends a text: every chunk but the last is full, and the last is not.
-        *full, last = (bytes(message._text_raw).rstrip(b"\0") for message in heard)
-        assert {len(part) for part in full} == {50}
-        assert len(last) < 50
-
-
-def test_texts_do_not_mix_and_leave_room_for_set_points(
-    endpoint: MavlinkEndpoint, autopilot: Autopilot
-) -> None:
-    texts = [f"{number}: " + "x" * 120 for number in range(20)]
-    for text in texts:
-        endpoint.send_text(mavlink.MAV_SEVERITY_WARNING, text)
-    heard = texts_heard(endpoint, autopilot, 1.0)
-    assert 10 <= len(heard) <= 11
-    endpoint._text_due_s = 0.0
-    heard += texts_heard(endpoint, autopilot, 6.0)
-    assert status_texts(heard) == texts
-    assert len({message.id for message in heard}) == len(texts)
-
-
-def test_a_character_that_would_straddle_two_chunks_is_moved() -> None:
-    assert chunks("x" * 49 + "² end") == [b"x" * 49 + b" ", "² end".encode()]
-
-
-def test_a_text_id_is_never_zero(endpoint: MavlinkEndpoint, autopilot: Autopilot) -> None:
-    endpoint._text_id = 0xFFFE
-    for _ in range(3):
-        endpoint.send_text(mavlink.MAV_SEVERITY_WARNING, "x" * 60)
-    ids = [message.id for message in texts_heard(endpoint, autopilot, 1.0)]
-    assert ids == [0xFFFF, 0xFFFF, 1, 1, 2, 2]
-
-
-@given(st.text(max_size=300))
-def test_chunks_decode_one_by_one_and_lose_nothing_but_the_end(text: str) -> None:
-    parts = chunks(text)
-    assert all(len(part) == CHUNK_BYTES for part in parts[:-1])
-    assert len(parts) <= 5
-    assert len(parts) == 1 or len(parts[-1]) < CHUNK_BYTES
-    joined = "".join(part.decode() for part in parts)  # each is UTF-8 by itself
-    assert joined.isprintable() or not text.isprintable()
-    assert "\0" not in joined
-    squeezed, expected = "".join(joined.split()), "".join(text.translate(CONTROL).split())
-    if joined.endswith("...") and len(joined.encode()) >= TEXT_BYTES_MAX - 4:
-        assert expected.startswith(squeezed.removesuffix("...")) or squeezed == expected
-    else:
-        assert squeezed == expected
 
 
 @given(st.binary(max_size=400))

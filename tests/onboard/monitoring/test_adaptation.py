@@ -7,13 +7,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from onboard.contract.assessment import Assessment, assess, assess_terms
-from onboard.files.models import Contract
-from onboard.guidance.navigator import _envelope as envelope_of
+from onboard.files.contract_file import Contract
+from onboard.guidance.envelope import envelope_of
 from onboard.monitoring.adaptation import (
     HEADROOM,
     SPEED_MIN_MPS,
     SPEED_STEP_MPS,
     adapt,
+    at_compliant_speed,
     slowing_distance,
     slows_in_time,
 )
@@ -50,6 +51,27 @@ def test_shorter_sight_is_flown_at_the_fastest_step_that_complies(assessment: As
         adapted.terms, cruise_speed_mps=adapted.terms.cruise_speed_mps + SPEED_STEP_MPS
     )
     assert not assess_terms(adapted.contract, faster).compliant
+
+
+@given(st.floats(1.0, 12.0))
+def test_bisection_finds_the_speed_that_trying_each_step_finds(range_m: float) -> None:
+    before = assess(Contract.model_validate(EXAMPLE))
+    seen = replace(before, terms=replace(before.terms, detection_range_m=range_m))
+    steps = range(math.floor((2.8 - SPEED_MIN_MPS) / SPEED_STEP_MPS) + 1)
+    speeds_mps = [2.8 - step * SPEED_STEP_MPS for step in steps]
+    complying_mps = (
+        speed_mps
+        for speed_mps in speeds_mps
+        if assess_terms(before.contract, replace(seen.terms, cruise_speed_mps=speed_mps)).compliant
+    )
+    expected_mps = next(complying_mps, None)
+    adaptation = at_compliant_speed(seen, 2.8)
+    if expected_mps is None:
+        assert adaptation is None
+    else:
+        assert adaptation is not None
+        assert adaptation.assessment.terms.cruise_speed_mps == expected_mps
+        assert adaptation.slower is (expected_mps < 2.8)
 
 
 def test_sight_too_short_for_any_speed_is_not_adapted_to(assessment: Assessment) -> None:

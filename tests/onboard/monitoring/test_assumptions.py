@@ -6,7 +6,8 @@ import pytest
 from onboard.contract.region import Encounter, RegionOfInfluence
 from onboard.geometry.box import Box
 from onboard.monitoring.assumptions import Assumption, Violation, check_frame, check_obstacle
-from onboard.perception.obstacle_map import Detection, DetectionFrame, Obstacle
+from onboard.perception.detection import Detection, DetectionFrame
+from onboard.perception.obstacle_map import Obstacle
 from tests.onboard.contract.example_terms import TERMS
 
 

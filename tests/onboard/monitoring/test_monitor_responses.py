@@ -9,10 +9,11 @@ from pymavlink.dialects.v20 import common as mavlink
 
 from onboard.autonomy import Autonomy
 from onboard.contract.agility import GRAVITY_MPS2
-from onboard.files.models import Contract, Mission, load_contract
+from onboard.files.contract_file import Contract, load_contract
+from onboard.files.mission_file import Mission
 from onboard.geometry.frames import Vector
 from onboard.guidance.phases import Phase
-from onboard.mavlink.autopilot_facts import TARGET_RATE_HZ
+from onboard.mavlink.profiles.profile import TARGET_RATE_HZ
 from onboard.monitoring.response.trim import LEARNING_TIME_S
 from onboard.monitoring.response.wind import CONFIRMATION_S
 from tests.onboard.conftest import CONFIG
@@ -32,7 +33,7 @@ class FieldRig(Rig):
         nose_error_rad: of the heading flown.
         trim_ned_mps2: tilt against the wind, north and east.
         gain_per_s: velocity that the echo adds per position error; PX4's is 0.95.
-        rival: position of another commander's set-points, which every third echo shows.
+        second_commander: position of another commander's setpoints, which every third echo shows.
         copter: it is ArduPilot.
     """
 
@@ -41,7 +42,7 @@ class FieldRig(Rig):
     nose_error_rad: float = 0.0
     trim_ned_mps2: tuple[float, float] = (0.0, 0.0)
     gain_per_s: float = 0.0
-    rival: Callable[["FieldRig"], Vector] | None = None
+    second_commander: Callable[["FieldRig"], Vector] | None = None
     copter: bool = False
     echoes: bool = True
 
@@ -88,8 +89,11 @@ class FieldRig(Rig):
     def _echo(self) -> None:
         asked = self.setpoints[-1]
         position_ned_m = (asked.x, asked.y, asked.z)
-        if self.rival is not None and round(self.now_s / 0.02) % (3 * ECHO_PERIOD_TICKS) == 0:
-            position_ned_m = self.rival(self)
+        if (
+            self.second_commander is not None
+            and round(self.now_s / 0.02) % (3 * ECHO_PERIOD_TICKS) == 0
+        ):
+            position_ned_m = self.second_commander(self)
         added_mps = tuple(-self.gain_per_s * error for error in self.error_ned_m)
         velocity_mps = _plus((asked.vx, asked.vy, asked.vz), added_mps)
         self._mav.position_target_local_ned_send(
@@ -326,7 +330,7 @@ def test_what_px4s_controller_adds_is_no_second_commander(
 
 @pytest.mark.parametrize("copter", [False, True])
 @pytest.mark.parametrize(
-    "rival",
+    "second_commander",
     [
         lambda rig: (*rig.position_ned_m[:2], -7.0),  # another height only
         lambda rig: (*rig.position_ned_m[:2], rig.position_ned_m[2] + 0.3),
@@ -334,13 +338,17 @@ def test_what_px4s_controller_adds_is_no_second_commander(
         lambda _: (math.nan, math.nan, math.nan),
     ],
 )
-def test_a_rival_that_a_third_of_the_echoes_show_ends_in_a_stop(
-    contract: Contract, mission: Mission, rival: Callable[[FieldRig], Vector], *, copter: bool
+def test_a_second_commander_that_a_third_of_the_echoes_show_ends_in_a_stop(
+    contract: Contract,
+    mission: Mission,
+    second_commander: Callable[[FieldRig], Vector],
+    *,
+    copter: bool,
 ) -> None:
     rig = rig_of(contract, mission, copter=copter, mode=OFFBOARD)
     rig.run(6.0)
     assert rig.phase is Phase.CRUISE
-    rig.rival = rival
+    rig.second_commander = second_commander
     violation = holds(rig, 2.0)
     assert violation is not None
     assert violation.startswith("second_commander")

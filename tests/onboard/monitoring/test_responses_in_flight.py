@@ -5,7 +5,8 @@ from dataclasses import dataclass
 import pytest
 
 from onboard.autonomy import Autonomy
-from onboard.files.models import Contract, Mission
+from onboard.files.contract_file import Contract
+from onboard.files.mission_file import Mission
 from onboard.guidance.phases import Phase
 from onboard.monitoring.assumptions import Assumption, Violation
 from onboard.monitoring.response.trim import LEARNING_TIME_S
@@ -110,7 +111,7 @@ def test_every_speed_that_the_contract_is_solved_for_is_said(
     speeds_mps = [navigator.assessment.terms.cruise_speed_mps]
     for apart_m in (15.0, 14.0, 13.0, 13.0):
         seen = Violation(Assumption.ROI_INTERSECTION, apart_m, 60.0, "m", "1 and 2")
-        navigator.answer(seen, rig.now_s)
+        navigator.respond_to(seen, rig.now_s)
         rig.run(0.8, until=lambda: see(rig))
         speeds_mps.append(navigator.assessment.terms.cruise_speed_mps)
     assert rig.phase is Phase.CRUISE

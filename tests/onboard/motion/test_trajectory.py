@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -88,7 +89,7 @@ def test_the_rest_is_the_same_motion(trajectory: Trajectory, cut: float, later: 
 def test_joined_and_moved_in_time(first: Trajectory, second: Trajectory) -> None:
     joined = first.followed_by(second)
     assert joined.end_s == pytest.approx(first.end_s + second.end_s - second.start_s)
-    moved = second.starting_at(first.end_s)
+    moved = replace(second, start_s=first.end_s)
     time_s = moved.start_s + 0.37 * (moved.end_s - moved.start_s)
     np.testing.assert_allclose(
         joined.sample(time_s).position_leg_m, moved.sample(time_s).position_leg_m, atol=1e-6
@@ -121,7 +122,7 @@ def test_accelerations_are_followed_by_a_coast_to_a_border() -> None:
     assert coasting.final.position_leg_m[0] == pytest.approx(end_m + 7.0, abs=1e-12)
     assert coasting.final.velocity_leg_mps == pytest.approx(plain.final.velocity_leg_mps)
     assert coasting.end_s - plain.end_s == pytest.approx(7.0 / end_mps)
-    with pytest.raises(CannotCoastError, match="0 m are left"):
+    with pytest.raises(CannotCoastError, match="cannot coast over the last 0 m"):
         Trajectory.from_accelerations(4.0, start, durations_s, nodes_mps2, end_m)
     backwards = start._replace(velocity_leg_mps=(-9.0, 0.5, 0.0))
     with pytest.raises(CannotCoastError, match=r"at -7\.5 m/s"):
@@ -139,34 +140,19 @@ def test_waits_before_and_coasts_after() -> None:
     assert after.acceleration_leg_mps2 == (0.0, 0.0, 0.0)
     assert trajectory.first_time_s(0, after.position_leg_m[0]) == pytest.approx(13.0)
     assert trajectory.first_time_s(0, 0.5) is None
-    with pytest.raises(ValueError, match="ended"):
+    with pytest.raises(ValueError, match="the trajectory ends at"):
         trajectory.from_time(12.0)
 
 
 def test_refuses_what_is_not_a_trajectory() -> None:
     nothing = Profile(0.0, 0.0)
-    with pytest.raises(ValueError, match="needs pieces"):
+    with pytest.raises(ValueError, match="expected at least one, all above zero"):
         Trajectory.from_profiles(0.0, nothing, nothing, nothing)
     zeros = np.zeros((1, 3))
     with pytest.raises(ValueError, match="finite"):
         Trajectory(0.0, np.ones(1), zeros * math.nan, zeros, zeros, zeros)
     with pytest.raises(ValueError, match="shape"):
         Trajectory(0.0, np.ones(2), zeros, zeros, zeros, zeros)
-
-
-@given(st.lists(NUMBERS, min_size=4, max_size=4), st.floats(0.1, 5.0))
-def test_cubic_roots_are_all_the_sign_changes(coefficients: list[float], end: float) -> None:
-    found = polynomial.roots(coefficients, end)
-    assert found == sorted(found)
-    t = np.linspace(0.0, end, 2000)
-    values = np.polynomial.polynomial.polyval(t, coefficients)
-    clear = np.abs(values) > 1e-9
-    signs = np.sign(values[clear])
-    changes = t[clear][1:][signs[1:] != signs[:-1]]
-    for change in changes:
-        assert any(abs(change - root) < 2.0 * end / 2000 for root in found)
-    for root in found:
-        assert abs(polynomial.evaluate(coefficients, root)) < 1e-9
 
 
 @given(
@@ -200,3 +186,101 @@ def test_speed_change_without_jerk_limit_is_one_push(state: AxisState, target_mp
         assert jerk_mps3 == 0.0
         assert acceleration_mps2 in {-2.0, 4.0}
         assert duration_s == pytest.approx((target_mps - state.velocity_mps) / acceleration_mps2)
+
+
+@given(TRAJECTORIES)
+def test_every_piece_lies_in_the_hull_of_its_control_points(trajectory: Trajectory) -> None:
+    points_m = trajectory.control_points_m
+    assert points_m.shape == (len(trajectory.durations_s), 4, 3)
+    low_m, high_m = points_m.min(axis=1), points_m.max(axis=1)
+    for piece, (begin_s, duration_s) in enumerate(
+        zip(trajectory.knots_s[:-1], trajectory.durations_s.tolist(), strict=True)
+    ):
+        for share in (0.0, 0.25, 0.5, 0.75):
+            time_s = begin_s + share * duration_s
+            for axis in range(3):
+                coefficients = trajectory.position_coefficients(piece, axis)
+                value_m = polynomial.evaluate(coefficients, time_s - begin_s)
+                assert low_m[piece, axis] - 1e-9 <= value_m <= high_m[piece, axis] + 1e-9
+
+
+@given(TRAJECTORIES, st.sampled_from([0, 1, 2]))
+def test_velocity_ranges_enclose_and_touch_the_samples(trajectory: Trajectory, axis: int) -> None:
+    low_mps, high_mps = trajectory.velocity_range_mps(axis)
+    # Just before the end: at it the coast begins, whose velocity is the same.
+    speeds_mps = [
+        trajectory.sample(time_s).velocity_leg_mps[axis] for time_s in dense_times_s(trajectory)
+    ]
+    assert low_mps - 1e-9 <= min(speeds_mps)
+    assert max(speeds_mps) <= high_mps + 1e-9
+    steepest_mps2 = np.abs(trajectory.acceleration_leg_mps2).max()
+    steepest_mps2 += (np.abs(trajectory.jerk_leg_mps3).max() * trajectory.durations_s).max()
+    step_mps = steepest_mps2 * (trajectory.end_s - trajectory.start_s) / 399.0 + 1e-9
+    assert min(speeds_mps) <= low_mps + step_mps
+    assert max(speeds_mps) >= high_mps - step_mps
+
+
+@given(TRAJECTORIES, st.tuples(NUMBERS, NUMBERS, NUMBERS))
+def test_a_shift_moves_positions_alone(
+    trajectory: Trajectory, shift_m: tuple[float, float, float]
+) -> None:
+    moved = trajectory.shifted_by(shift_m)
+    for time_s in dense_times_s(trajectory, 7):
+        was, now = trajectory.sample(time_s), moved.sample(time_s)
+        np.testing.assert_allclose(
+            np.array(now.position_leg_m) - was.position_leg_m, shift_m, atol=1e-9
+        )
+        assert now[1:] == was[1:]
+
+
+@given(TRAJECTORIES, st.floats(0.01, 9.0))
+def test_an_explicit_coast_changes_the_end_alone(trajectory: Trajectory, duration_s: float) -> None:
+    longer = trajectory.coasting_for(duration_s)
+    assert longer.end_s == pytest.approx(trajectory.end_s + duration_s)
+    for time_s in (*dense_times_s(trajectory, 5)[:-1], trajectory.end_s + duration_s / 2.0):
+        np.testing.assert_allclose(
+            longer.sample(time_s).position_leg_m,
+            trajectory.sample(time_s).position_leg_m,
+            atol=1e-6,
+        )
+    assert longer.final.velocity_leg_mps == pytest.approx(trajectory.final.velocity_leg_mps)
+    assert longer.final.acceleration_leg_mps2 == (0.0, 0.0, 0.0)
+
+
+@given(st.integers(0, 2**32 - 1), st.integers(1, 6))
+def test_accelerations_at_knots_are_integrated(seed: int, count: int) -> None:
+    rng = np.random.default_rng(seed)
+    durations_s = rng.uniform(0.05, 1.0, count)
+    nodes_mps2 = rng.uniform(-3.0, 3.0, (count + 1, 3))
+    start = State((1.0, -2.0, 0.5), (2.0, 0.1, -0.3), (0.0, 0.0, 0.0))
+    trajectory = Trajectory.from_accelerations(7.0, start, durations_s, nodes_mps2)
+    times_s = np.linspace(0.0, durations_s.sum(), 4001)
+    knots_s = np.concatenate(([0.0], np.cumsum(durations_s)))
+    for axis in range(3):
+        acceleration = np.interp(times_s, knots_s, nodes_mps2[:, axis])
+        velocity = start.velocity_leg_mps[axis] + np.concatenate(
+            ([0.0], np.cumsum((acceleration[1:] + acceleration[:-1]) / 2.0 * np.diff(times_s)))
+        )
+        way_m = np.trapezoid(velocity, times_s)
+        assert trajectory.final.velocity_leg_mps[axis] == pytest.approx(velocity[-1], abs=1e-3)
+        moved_m = trajectory.final.position_leg_m[axis] - start.position_leg_m[axis]
+        assert moved_m == pytest.approx(way_m, abs=1e-3)
+    np.testing.assert_allclose(trajectory.ends[2][-1], nodes_mps2[-1], atol=1e-9)
+
+
+def test_one_axis_of_a_state() -> None:
+    state = State((1.0, 2.0, 3.0), (4.0, 5.0, 6.0), (7.0, 8.0, 9.0))
+    assert state.axis(1) == AxisState(2.0, 5.0, 8.0)
+    assert State((1.0, 2.0, 3.0), (4.0, 5.0, 6.0)).axis(2) == AxisState(3.0, 6.0, 0.0)
+
+
+@pytest.mark.parametrize("change", [{"start_s": -3.0}, {"start_s": 1e9}])
+def test_absolute_times_move_with_the_start(change: dict[str, float]) -> None:
+    trajectory = Trajectory.from_profiles(
+        0.0, Profile(0.0, 1.0, (Segment(2.0, 0.5),)), Profile(0.0, 0.0), Profile(0.0, 0.0)
+    )
+    moved = replace(trajectory, **change)  # type: ignore[arg-type]  # a number
+    assert moved.end_s - moved.start_s == pytest.approx(2.0)
+    assert moved.first_time_s(0, 1.5) == pytest.approx(
+        moved.start_s + (trajectory.first_time_s(0, 1.5) or math.nan)
+    )

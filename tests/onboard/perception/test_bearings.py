@@ -6,7 +6,7 @@ from hypothesis import strategies as st
 
 from onboard.geometry.frames import LegFrame
 from onboard.perception.bearings import KNOWN_AFTER, WANDER_M, BearingMemory, BearingResidual
-from onboard.perception.obstacle_map import Corners
+from onboard.perception.detection import Corners
 from onboard.vehicle_state import Pose
 
 HERE = (3.0, -7.0)

@@ -2,8 +2,8 @@ import math
 
 import pytest
 
+from onboard.perception.detection import Corners
 from onboard.perception.full_view import BOXES_MAX, in_full_view
-from onboard.perception.obstacle_map import Corners
 from onboard.vehicle_state import Pose
 
 VIEW_RAD, RANGE_M = math.radians(120.0), 12.0

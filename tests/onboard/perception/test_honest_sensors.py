@@ -8,8 +8,9 @@ import pytest
 
 from onboard.files.obstacle_field import Obstacle, ObstacleField
 from onboard.monitoring.detection_consistency import DetectionConsistencyMonitor, Sighting
+from onboard.perception.detection import corners_ned
 from onboard.perception.full_view import in_full_view
-from onboard.perception.obstacle_map import corners_ned, parse_frame
+from onboard.perception.sources.json_v1 import parse_frame
 from onboard.vehicle_state import Pose
 from sitl.environment.lidar import ScannerConfig
 from sitl.environment.sensor import ObstacleSensor, SensorConfig

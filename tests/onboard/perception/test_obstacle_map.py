@@ -1,66 +1,29 @@
-import json
 import math
 import random
 from dataclasses import astuple
 from functools import partial
-from typing import Any
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from onboard.contract.agility import Agility
-from onboard.contract.region import Encounter, RegionOfInfluence
-from onboard.files.json_payload import MalformedPayloadError
+from onboard.contract.agility import GRAVITY_MPS2, AccelerationLimits
+from onboard.contract.region import RegionOfInfluence
 from onboard.geometry.box import Box
-from onboard.geometry.frames import LegFrame, wrap_angle
-from onboard.perception.obstacle_map import (
-    Corners,
-    Detection,
-    Obstacle,
-    ObstacleMap,
-    corners_ned,
-    parse_frame,
-)
-from onboard.perception.pose_history import PoseHistory
-from onboard.vehicle_state import Pose
+from onboard.geometry.frames import LegFrame
+from onboard.perception import obstacle_map as obstacle_map_module
+from onboard.perception.detection import DownRange
+from onboard.perception.obstacle_map import Obstacle, ObstacleMap
+from tests.onboard.contract.ideal_encounter import ideal_encounter
+from tests.onboard.perception.messages import square
 
 NORTH_LEG = LegFrame((0.0, 0.0, -4.0), 0.0)
-LIMITS = Agility(math.radians(15.0), math.radians(15.0), 2.0).acceleration_limits()
+LIMITS = AccelerationLimits(*[GRAVITY_MPS2 * math.tan(math.radians(15.0))] * 4)
 
 
 def region_around(box: Box, position_error_m: float) -> RegionOfInfluence:
     inflated = box.inflated(position_error_m)
-    return RegionOfInfluence.around(inflated, Encounter.ideal(LIMITS, 2.8, inflated.size_m))
-
-
-def frame(**changes: Any) -> dict[str, Any]:
-    return {
-        "version": 1,
-        "source": "front",
-        "sequence": 812,
-        "stamp_unix_s": 1790000000.25,
-        "frame": "local_ned",
-        "range_m": 12.0,
-        "field_of_view_deg": 120.0,
-        "obstacles": [
-            {
-                "id": "7",
-                "center_m": [14.2, 0.6],
-                "size_m": [1.0, 1.2],
-                "yaw_deg": 0.0,
-                "uncertainty_m": 0.05,
-            }
-        ],
-    } | changes
-
-
-def detection(**changes: Any) -> Detection:
-    return Detection.model_validate(frame()["obstacles"][0] | changes)
-
-
-def square(center_ned_m: tuple[float, float], side_m: float = 1.0) -> Corners:
-    return corners_ned(detection(center_m=center_ned_m, size_m=(side_m, side_m)), None)
+    return RegionOfInfluence.around(inflated, ideal_encounter(LIMITS, 2.8, inflated.size_m))
 
 
 @pytest.fixture
@@ -96,86 +59,6 @@ def test_within_the_error_a_box_only_ever_grows(obstacle_map: ObstacleMap) -> No
     for east_m in (0.0, 0.3, -0.2):
         obstacle_map.add("a", square((20.0, east_m)), NEAR_M, error_max_m=ALLOWED_M, in_full=True)
     assert bounds_m(obstacle_map) == pytest.approx((19.5, 20.5, -0.7, 0.8, NEAR_M))
-
-
-def test_design_example_frame_is_read() -> None:
-    read = parse_frame(json.dumps(frame()).encode())
-    assert read.obstacles[0].center_m == (14.2, 0.6)
-    assert read.range_m == 12.0
-
-
-def test_empty_frame_means_nothing_there() -> None:
-    assert parse_frame(json.dumps(frame(obstacles=[])).encode()).obstacles == ()
-
-
-def test_unknown_fields_of_a_newer_sensor_are_tolerated() -> None:
-    assert parse_frame(json.dumps(frame(colour="red")).encode()).sequence == 812
-
-
-@pytest.mark.parametrize(
-    ("change", "named"),
-    [
-        ({"version": 2}, "version"),
-        ({"frame": "enu"}, "frame"),
-        ({"range_m": 0.0}, "range_m"),
-        ({"field_of_view_deg": 400.0}, "field_of_view_deg"),
-        ({"sequence": -1}, "sequence"),
-        ({"obstacles": [{"id": "7"}]}, "center_m"),
-        ({"obstacles": [frame()["obstacles"][0] | {"size_m": [-1.0, 1.0]}]}, "size_m"),
-        ({"obstacles": [frame()["obstacles"][0] | {"center_m": [1e9, 0.0]}]}, "center_m"),
-        ({"obstacles": [frame()["obstacles"][0] | {"center_m": [1.0]}]}, "center_m"),
-    ],
-)
-def test_malformed_frame_is_refused_by_name(change: dict[str, Any], named: str) -> None:
-    with pytest.raises(MalformedPayloadError, match=named):
-        parse_frame(json.dumps(frame(**change)).encode())
-
-
-def test_nan_is_refused() -> None:
-    text = json.dumps(frame(range_m=math.nan))
-    assert "NaN" in text
-    with pytest.raises(MalformedPayloadError):
-        parse_frame(text.encode())
-
-
-@given(st.binary(max_size=300))
-def test_garbage_is_never_anything_but_malformed(payload: bytes) -> None:
-    with pytest.raises(MalformedPayloadError):
-        parse_frame(payload)
-
-
-def test_box_turns_with_its_yaw() -> None:
-    corners = corners_ned(detection(center_m=(0.0, 0.0), size_m=(2.0, 0.0), yaw_deg=90.0), None)
-    assert max(east_m for _, east_m in corners) == pytest.approx(1.0)
-    assert max(north_m for north_m, _ in corners) == pytest.approx(0.0, abs=1e-12)
-
-
-def test_body_box_is_placed_by_the_pose() -> None:
-    pose = Pose(0.0, (10.0, 20.0, -4.0), (0.0, 0.0, 0.0), 0.2, -0.2, math.pi / 2)
-    corners = corners_ned(detection(center_m=(5.0, 1.0), size_m=(0.0, 0.0)), pose)
-    # 5 m ahead of a nose to the east, 1 m to its right (south).
-    assert corners[0] == pytest.approx((9.0, 25.0))
-
-
-def test_pose_history_moves_the_nearest_pose_to_the_time() -> None:
-    history = PoseHistory()
-    for step in range(100):
-        history.add(Pose(step * 0.02, (step * 1.0, 0.0, 0.0), (50.0, 0.0, 0.0), 0.0, 0.0, 0.0))
-    found = history.at(1.005)
-    assert found is not None
-    assert found.position_ned_m[0] == pytest.approx(50.25)
-    assert history.at(3.0) is None
-
-
-def test_a_turning_body_is_placed_with_the_heading_of_that_instant() -> None:
-    history = PoseHistory()
-    for step in range(50):
-        yaw_rad = math.remainder(3.0 + 0.02 * step, 2.0 * math.pi)  # 1 rad/s, past the half turn
-        history.add(Pose(step * 0.02, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), 0.0, 0.0, yaw_rad))
-    for time_s in (0.005, 0.13, 0.151, 0.97, 0.99, 1.02):  # between poses, and after the last
-        found = history.at(time_s)
-        assert found is not None
-        assert wrap_angle(found.yaw_rad - (3.0 + time_s)) == pytest.approx(0.0, abs=1e-9)
 
 
 def test_obstacle_is_remembered_and_only_grows(obstacle_map: ObstacleMap) -> None:
@@ -244,7 +127,7 @@ def test_search_agrees_with_looking_at_every_obstacle(
     found = {obstacle.id for obstacle in obstacle_map.between(x_m, x_m + length_m)}
     assert found == {obstacle.id for obstacle in obstacle_map if reaches(obstacle)}
     for y_m in (-3.0, 0.0, 0.4, 7.25):
-        met = [o for o in obstacle_map if reaches(o) and o.region.lies_ahead(x_m, y_m)]
+        met = [o for o in obstacle_map if reaches(o) and o.region.on_collision_course(x_m, y_m)]
         nearest = min(met, key=lambda o: o.region.keep_out.x_min_m, default=None)
         of_interest = obstacle_map.obstacle_of_interest(x_m, y_m, horizon_m=length_m)
         assert (of_interest is None) == (nearest is None)
@@ -346,7 +229,7 @@ def test_shifted_map_is_the_map_of_shifted_obstacles(
         moved_ned_m = (north_m + offset_ned_m[0], east_m + offset_ned_m[1])
         expected.add(str(index), square(moved_ned_m), 0.05)
     revision = shifted.revision
-    shifted.shift(*offset_ned_m)
+    shifted.shift(*offset_ned_m, 0.0)
     assert shifted.revision > revision
     for index in range(len(centres_ned_m)):
         one, other = shifted.of_track(str(index)), expected.of_track(str(index))
@@ -354,3 +237,97 @@ def test_shifted_map_is_the_map_of_shifted_obstacles(
         assert other is not None
         assert astuple(one.measured) == pytest.approx(astuple(other.measured))
         assert astuple(one.region.extent) == pytest.approx(astuple(other.region.extent))
+
+
+# ------------------------------------------------------------------ heights
+
+
+def heights_m(known: ObstacleMap, track_id: str = "a") -> DownRange | None:
+    obstacle = known.of_track(track_id)
+    assert obstacle is not None
+    return obstacle.down_m
+
+
+def test_an_obstacle_reaches_as_high_and_as_low_as_any_measurement_of_it(
+    obstacle_map: ObstacleMap,
+) -> None:
+    assert obstacle_map.add("a", square((10.0, 0.0)), 0.05, down_m=(-3.0, -1.0))
+    assert heights_m(obstacle_map) == (-3.0, -1.0)
+    revision = obstacle_map.revision
+    assert obstacle_map.add("a", square((10.0, 0.0)), 0.05, down_m=(-2.0, 0.0))
+    assert heights_m(obstacle_map) == (-3.0, 0.0)
+    assert obstacle_map.revision == revision + 1
+    assert not obstacle_map.add("a", square((10.0, 0.0)), 0.05, down_m=(-2.5, -0.5))
+    assert obstacle_map.revision == revision + 1
+
+
+@pytest.mark.parametrize("unknown_first", [True, False])
+def test_a_measurement_without_height_is_of_any_height_for_good(
+    obstacle_map: ObstacleMap, *, unknown_first: bool
+) -> None:
+    for down_m in (None, (-3.0, 0.0)) if unknown_first else ((-3.0, 0.0), None):
+        obstacle_map.add("a", square((10.0, 0.0)), 0.05, down_m=down_m)
+    assert heights_m(obstacle_map) is None
+    obstacle_map.add("a", square((10.5, 0.0)), 0.05, down_m=(-3.0, 0.0))
+    assert heights_m(obstacle_map) is None
+
+
+def test_height_counts_even_where_the_box_says_nothing_new(obstacle_map: ObstacleMap) -> None:
+    add = partial(obstacle_map.add, error_max_m=ALLOWED_M, in_full=True)
+    add("a", square((20.0, 0.0)), NEAR_M, down_m=(-3.0, -1.0))
+    assert add("a", square((21.0, 0.5)), FAR_M, down_m=(-8.0, -1.0))
+    assert heights_m(obstacle_map) == (-8.0, -1.0)
+    assert bounds_m(obstacle_map) == pytest.approx((19.5, 20.5, -0.5, 0.5, NEAR_M))
+
+
+def test_a_box_that_replaces_one_from_afar_keeps_its_heights(obstacle_map: ObstacleMap) -> None:
+    add = partial(obstacle_map.add, error_max_m=ALLOWED_M, in_full=True)
+    add("a", square((20.0, 2.5)), FAR_M, down_m=(-8.0, -1.0))
+    add("a", square((20.0, 0.0)), NEAR_M, down_m=(-3.0, 0.0))
+    assert bounds_m(obstacle_map)[-1] == NEAR_M
+    assert heights_m(obstacle_map) == (-8.0, 0.0)
+
+
+@pytest.mark.parametrize(
+    ("other_m", "merged_m"),
+    [((-2.0, 0.5), (-3.0, 0.5)), (None, None), ((-3.0, -1.0), (-3.0, -1.0))],
+)
+def test_a_merged_obstacle_reaches_over_its_members(
+    other_m: DownRange | None, merged_m: DownRange | None
+) -> None:
+    known = merging_map(merged_size_max_m=4.0)
+    known.add("a", square((10.0, 0.0)), 0.02, down_m=(-3.0, -1.0))
+    known.add("b", square((12.0, 1.0)), 0.05, down_m=other_m)
+    (merged,) = known
+    assert merged.down_m == merged_m
+
+
+def test_heights_survive_another_leg_and_follow_a_reset(obstacle_map: ObstacleMap) -> None:
+    obstacle_map.add("a", square((10.0, 3.0)), 0.05, down_m=(-3.0, 0.0))
+    obstacle_map.add("any", square((30.0, 3.0)), 0.05)
+    obstacle_map.rebuild(LegFrame((10.0, 0.0, -4.0), math.pi / 2), region_around, 0.0)
+    assert heights_m(obstacle_map) == (-3.0, 0.0)
+    obstacle_map.shift(1.0, 2.0, -0.5)
+    assert heights_m(obstacle_map) == (-3.5, -0.5)
+    assert heights_m(obstacle_map, "any") is None
+
+
+def test_heights_do_not_change_what_is_planned_against() -> None:
+    """A pillar of any height: whether it is low enough to fly over is not asked yet."""
+    plain, tall = (ObstacleMap(NORTH_LEG, region_around, merged_size_max_m=0.0) for _ in range(2))
+    plain.add("a", square((10.0, 0.0)), 0.05)
+    tall.add("a", square((10.0, 0.0)), 0.05, down_m=(-0.1, 0.0))
+    (one,), (other,) = plain, tall
+    assert one.region == other.region
+    assert tall.obstacle_of_interest(0.0, 0.0, horizon_m=20.0) is other
+
+
+def test_more_tracks_than_a_sensor_could_see_are_refused(
+    obstacle_map: ObstacleMap, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(obstacle_map_module, "MAX_TRACKS", 2)
+    for name in ("a", "b"):
+        obstacle_map.add(name, square((10.0, 0.0)), 0.05)
+    with pytest.raises(OverflowError, match="2 obstacles remembered, limit 2"):
+        obstacle_map.add("c", square((10.0, 0.0)), 0.05)
+    assert obstacle_map.add("a", square((11.0, 0.0)), 0.05)

@@ -121,7 +121,7 @@ def test_rejects_a_plan_for_a_stronger_vehicle(
 @given(PLANS, st.floats(1e-3, 3.0))
 def test_rejects_another_start(plan: tuple[AvoidanceProblem, Trajectory], later_s: float) -> None:
     problem, trajectory = plan
-    certificate = certify_avoidance(trajectory.starting_at(problem.start_s + later_s), problem)
+    certificate = certify_avoidance(altered(trajectory, start_s=problem.start_s + later_s), problem)
     assert [text for text in certificate.failures if text.startswith("start: late or early")]
 
 

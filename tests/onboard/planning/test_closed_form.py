@@ -6,17 +6,19 @@ import dataclasses
 import math
 from random import Random
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from onboard.contract.agility import AccelerationLimits
-from onboard.contract.region import Encounter, RegionOfInfluence
+from onboard.contract.region import RegionOfInfluence
 from onboard.geometry.box import Box
 from onboard.motion.trajectory import State, X
 from onboard.planning.certifier import certify_avoidance, certify_clear
 from onboard.planning.closed_form import brake_to_hover, cruise, stop_at, vertex_manoeuvre
-from onboard.planning.problem import AvoidanceProblem, Envelope
+from onboard.planning.problem import AvoidanceProblem, Envelope, Side
+from tests.onboard.contract.ideal_encounter import ideal_encounter
 from tests.onboard.planning.avoidance_cases import Variety, draw
 
 VARIETIES = [
@@ -75,7 +77,7 @@ def test_never_reverses_from_any_speed() -> None:
 
 def test_without_jerk_limit_and_slack_it_is_the_vertex_of_theorem_1() -> None:
     limits = AccelerationLimits(2.0, 2.0, 1.0, 1.0)
-    encounter = Encounter.ideal(limits, 4.0, (1.0, 2.0))
+    encounter = ideal_encounter(limits, 4.0, (1.0, 2.0))
     region = RegionOfInfluence.around(Box(0.0, 1.0, -1.0, 1.0), encounter)
     start = State((region.extent.x_min_m, 0.0, 0.0), (4.0, 0.0, 0.0))
     envelope = Envelope(limits, 20.0, (math.inf,) * 3, 4.0)
@@ -159,3 +161,70 @@ def test_stops_at_the_goal_or_says_it_cannot(start: State, ahead_m: float) -> No
     assert certify_clear(trajectory, start, 5.0, ENVELOPE).valid
     assert trajectory.final.position_leg_m[X] == pytest.approx(goal_m, abs=1e-6)
     assert trajectory.final.velocity_leg_mps[X] == pytest.approx(0.0, abs=1e-9)
+
+
+@given(states(), st.floats(0.0, 4.0))
+def test_cruising_speeds_up_with_half_the_limit_and_brakes_with_all(
+    start: State, speed_mps: float
+) -> None:
+    start = start._replace(
+        velocity_leg_mps=(*start.velocity_leg_mps[:2], 0.0), acceleration_leg_mps2=(0.0, 0.0, 0.0)
+    )
+    trajectory = cruise(start, 3.0, ENVELOPE, speed_mps)
+    along_mps2 = np.concatenate((trajectory.acceleration_leg_mps2, trajectory.ends[2]))[:, X]
+    assert along_mps2.max() <= ENVELOPE.limits.forward_mps2 / 2.0 + 1e-9
+    assert along_mps2.min() >= -ENVELOPE.limits.brake_mps2 - 1e-9
+    assert trajectory.final.velocity_leg_mps == pytest.approx((speed_mps, 0.0, 0.0), abs=1e-6)
+
+
+@pytest.mark.parametrize("y_m", [-3.0, -0.2, 0.2, 3.0])
+def test_a_drift_ends_on_the_line_at_no_more_than_its_speed(y_m: float) -> None:
+    start = State((0.0, y_m, 0.0), (2.0, 0.0, 0.0))
+    trajectory = stop_at(start, 0.0, ENVELOPE, 80.0, 2.0, recentring_mps=0.4)
+    assert trajectory is not None
+    low_mps, high_mps = trajectory.velocity_range_mps(1)
+    assert max(-low_mps, high_mps) <= 0.4 + 1e-6
+    assert trajectory.final.position_leg_m[1] == pytest.approx(0.0, abs=1e-3)
+    assert trajectory.final.position_leg_m[X] == pytest.approx(80.0, abs=1e-3)
+    across_mps2 = np.abs(trajectory.acceleration_leg_mps2[:, 1]).max()
+    assert across_mps2 <= 0.4 + 1e-9  # the speed, in a second
+
+
+def test_without_a_drift_it_comes_to_rest_beside_the_line() -> None:
+    start = State((0.0, 1.0, 0.0), (2.0, 0.5, 0.0))
+    trajectory = stop_at(start, 0.0, ENVELOPE, 80.0, 2.0)
+    assert trajectory is not None
+    assert trajectory.final.position_leg_m[1] > 1.0
+    assert trajectory.final.velocity_leg_mps[1] == pytest.approx(0.0, abs=1e-9)
+
+
+def test_stopping_is_refused_where_there_is_no_room() -> None:
+    start = State((0.0, 0.0, 0.0), (4.0, 0.0, 0.0))
+    least_m = brake_to_hover(start, 0.0, ENVELOPE).final.position_leg_m[X]
+    assert stop_at(start, 0.0, ENVELOPE, least_m - 1e-3, 4.0) is None
+    assert stop_at(start, 0.0, ENVELOPE, least_m + 1e-3, 4.0) is not None
+
+
+def test_settling_in_height_takes_its_part_of_the_box() -> None:
+    """While it accelerates downwards, less horizontal acceleration is left."""
+    start = State((0.0, 0.0, 0.0), (4.0, 0.0, 0.0))
+    level = cruise(start, 0.0, ENVELOPE, 0.0)
+    sinking = cruise(start, 0.0, ENVELOPE, 0.0, z_m=2.0)
+    assert sinking.final.position_leg_m[2] == pytest.approx(2.0, abs=1e-3)
+    weakest = sinking.acceleration_leg_mps2[:, X].min()
+    assert level.acceleration_leg_mps2[:, X].min() < weakest < 0.0
+    assert certify_clear(sinking, start, 0.0, ENVELOPE).valid
+
+
+@given(st.integers(0, 3000), st.sampled_from(["left", "right"]))
+def test_a_manoeuvre_passes_on_its_side(seed: int, side: Side) -> None:
+    problem = draw(Random(seed), Variety(drift=False))
+    trajectory = vertex_manoeuvre(problem, side)
+    if trajectory is None:
+        return
+    face = problem.region.keep_out
+    for time_s in np.linspace(trajectory.start_s, trajectory.end_s, 200).tolist():
+        x_m, y_m, _ = trajectory.sample(time_s).position_leg_m
+        if face.x_min_m + 1e-6 < x_m < face.x_max_m - 1e-6:
+            beyond_m = face.y_min_m - y_m if side == "left" else y_m - face.y_max_m
+            assert beyond_m >= -1e-6

@@ -13,19 +13,15 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from onboard.contract.region import Encounter, RegionOfInfluence
+from onboard.contract.region import RegionOfInfluence
 from onboard.geometry.box import Box
-from onboard.geometry.frames import FloatArray
-from onboard.motion.trajectory import State, Trajectory
+from onboard.motion.trajectory import State
 from onboard.planning.certifier import certify_avoidance
 from onboard.planning.closed_form import vertex_manoeuvre
 from onboard.planning.planner import DELAY_MAX_S, NoPlan, Plan, Planner
 from onboard.planning.problem import AvoidanceProblem, cost, exit_speeds_mps
-from onboard.planning.qp import bspline
-from onboard.planning.qp.axis_program import TaskBatch, across_task, along_task, build
-from onboard.planning.qp.crossing_times import CostEstimates, crossing_times
-from onboard.planning.qp.solver import QpSolver
 from tests.benchmarks.bench_planner import compare
+from tests.onboard.contract.ideal_encounter import ideal_encounter
 from tests.onboard.planning.avoidance_cases import Variety, draw
 
 VARIETIES = [
@@ -91,7 +87,7 @@ def test_starts_near_rest_have_short_plans(
     """From the front of the region to the obstacle, anywhere in its way, on either side."""
     problem = draw(Random(seed), variety)
     region, cruise_mps = problem.region, problem.envelope.speed_max_mps
-    (left_m, right_m), front_m = region.way_m, region.extent.x_min_m
+    (left_m, right_m), front_m = region.conflict_band_y_m, region.extent.x_min_m
     entry_mps = slow * min(cruise_mps, 1.0)
     # As far as from where the vehicle could still stop, with the longest lag that is drawn.
     stop_m = 1e-4 + entry_mps**2 / problem.envelope.limits.brake_mps2 + 2.0 * 0.4 * abs(entry_mps)
@@ -125,24 +121,6 @@ def test_a_plan_that_takes_too_long_is_not_flown(planner: Planner, exit_speed_mp
     plan = planned(planner, creeping)
     assert plan.kind == "brake"
     assert plan.trajectory.end_s - plan.trajectory.start_s < 10.0
-
-
-@pytest.mark.parametrize(
-    ("entry_mps", "expected_mps"),
-    [
-        (-1e-12, (2.0, 1.0)),
-        (0.0, (2.0, 1.0)),
-        (1e-6, (2.0, 1.0)),
-        (0.99, (2.0, 1.0)),
-        (1.0, (1.0,)),
-        (1.7, (1.7,)),
-        (2.0 + 1e-12, (2.0,)),
-    ],
-)
-def test_the_speed_to_leave_with_is_that_of_entry_unless_it_was_slow(
-    entry_mps: float, expected_mps: tuple[float, ...]
-) -> None:
-    assert exit_speeds_mps(entry_mps, 2.0) == expected_mps
 
 
 def test_without_slack_the_closed_form_steps_in(planner: Planner) -> None:
@@ -186,7 +164,7 @@ def test_brakes_where_no_avoidance_is_left_and_says_why_where_that_fails_too(
     assert any("inside the keep-out box" in reason for reason in doomed.reasons)
 
 
-def test_plans_are_hardly_dearer_than_the_best_that_ipopt_finds() -> None:
+def test_plans_are_hardly_more_expensive_than_the_best_that_ipopt_finds() -> None:
     """Among them starts beside the obstacle, at the greatest speed, with next to nothing to do."""
     found = compare(count=20, direct_count=0)
     assert found.unsolved <= 2
@@ -355,119 +333,6 @@ def test_replans_in_the_middle_of_a_climb(planner: Planner) -> None:
     assert replanned >= 0.9 * tried
 
 
-def test_build_states_the_problem(planner: Planner) -> None:
-    """The closed form, fitted with the spline, satisfies the rows the solver is given."""
-    problem = draw(Random(53), Variety(drift=False))
-    matrices = bspline.TwoPhaseSpline.with_ratio(1.3)
-    task = along_task(problem, clear=False)
-    piece_s = np.array(0.1)
-    # Coasting: all accelerations zero, which costs nothing but arrives at the start speed.
-    speed_mps = problem.start.velocity_leg_mps[0]
-    coasting = dataclasses.replace(task, end_speed_mps=speed_mps)
-    program = build(matrices, coasting, piece_s)
-    duration_s = 0.1 * float(matrices.durations.sum())
-    unit_m = task.unit_mps2 * 0.1 * 0.1
-    free: FloatArray = np.linalg.lstsq(
-        matrices.node_accelerations,
-        -matrices.node_accelerations_from_parameters @ program.ends,
-        rcond=None,
-    )[0].astype(np.float64)
-    np.testing.assert_allclose(matrices.accelerations(free, program.ends), 0.0, atol=1e-9)
-    assert free[bspline.END_POSITION] * unit_m == pytest.approx(speed_mps * duration_s)
-    at_crossing = (matrices.rows @ free + matrices.rows_from_parameters @ program.ends)[
-        bspline.CROSSING_ROW
-    ]
-    assert at_crossing * unit_m == pytest.approx(speed_mps * 0.1 * bspline.PIECES)
-    front_m = problem.region.keep_out.x_min_m - problem.start.position_leg_m[0]
-    bound_m = task.bounds(piece_s)[1][bspline.CROSSING_ROW] * unit_m
-    assert front_m - 0.01 < bound_m < front_m
-
-
-def test_a_batch_of_tasks_states_what_each_task_states() -> None:
-    problem = draw(Random(54), Variety())
-    tasks = along_task(problem, clear=False), across_task(problem, "left", clear=False)
-    pieces_s = np.array([0.05, 0.2]), np.array([0.1])
-    rows = np.array([bspline.END_ROW, 3, bspline.CROSSING_ROW])
-    batch = TaskBatch.of(list(zip(tasks, pieces_s, strict=True)), rows)
-    asked = [(task, at_s) for task, each_s in zip(tasks, pieces_s, strict=True) for at_s in each_s]
-    for k, (task, piece_s) in enumerate(asked):
-        lower, upper = task.bounds(piece_s)
-        np.testing.assert_array_equal(batch.parameters[k], task.parameters(piece_s))
-        np.testing.assert_array_equal(batch.lower[:, k], lower[rows])
-        np.testing.assert_array_equal(batch.upper[:, k], upper[rows])
-        assert batch.cost_unit[k] == task.cost_unit(piece_s)
-
-
-def test_the_first_guess_is_the_optimum_where_one_row_binds() -> None:
-    matrices = bspline.TwoPhaseSpline.with_ratio(1.0)
-    solver = QpSolver(matrices.hessian, matrices.rows)
-    gradient = matrices.gradient_from_parameters @ np.array([0.4, 0.0, 0.9])
-    lower, upper = np.full(bspline.ROWS, -np.inf), np.full(bspline.ROWS, np.inf)
-    free = -np.linalg.solve(matrices.hessian, gradient)
-    lower[bspline.CROSSING_ROW] = matrices.rows[bspline.CROSSING_ROW] @ free + 1.0
-    optimum = solver.solve(gradient, lower, upper)
-    assert optimum is not None
-    # By Lagrange: the least that moves the row by one.
-    response = np.linalg.solve(matrices.hessian, matrices.rows[bspline.CROSSING_ROW])
-    expected = free + response / (matrices.rows[bspline.CROSSING_ROW] @ response)
-    np.testing.assert_allclose(optimum.variables, expected, rtol=1e-9, atol=1e-9)
-
-
-def test_the_spline_is_what_the_trajectory_integrates() -> None:
-    matrices = bspline.TwoPhaseSpline.with_ratio(0.7, growth=1.2)
-    rng = np.random.default_rng(59)
-    free, ends = rng.normal(size=bspline.FREE), np.array([0.4, -0.3, 0.9])
-    accelerations = matrices.accelerations(free, ends)
-    nodes = np.stack((accelerations, accelerations, accelerations), axis=1)
-    start = State((0.0, 0.0, 0.0), (0.4, 0.4, 0.4), (-0.3, -0.3, -0.3))
-    trajectory = Trajectory.from_accelerations(0.0, start, matrices.durations, nodes)
-    assert accelerations[0] == pytest.approx(-0.3)
-    assert trajectory.final.velocity_leg_mps[0] == pytest.approx(0.9)
-    assert trajectory.final.acceleration_leg_mps2[0] == pytest.approx(0.0, abs=1e-9)
-    rows = matrices.rows @ free + matrices.rows_from_parameters @ ends
-    assert trajectory.final.position_leg_m[0] == pytest.approx(rows[bspline.END_ROW])
-    crossing = trajectory.sample(float(bspline.PIECES)).position_leg_m[0]
-    assert crossing == pytest.approx(rows[bspline.CROSSING_ROW])
-    counts = np.cumsum((0, *bspline.ROW_COUNTS))
-    np.testing.assert_allclose(rows[counts[1] : counts[2]], trajectory.jerk_leg_mps3[:, 0])
-    # Velocity control points bound the velocity that they govern.
-    low, high = trajectory.velocity_range_mps(0)
-    points = [*rows[counts[2] : counts[4]], 0.4, 0.9, trajectory.sample(0.1).velocity_leg_mps[0]]
-    assert min(points) <= low + 0.05
-    assert max(points) >= high - 0.05
-    # And the objective is half the integral of the squared acceleration.
-    a, b = accelerations[:-1], accelerations[1:]
-    energy = float(((a * a + a * b + b * b) / 3.0) @ matrices.durations)
-    objective = free @ matrices.hessian @ free / 2.0
-    objective += free @ matrices.gradient_from_parameters @ ends
-    constant = ends @ matrices.energy_of_parameters @ ends
-    assert 2.0 * objective + constant == pytest.approx(energy)
-
-
-def test_estimates_come_near_what_the_qp_costs() -> None:
-    ratios = (0.8, 1.6, 3.2)
-    splines = [bspline.TwoPhaseSpline.with_ratio(ratio) for ratio in ratios]
-    estimates = CostEstimates(splines)
-    solvers = [QpSolver(matrices.hessian, matrices.rows) for matrices in splines]
-    rng = Random(61)
-    errors: list[float] = []
-    for _ in range(40):
-        problem = draw(rng, Variety())
-        tasks = along_task(problem, clear=False), across_task(problem, "left", clear=False)
-        crossings_s = crossing_times(*tasks, 4).times_s
-        for task in tasks:
-            (estimated,) = estimates.of([(task, crossings_s)])
-            for (i, k), estimate in np.ndenumerate(estimated):
-                program = build(splines[i], task, np.array(crossings_s[k] / bspline.PIECES))
-                optimum = solvers[i].solve(program.gradient, program.lower, program.upper)
-                if optimum is not None:
-                    price = program.cost(optimum.objective)
-                    errors.append(float((estimate - price) / (1.0 + abs(price))))
-    assert len(errors) > 200
-    assert abs(np.median(errors)) < 0.02
-    assert np.mean(np.abs(errors) < 0.15) > 0.75
-
-
 def test_the_ideal_encounter_of_the_paper_is_planned(planner: Planner) -> None:
     """5°, 2.8 m/s, as in the paper's example, with a lag to give the QP room."""
     limits = draw(Random(2), Variety()).envelope.limits
@@ -479,7 +344,7 @@ def test_the_ideal_encounter_of_the_paper_is_planned(planner: Planner) -> None:
         left_mps2=across_mps2,
         right_mps2=across_mps2,
     )
-    encounter = dataclasses.replace(Encounter.ideal(limits, 2.8, (1.0, 1.5)), attitude_lag_s=0.1)
+    encounter = dataclasses.replace(ideal_encounter(limits, 2.8, (1.0, 1.5)), attitude_lag_s=0.1)
     region = RegionOfInfluence.around(Box(0.0, 1.0, -0.75, 0.75), encounter)
     jerk = (across_mps2 / 0.1,) * 3
     envelope = dataclasses.replace(

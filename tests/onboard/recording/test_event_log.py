@@ -10,18 +10,19 @@ import time
 
 import pytest
 
-from onboard.events import Event, Severity
+from onboard.events import Event, EventName, Severity
 from onboard.log_format import JsonFormatter, TextFormatter
 from onboard.message_thread import MessageThread
 from onboard.recording.event_log import BURST, RATE_PER_S, EventLog
-from onboard.recording.record import Record
+from onboard.recording.journal import event_record
+from onboard.recording.messages import Record, StateRecord
 
 
 def record(
     text: str = "tracking error 0.40 > 0.25 m", severity: Severity = Severity.WARNING
 ) -> Record:
-    event = Event(1.0, "violation", severity, text, {"measured": 0.4})
-    return Record("events", 1.7e9, {"time_s": 1.7e9, **event.as_json()})
+    event = Event(1.0, EventName.VIOLATION, severity, text, {"measured": 0.4})
+    return event_record(event, 1.7e9)
 
 
 @pytest.mark.parametrize(
@@ -38,7 +39,7 @@ def test_an_event_is_one_line_at_its_level(
     caplog: pytest.LogCaptureFixture, severity: Severity, level: str
 ) -> None:
     caplog.set_level("DEBUG")
-    state = Record("state", 1.7e9, {"phase": "HOLD"})
+    state = StateRecord(time_s=1.7e9, phase="hold")
     EventLog().write([state, record(severity=severity)], 0.0)
     (line,) = caplog.records
     assert line.levelname == level

@@ -1,37 +1,39 @@
-"""Flight log and tlog: what the official readers make of them, whatever happens to the writer."""
+"""The flight log as the official readers see it, whatever happens to the writer."""
 
 from __future__ import annotations
 
+import hashlib
 import json
 import logging
 import signal
 import subprocess
 import sys
 import threading
-from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import pytest
 from mcap.reader import NonSeekingReader, SeekingReader, make_reader
 from mcap.records import SummaryOffset
 from mcap.stream_reader import StreamReader
-from pymavlink import mavutil
 from pymavlink.dialects.v20 import common as mavlink
 
 from gcs_tools.logs.flight_log import read_log
 from onboard.recording.flight_log import FORMAT_VERSION, FlightLog
-from onboard.recording.record import Record
-from onboard.recording.rotation import LogParts
-from onboard.recording.tlog import FrameSplitter, TelemetryLog
+from onboard.recording.messages import EventRecord, Margins, StateRecord
+from onboard.recording.rotation import LogRotation
 from onboard.recording.writer_thread import LogThread
 
 EPOCH_S = 1_790_000_000.0
 
 
-def record(number: int, topic: str = "state", **more: Any) -> Record:
+def state(number: int, noise: str = "") -> StateRecord:
     time_s = EPOCH_S + number * 0.02
-    return Record(topic, time_s, {"time_s": time_s, "number": number, **more})
+    return StateRecord(time_s=time_s, obstacles_known=number, position_doubt=noise)
+
+
+def noise_of(number: int) -> str:
+    """Text that does not compress, so that a log of it has several chunks."""
+    return hashlib.sha256(str(number).encode()).hexdigest() * 2
 
 
 def heartbeat(sequence: int) -> bytes:
@@ -45,13 +47,13 @@ def test_the_official_reader_finds_every_message_and_the_metadata(tmp_path: Path
     path = tmp_path / "flight.mcap"
     with FlightLog(path, {"seed": "7"}) as log:
         for number in range(500):
-            log.write([record(number)])
+            log.write([state(number)])
         log.write_mavlink("received", EPOCH_S, heartbeat(0))
     with path.open("rb") as file:
         reader = make_reader(file, validate_crcs=True)
         read = [(channel.topic, message) for _, channel, message in reader.iter_messages()]
         (metadata,) = reader.iter_metadata()
-    numbers = [json.loads(m.data)["number"] for topic, m in read if topic == "/state"]
+    numbers = [json.loads(m.data)["obstacles_known"] for topic, m in read if topic == "/state"]
     assert numbers == list(range(500))
     assert [m.data for topic, m in read if topic == "/mavlink/received"] == [heartbeat(0)]
     assert metadata.metadata["seed"] == "7"
@@ -62,7 +64,7 @@ def test_the_official_reader_finds_every_message_and_the_metadata(tmp_path: Path
 def test_the_same_records_give_the_same_bytes(tmp_path: Path) -> None:
     for name in ("one", "two"):
         with FlightLog(tmp_path / name, {"seed": "1"}) as log:
-            log.write(record(number) for number in range(1000))
+            log.write(state(number) for number in range(1000))
     assert (tmp_path / "one").read_bytes() == (tmp_path / "two").read_bytes()
 
 
@@ -71,11 +73,12 @@ def test_a_killed_writer_leaves_all_but_its_last_second(tmp_path: Path) -> None:
     program = """if True:
         import os, signal, sys
         from pathlib import Path
-        from onboard.recording.record import Record
+        from onboard.recording.messages import StateRecord
         from onboard.recording.flight_log import FlightLog
         log = FlightLog(Path(sys.argv[1]), {})
         for number in range(1000):
-            log.write([Record("state", number * 0.02, {"number": number, "padding": "x" * 1200})])
+            state = StateRecord(time_s=number * 0.02, obstacles_known=number, mode="x" * 500)
+            log.write([state])
         os.kill(os.getpid(), signal.SIGKILL)
     """
     path = tmp_path / "flight.mcap"
@@ -85,17 +88,18 @@ def test_a_killed_writer_leaves_all_but_its_last_second(tmp_path: Path) -> None:
     log = read_log(path)
     assert not log.complete
     assert "breaks off" in log.problems[0]
-    numbers = [state["number"] for state in log.topic("/state")]
+    numbers = [state.obstacles_known for state in log.states]
     assert numbers == list(range(len(numbers)))
     assert len(numbers) > 1000 - 60
 
 
 def test_a_full_part_is_followed_by_one_that_says_again_what_lasts(tmp_path: Path) -> None:
-    parts = LogParts(tmp_path / "flight.mcap", part_bytes=20_000, kept=2)
+    parts = LogRotation(tmp_path / "flight.mcap", part_bytes=20_000, kept=2)
     with FlightLog(parts, {"seed": "1"}) as log:
-        log.write([record(0, "margins", compliant=True), record(0, "events", text="once")])
+        margins = Margins(time_s=EPOCH_S, compliant=True, clauses=[])
+        log.write([margins, EventRecord(time_s=EPOCH_S, text="once")])
         for number in range(4000):
-            log.write([record(number, noise=str(hash((number, "noise"))))])
+            log.write([state(number, noise_of(number))])
     names = sorted(path.name for path in tmp_path.iterdir())
     assert len(names) == 2
     assert "flight.mcap" not in names
@@ -104,30 +108,27 @@ def test_a_full_part_is_followed_by_one_that_says_again_what_lasts(tmp_path: Pat
         part = read_log(path)
         assert part.complete
         assert part.metadata["clearway"]["seed"] == "1"
-        assert [margins["compliant"] for margins in part.topic("/margins")] == [True]
-        assert part.topic("/events") == []
-        states += [state["number"] for state in part.topic("/state")]
+        assert [margins.compliant for margins in part.margins] == [True]
+        assert part.events == ()
+        states += [each.obstacles_known for each in part.states]
     assert states == list(range(states[0], 4000))
 
 
 def test_a_log_whose_next_part_cannot_be_opened_is_closed_all_the_same(tmp_path: Path) -> None:
     directory, moved = tmp_path / "flights", tmp_path / "moved"
     directory.mkdir()
-    log = FlightLog(LogParts(directory / "flight.mcap", part_bytes=1), {})
+    log = FlightLog(LogRotation(directory / "flight.mcap", part_bytes=1), {})
     directory.rename(moved)
     with pytest.raises(FileNotFoundError):
-        log.write([record(0)])
+        log.write([state(0)])
     log.close()
     assert read_log(moved / "flight.mcap").complete
 
 
-@pytest.mark.parametrize("opened", [FlightLog, lambda parts, _: TelemetryLog(parts)])
-def test_a_log_of_another_flight_is_never_overwritten(
-    tmp_path: Path, opened: Callable[[LogParts, dict[str, str]], FlightLog | TelemetryLog]
-) -> None:
+def test_a_log_of_another_flight_is_never_overwritten(tmp_path: Path) -> None:
     (tmp_path / "flight.mcap").write_text("yesterday's")
     with pytest.raises(FileExistsError):
-        opened(LogParts(tmp_path / "flight.mcap"), {})
+        FlightLog(LogRotation(tmp_path / "flight.mcap"), {})
     assert (tmp_path / "flight.mcap").read_text() == "yesterday's"
 
 
@@ -135,9 +136,9 @@ def test_parts_of_another_flight_are_passed_over_and_kept(tmp_path: Path) -> Non
     foreign = [tmp_path / f"flight.{number}.mcap" for number in (2, 4)]
     for path in foreign:
         path.write_text("yesterday's")
-    with FlightLog(LogParts(tmp_path / "flight.mcap", part_bytes=1, kept=2), {}) as log:
+    with FlightLog(LogRotation(tmp_path / "flight.mcap", part_bytes=1, kept=2), {}) as log:
         for number in range(3):
-            log.write([record(number)])
+            log.write([state(number)])
     assert [path.read_text() for path in foreign] == ["yesterday's"] * 2
     ours = sorted(path.name for path in tmp_path.iterdir() if path not in foreign)
     assert ours == ["flight.5.mcap", "flight.6.mcap"]
@@ -147,19 +148,19 @@ def test_a_damaged_chunk_ends_what_is_read_not_the_reader(tmp_path: Path) -> Non
     path = tmp_path / "flight.mcap"
     with FlightLog(path, {}) as log:
         for number in range(3000):
-            log.write([record(number, noise=str(hash((number, "noise"))) * 4)])
+            log.write([state(number, noise_of(number))])
     data = bytearray(path.read_bytes())
     data[len(data) // 2 : len(data) // 2 + 64] = b"\xaa" * 64
     path.write_bytes(data)
     log_read = read_log(path)
     assert not log_read.complete
-    assert 0 < len(log_read.topic("/state")) < 3000
+    assert 0 < len(log_read.states) < 3000
 
 
 def test_schemas_are_named_and_mavlink_has_none(tmp_path: Path) -> None:
     path = tmp_path / "flight.mcap"
     with FlightLog(path, {}) as log:
-        log.write([record(0), Record("pose", EPOCH_S, {}, "foxglove.PoseInFrame")])
+        log.write([state(0), EventRecord(time_s=EPOCH_S)])
         log.write_mavlink("sent", EPOCH_S, heartbeat(0))
     with path.open("rb") as file:
         summary = make_reader(file).get_summary()
@@ -170,44 +171,9 @@ def test_schemas_are_named_and_mavlink_has_none(tmp_path: Path) -> None:
     }
     assert schemas == {
         "/state": "clearway.state",
-        "/pose": "foxglove.PoseInFrame",
+        "/events": "clearway.events",
         "/mavlink/sent": None,
     }
-
-
-# ---------------------------------------------------------------------------- tlog
-
-
-def test_the_tlog_replays_in_pymavlink(tmp_path: Path) -> None:
-    path = tmp_path / "flight.tlog"
-    with TelemetryLog(LogParts(path)) as log:
-        # Several frames in one datagram, one frame over two reads, and noise between frames.
-        log.write("received", EPOCH_S, heartbeat(0) + heartbeat(1))
-        log.write("received", EPOCH_S + 1.0, b"\x00noise" + heartbeat(2)[:5])
-        log.write("sent", EPOCH_S + 1.5, heartbeat(3))
-        log.write("received", EPOCH_S + 2.0, heartbeat(2)[5:])
-    replay = mavutil.mavlink_connection(str(path))
-    read = []
-    while (message := replay.recv_match()) is not None:
-        read.append((message.get_type(), message.get_seq(), message._timestamp))
-    replay.close()
-    assert read == [
-        ("HEARTBEAT", 0, EPOCH_S),
-        ("HEARTBEAT", 1, EPOCH_S),
-        ("HEARTBEAT", 3, EPOCH_S + 1.5),
-        ("HEARTBEAT", 2, EPOCH_S + 2.0),
-    ]
-
-
-def test_a_signed_frame_and_one_of_version_1_keep_their_length() -> None:
-    packer = mavlink.MAVLink(None, 1, 1)
-    packer.signing.secret_key = b"k" * 32
-    packer.signing.sign_outgoing = True
-    signed = packer.heartbeat_encode(2, 12, 0, 0, 4).pack(packer)
-    old = mavlink.MAVLink(None, 1, 1).heartbeat_encode(2, 12, 0, 0, 4)
-    old_bytes = old.pack(mavlink.MAVLink(None, 1, 1), force_mavlink1=True)
-    assert old_bytes[0] == 0xFE
-    assert FrameSplitter().split(signed + old_bytes) == [signed, old_bytes]
 
 
 # ---------------------------------------------------------------------------- thread
@@ -258,7 +224,10 @@ def test_every_record_type_is_valid_mcap(tmp_path: Path) -> None:
     """What `mcap doctor` checks: the stream parses with CRCs, and the summary agrees with it."""
     path = tmp_path / "flight.mcap"
     with FlightLog(path, {}) as log:
-        log.write(record(number, "state" if number % 3 else "events") for number in range(5000))
+        log.write(
+            state(number) if number % 3 else EventRecord(time_s=EPOCH_S + number * 0.02)
+            for number in range(5000)
+        )
     with path.open("rb") as file:
         records = list(StreamReader(file, validate_crcs=True).records)
         kinds = [type(r).__name__ for r in records]

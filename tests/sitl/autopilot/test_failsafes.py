@@ -140,7 +140,7 @@ def test_a_stopped_motor_brings_the_vehicle_down() -> None:
     assert client.vehicle.truth.position_ned_m[2] > -1.0
 
 
-def test_a_mended_motor_flies_again() -> None:
+def test_a_restored_motor_flies_again() -> None:
     client = in_air(**breakable())
     inject(client, MOTOR, OFF, 0)
     client.wait(0.2)

@@ -138,7 +138,7 @@ def test_the_echo_of_px4_is_its_position_controllers_output() -> None:
         assert target.vx == pytest.approx(0.2 + 0.95 * (target.x - here.x), abs=0.1)
         assert target.afx == pytest.approx(1.8 * (target.vx - here.vx), abs=0.4)
         differences.append(abs(target.vx - 0.2))
-    assert max(differences) > 0.15  # which the bundled echo of our own set-point never was
+    assert max(differences) > 0.15  # which the bundled echo of our own setpoint never was
 
 
 def test_ideal_autopilots_echo_what_was_asked_for() -> None:

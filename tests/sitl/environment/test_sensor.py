@@ -109,7 +109,9 @@ def test_what_is_told_at_once_is_what_the_cut_polygon_tells(
     north_m: float, east_m: float, yaw_rad: float, field_of_view_deg: float
 ) -> None:
     truth = looking(yaw_rad=yaw_rad)
-    told = bool(seen(sensor(pillar(north_m, east_m), field_of_view_deg=field_of_view_deg), truth))
+    reported = bool(
+        seen(sensor(pillar(north_m, east_m), field_of_view_deg=field_of_view_deg), truth)
+    )
     cosine, sine = math.cos(yaw_rad), math.sin(yaw_rad)
     corners_ned_m = [
         (north_m + half_m, east_m + side_m)
@@ -118,7 +120,7 @@ def test_what_is_told_at_once_is_what_the_cut_polygon_tells(
     polygon_m = [(cosine * n + sine * e, cosine * e - sine * n) for n, e in corners_ned_m]
     distance_m = distance_in_view_m(polygon_m, math.radians(field_of_view_deg) / 2.0)
     assume(abs(distance_m - 12.0) > 1e-9)
-    assert told is (distance_m <= 12.0)
+    assert reported is (distance_m <= 12.0)
 
 
 def test_a_sensor_may_look_aside() -> None:

@@ -189,7 +189,7 @@ def test_zenoh_port_in_use_names_the_endpoint(
 
 
 def test_starts_although_no_zenoh_peer_answers(tmp_path: Path) -> None:
-    nobody = f"tcp/127.0.0.1:{free_port(socket.SOCK_STREAM)}"
-    path, _ = configured(tmp_path, zenoh={"listen": [], "connect": [nobody]})
+    silent = f"tcp/127.0.0.1:{free_port(socket.SOCK_STREAM)}"
+    path, _ = configured(tmp_path, zenoh={"listen": [], "connect": [silent]})
     with running(path) as process:
         process.send_signal(signal.SIGHUP)  # a terminal that closes

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import pytest
 
-from sitl.plant.controller import ControllerGains, ControllerMemory, Setpoint
+from sitl.plant.controller import ControllerGains, ControllerMemory
 from sitl.plant.inner_loop import fly
 from sitl.plant.multirotor import (
     GRAVITY_MPS2,
@@ -18,6 +18,7 @@ from sitl.plant.multirotor import (
     rotate_ned_from_frd,
     standing_state,
 )
+from sitl.plant.setpoint import Setpoint
 
 BODY = quadrotor()
 STILL = Wind(0.0, 0.0, 0.0)

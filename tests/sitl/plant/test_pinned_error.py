@@ -15,7 +15,7 @@ from sitl.autopilot.modes import Mode
 from sitl.config import SitlConfig, TrackingConfig
 from sitl.environment.world import World
 from sitl.plant.pinned_error import PinnedError
-from sitl.virtual.faults.schedule import Fault
+from sitl.virtual.faults.schema import Fault
 from sitl.virtual.simulation import SimulatedFlight, Simulation
 
 CONFIG = Path(__file__).parents[3] / "config"
@@ -59,7 +59,7 @@ def flown(
             wanted = simulation.scene.vehicle.autopilot.commander.setpoint
             at_m = simulation.scene.vehicle.truth.position_ned_m
             if wanted is not None:
-                # The set-point is that of the decision, 20 ms before.
+                # The setpoint is that of the decision, 20 ms before.
                 ahead_m = (
                     wanted.north_m + 0.02 * wanted.velocity_north_mps,
                     wanted.east_m + 0.02 * wanted.velocity_east_mps,
@@ -88,7 +88,7 @@ def test_clearance_shrinks_by_the_error_and_a_flight_inside_its_contract_hits_no
 
 
 def test_in_standby_the_error_does_not_add_up() -> None:
-    """A service in standby asks for the place where it is told to be, error included."""
+    """A service in standby commands the position that the vehicle reports, error included."""
     fault = {"kind": "operator_takes_over", "phase": "cruise", "start_s": 5.0, "duration_s": 4.3}
     simulation = simulated(fault, toward_obstacle=True)
     stood_m: list[tuple[float, float, float]] = []
@@ -122,7 +122,7 @@ def test_the_error_points_to_the_nearest_face_and_turns_no_faster_than_it_may() 
     assert (error.north_m, error.east_m) == pytest.approx((0.0, -0.2))
 
 
-def test_the_simulator_alone_knows_no_contract_so_the_size_has_to_be_given() -> None:
+def test_the_simulator_has_no_contract_so_the_size_has_to_be_given() -> None:
     with pytest.raises(ValidationError, match=r"needs tracking\.error_m"):
         SitlConfig(tracking=TrackingConfig(toward_obstacle=True))
     SitlConfig(tracking=TrackingConfig(toward_obstacle=True, error_m=0.2))

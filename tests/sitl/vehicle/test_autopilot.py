@@ -61,33 +61,33 @@ def test_forced_arming_skips_the_checks() -> None:
     assert client.arm(force=True) == mavlink.MAV_RESULT_ACCEPTED
 
 
-AUTHORISER = 77
-ASKS = {"COM_ARM_AUTH_REQ": 1, "COM_ARM_AUTH_ID": AUTHORISER}
+AUTHORIZER = 77
+ASKS = {"COM_ARM_AUTH_REQ": 1, "COM_ARM_AUTH_ID": AUTHORIZER}
 
 
-def authorising(client: Client, result: int, *, valid_s: int = 0, system: int = AUTHORISER) -> bool:
+def authorizing(client: Client, result: int, *, valid_s: int = 0, system: int = AUTHORIZER) -> bool:
     """Tell the vehicle that may it arm, or not; return whether it was asked."""
     other = Client(client.vehicle, link=7, system=system)
     client.send(mavlink.MAVLink_command_long_message(1, 1, 400, 0, 1.0, *(0.0,) * 6))
-    assert client.of("COMMAND_ACK") == []  # whoever wants to arm waits
+    assert client.of("COMMAND_ACK") == []  # the arm command waits
     client.wait(0.1)
     other.collect()
     asked = [m for m in other.of("COMMAND_LONG") if m.command == 3001]
     ack = mavlink.MAVLink_command_ack_message(3001, result, 0, valid_s, 1, 1)
     other.send(ack)
     client.collect()
-    return [m.target_system for m in asked] == [AUTHORISER]
+    return [m.target_system for m in asked] == [AUTHORIZER]
 
 
 def test_who_has_to_be_asked_decides_on_arming() -> None:
     client = on_ground(parameters=ASKS)
-    assert authorising(client, mavlink.MAV_RESULT_DENIED)
+    assert authorizing(client, mavlink.MAV_RESULT_DENIED)
     assert client.acknowledged(400) == mavlink.MAV_RESULT_TEMPORARILY_REJECTED
     assert not client.vehicle.autopilot.commander.armed
     client.wait(0.1)
     assert any("not authorized" in text for text in client.texts())
     client.received.clear()
-    authorising(client, mavlink.MAV_RESULT_ACCEPTED, valid_s=5)
+    authorizing(client, mavlink.MAV_RESULT_ACCEPTED, valid_s=5)
     assert client.acknowledged(400) == mavlink.MAV_RESULT_ACCEPTED
     assert client.vehicle.autopilot.commander.armed
     client.disarm()
@@ -95,22 +95,22 @@ def test_who_has_to_be_asked_decides_on_arming() -> None:
     client.disarm()
     client.wait(6.0)
     client.received.clear()
-    authorising(client, mavlink.MAV_RESULT_DENIED)
+    authorizing(client, mavlink.MAV_RESULT_DENIED)
     assert not client.vehicle.autopilot.commander.armed
 
 
-def test_silence_and_strangers_authorise_nothing() -> None:
+def test_silence_and_strangers_authorize_nothing() -> None:
     client = on_ground(parameters=ASKS)
-    authorising(client, mavlink.MAV_RESULT_ACCEPTED, system=AUTHORISER + 1)
+    authorizing(client, mavlink.MAV_RESULT_ACCEPTED, system=AUTHORIZER + 1)
     assert client.of("COMMAND_ACK") == []
     client.wait(0.5)
     assert client.acknowledged(400) == mavlink.MAV_RESULT_TEMPORARILY_REJECTED
     assert not client.vehicle.autopilot.commander.armed
-    # An answer that comes too late, or that nobody asked for.
-    late = Client(client.vehicle, link=8, system=AUTHORISER)
+    # An answer that comes too late, or without a request.
+    late = Client(client.vehicle, link=8, system=AUTHORIZER)
     late.send(mavlink.MAVLink_command_ack_message(3001, 0, 0, 60, 1, 1))
     client.received.clear()
-    authorising(client, mavlink.MAV_RESULT_DENIED)
+    authorizing(client, mavlink.MAV_RESULT_DENIED)
     assert not client.vehicle.autopilot.commander.armed
 
 

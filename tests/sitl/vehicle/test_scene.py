@@ -39,8 +39,8 @@ def test_vehicle_world_and_sensors_advance_together() -> None:
     assert not any(frame["obstacles"] for frame in by_source["rear"])
     assert together.take_detections() == []
     record = together.truth_record()
-    assert record["time_unix_s"] == pytest.approx(1001.0)
-    assert record["clearance_m"] == pytest.approx(5.2, abs=0.01)
+    assert record.time_unix_s == pytest.approx(1001.0)
+    assert record.clearance_m == pytest.approx(5.2, abs=0.01)
 
 
 # The last two are due a few nanoseconds after a tick, or before one.

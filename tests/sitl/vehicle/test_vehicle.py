@@ -34,7 +34,7 @@ def north_at(time_s: float) -> tuple[float, float, float]:
 
 
 def flown(ticks_per_decision: int) -> list[Vector]:
-    """Where the vehicle is at every set-point of a flight in offboard."""
+    """Where the vehicle is at every setpoint of a flight in offboard."""
     client = flying(ticks_per_decision)
     began_s, path_ned_m = client.now_s, []
 

@@ -13,7 +13,7 @@ from types import MappingProxyType
 import pytest
 
 from gcs_tools.scenario import load_scenario
-from onboard.files.models import Contract
+from onboard.files.contract_file import Contract
 from sitl.vehicle.scene import Scene
 from sitl.virtual.simulation import SimulatedFlight, Simulation
 

@@ -8,7 +8,7 @@ import pytest
 from gcs_tools.logs.flight_log import read_log
 from gcs_tools.logs.result import Result, result_of
 from gcs_tools.scenario import Scenario, load_scenario
-from onboard.files.models import load_contract
+from onboard.files.contract_file import load_contract
 from sitl.virtual.simulation import SimulatedFlight, fly
 
 CONFIG = Path(__file__).parents[3] / "config"

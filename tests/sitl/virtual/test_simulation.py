@@ -26,7 +26,7 @@ def flight_of(scenario: str, seed: int = 1) -> SimulatedFlight:
         sitl=read.sitl_config(seed=seed),
         obstacles=read.obstacles,
         seed=seed,
-        fly_outside_contract=read.force,
+        fly_outside_contract=read.fly_outside_contract,
         time_limit_s=120.0,
     )
 

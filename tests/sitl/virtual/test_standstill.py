@@ -1,4 +1,4 @@
-"""When a vehicle that was told to stop may be landed."""
+"""When a vehicle that should stop may be landed."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def landed_after_s(north_m: Callable[[float], float]) -> float:
             WINDOW_S + STILL_FOR_S,
         ),  # hovers, by an estimate that wanders
         (lambda t: 1.0 * t, PATIENCE_S),  # drifts on and on
-        (lambda _: math.nan, PATIENCE_S),  # has not been told
+        (lambda _: math.nan, PATIENCE_S),  # does not stop
     ],
 )
 def test_rest_has_to_last_but_is_not_waited_for_for_ever(

@@ -16,9 +16,9 @@ from gcs_tools.console.processes import free_ports
 from gcs_tools.preflight.finding import Finding, Verdict
 from gcs_tools.preflight.live.bus import BusCheck
 from onboard.contract.assessment import assess
-from onboard.files.models import load_contract
+from onboard.files.contract_file import load_contract
 from onboard.files.zenoh_endpoints import ZenohEndpoints
-from onboard.monitoring.flight_authorization import ClearanceGate
+from onboard.monitoring.flight_authorization import FlightAuthorizationGate
 from onboard.zenoh_session import open_session
 from tests.gcs_tools.running import CONFIG
 
@@ -43,7 +43,7 @@ class Onboard:
     ) -> None:
         self._session, self._said = session, said
         self._ahead_s, self._sensor_ahead_s = ahead_s, sensor_ahead_s
-        self._gate = ClearanceGate(CONTRACT.sha256, 60.0)
+        self._gate = FlightAuthorizationGate(CONTRACT.sha256, 60.0)
         self._stop = threading.Event()
         self._thread = threading.Thread(target=self._run)
 
@@ -85,7 +85,7 @@ class Onboard:
 
 
 def checked(ahead_s: float = 0.0, sensor_ahead_s: float = -0.01, **said: Any) -> dict[str, Finding]:
-    """Return the findings by subject and name, the clearance among them."""
+    """Return the findings by subject and name, the flight authorization among them."""
     port = free_ports(1)[0]
     listen = ZenohEndpoints(listen=(f"tcp/127.0.0.1:{port}",))
     connect = ZenohEndpoints(connect=(f"tcp/127.0.0.1:{port}",))
@@ -96,7 +96,7 @@ def checked(ahead_s: float = 0.0, sensor_ahead_s: float = -0.01, **said: Any) ->
     ):
         bus = BusCheck(ours, "vehicle")
         found = bus.run(assess(CONTRACT))
-        found.append(bus.clear(CONTRACT, found, compliant=True))
+        found.append(bus.authorize(CONTRACT, found, compliant=True))
     return {f"{each.subject} {each.name}": each for each in found}
 
 
@@ -105,15 +105,15 @@ def test_a_daemon_by_whose_clock_all_is_well_is_cleared(ahead_s: float) -> None:
     """Also one whose clock this computer does not share."""
     found = checked(ahead_s)
     assert {each.verdict for each in found.values()} == {Verdict.HOLDS}, found
-    assert found["daemon clearance"].text == "given, and heard by the daemon"
+    assert found["daemon flight authorization"].text == "given, and confirmed by the daemon"
 
 
 @pytest.mark.parametrize(
     ("said", "name", "words"),
     [
-        ({"detection_age_s": None}, "daemon detections", "it has no detections"),
+        ({"detection_age_s": None}, "daemon detections", "the daemon has no detections"),
         ({"detection_age_s": 30.0}, "daemon detections", "30.000 s old"),
-        ({"telemetry_age_s": None}, "daemon telemetry", "it has heard no position"),
+        ({"telemetry_age_s": None}, "daemon telemetry", "the daemon has received no position"),
         ({"telemetry_age_s": 2.0}, "daemon telemetry", "2.000 s old"),
     ],
 )
@@ -121,7 +121,7 @@ def test_what_the_daemon_lacks_is_a_refusal(said: dict[str, Any], name: str, wor
     """As when a sensor has renamed its source: its frames are fine, and the daemon blind."""
     found = checked(**said)
     refused = {key for key, each in found.items() if each.verdict is not Verdict.HOLDS}
-    assert refused == {name, "daemon clearance"}
+    assert refused == {name, "daemon flight authorization"}
     assert found[name].verdict is Verdict.BROKEN
     assert words in found[name].text
 

@@ -18,7 +18,7 @@ from gcs_tools.preflight.live.daemon import (
     telemetry_finding,
 )
 from gcs_tools.preflight.live.detections import Sample, check_detections
-from gcs_tools.preflight.live.vehicle import flight_time_s, judge
+from gcs_tools.preflight.live.vehicle import evaluate, flight_time_s
 from gcs_tools.vehicle.clock import (
     ClockComparison,
     SystemTime,
@@ -29,7 +29,19 @@ from gcs_tools.vehicle.clock import (
 from gcs_tools.vehicle.geofence import FenceItem, GeographicOrigin
 from gcs_tools.vehicle.survey import EstimatorStatus, VehicleFacts, version_of
 from onboard.contract.assessment import assess
-from onboard.files.models import Mission, load_contract
+from onboard.files.contract_file import load_contract
+from onboard.files.mission_file import Mission
+from onboard.mavlink.profiles.ardupilot import ARDUPILOT
+from onboard.mavlink.profiles.parameter_rules import ParameterRule, at_least, at_most
+from onboard.mavlink.profiles.profile import (
+    AutopilotProfile,
+    Firmware,
+    Measured,
+    ParameterFacts,
+    TakeOver,
+)
+from onboard.mavlink.profiles.px4 import PX4
+from onboard.mavlink.profiles.registry import OTHER
 from tests.gcs_tools.running import CONFIG
 
 CONTRACT = load_contract(CONFIG / "paper_contract.yaml")
@@ -39,7 +51,7 @@ NOW_UNIX_S = 1_790_000_000.0
 HOLDS, BROKEN, UNKNOWN = Verdict.HOLDS, Verdict.BROKEN, Verdict.UNKNOWN
 
 FACTS = VehicleFacts(
-    flavour="px4",
+    profile=PX4,
     version=(1, 15, 0),
     rates_hz={"ATTITUDE": 10.0, "LOCAL_POSITION_NED": 10.0},
     estimator=EstimatorStatus(flags=0x33F, worst_ratio=0.1),
@@ -55,7 +67,7 @@ FACTS = VehicleFacts(
 
 
 def judged(endurance_s: float | None = None, **changes: Any) -> dict[str, Verdict]:
-    found = judge(replace(FACTS, **changes), ASSESSMENT, MISSION, endurance_s)
+    found = evaluate(replace(FACTS, **changes), ASSESSMENT, MISSION, endurance_s)
     return {each.name: each.verdict for each in found}
 
 
@@ -82,7 +94,8 @@ def test_a_vehicle_in_order() -> None:
         ({"unhealthy": "local position"}, "health", BROKEN),
         ({"version": (1, 13, 3)}, "firmware", BROKEN),
         ({"version": None}, "firmware", UNKNOWN),
-        ({"flavour": None}, "parameters", UNKNOWN),
+        ({"profile": OTHER}, "parameters", UNKNOWN),
+        ({"profile": OTHER}, "firmware", UNKNOWN),
         ({"rates_hz": {"ATTITUDE": 10.0}}, "LOCAL_POSITION_NED", BROKEN),
         ({"clock": ClockComparison(0.2, 0.0)}, "link delay", BROKEN),
         ({"clock": ClockComparison(0.2, None, "PING")}, "link delay", BROKEN),
@@ -103,7 +116,7 @@ def test_a_vehicle_in_order() -> None:
         ({"estimator": EstimatorStatus(0x3FF, 0.6), "on_ground": True}, "estimator", BROKEN),
         (
             {
-                "flavour": "ardupilot",
+                "profile": ARDUPILOT,
                 "estimator": EstimatorStatus(0x3FF, 0.1),
                 "on_ground": True,
             },
@@ -111,14 +124,19 @@ def test_a_vehicle_in_order() -> None:
             BROKEN,
         ),
         (
-            {"flavour": "ardupilot", "estimator": EstimatorStatus(0x33F | 32768, 0.1)},
+            {"profile": ARDUPILOT, "estimator": EstimatorStatus(0x33F | 32768, 0.1)},
             "estimator",
             BROKEN,
         ),
         ({"radio_heard": None}, "take-over", UNKNOWN),
         ({"radio_heard": None, "parameters": {"COM_RC_IN_MODE": 4.0}}, "take-over", HOLDS),
         ({"radio_heard": False}, "take-over", HOLDS),
-        ({"parameters": {"FENCE_TOTAL": 5.0}}, "geofence areas", UNKNOWN),
+        (
+            {"profile": ARDUPILOT, "parameters": {"FENCE_TOTAL": 5.0}},
+            "geofence areas",
+            UNKNOWN,
+        ),
+        ({"parameters": {"FENCE_TOTAL": 5.0}}, "geofence areas", HOLDS),
         ({"home_ned_m": None}, "home", UNKNOWN),
         ({"home_ned_m": (0.0, 0.0, -3.0)}, "home", BROKEN),
         ({"position_ned_m": None}, "start", UNKNOWN),
@@ -169,7 +187,7 @@ def test_a_polygon_on_ardupilot_is_judged_by_where_it_is(
         "FENCE_ENABLE": enabled, "FENCE_TYPE": 7.0, "FENCE_TOTAL": 6.0,
         "FENCE_ALT_MAX": 100.0, "FENCE_RADIUS": 150.0,
     }  # fmt: skip
-    found = judged(flavour="ardupilot", parameters=fence, fence=square(half_m))
+    found = judged(profile=ARDUPILOT, parameters=fence, fence=square(half_m))
     geofence = {name: each for name, each in found.items() if "FENCE" in name or "fence" in name}
     assert geofence.pop("geofence areas") is verdict
     assert set(geofence.values()) == {HOLDS}
@@ -217,7 +235,7 @@ def test_the_unix_time_is_of_the_quickest_message_and_of_a_clock_that_was_set() 
 
 def test_a_clock_is_described_in_words() -> None:
     clock = ClockComparison(0.004, 0.0, "PING and SYSTEM_TIME", unix_offset_s=-1199.9)
-    found = judge(replace(FACTS, clock=clock), ASSESSMENT, MISSION, None)
+    found = evaluate(replace(FACTS, clock=clock), ASSESSMENT, MISSION, None)
     (text,) = (each.text for each in found if each.name == "clock")
     assert "its Unix time is 1199.900 s behind this computer's" in text
     assert "PING and SYSTEM_TIME" in text
@@ -244,32 +262,75 @@ def test_the_version_is_read_with_its_stage(
 @pytest.mark.parametrize(
     ("changes", "words"),
     [
-        ({"version": (1, 16, 0), "stage": "alpha"}, "system id 1, px4 1.16.0 alpha"),
-        ({"system_id": 7, "flavour": "ardupilot"}, "system id 7, ardupilot 1.15.0"),
-        ({"version": None}, "system id 1, px4"),
-        ({"flavour": None, "version": None}, "system id 1, neither PX4 nor ArduPilot"),
+        ({"version": (1, 16, 0), "stage": "alpha"}, "system id 1, PX4 1.16.0 alpha"),
+        ({"system_id": 7, "profile": ARDUPILOT}, "system id 7, ArduPilot 1.15.0"),
+        ({"version": None}, "system id 1, PX4"),
+        ({"profile": OTHER, "version": None}, "system id 1, unknown autopilot"),
     ],
 )
 def test_the_vehicle_is_named(changes: dict[str, Any], words: str) -> None:
-    found = judge(replace(FACTS, **changes), ASSESSMENT, MISSION, None)
+    found = evaluate(replace(FACTS, **changes), ASSESSMENT, MISSION, None)
     assert [each.text for each in found if each.name == "identity"] == [words]
 
 
 @pytest.mark.parametrize(
-    ("flavour", "heard", "words"),
+    ("profile", "heard", "words"),
     [
-        ("px4", True, "POSCTL"),
-        ("px4", False, "PX4 refuses POSCTL then: take over from the ground station with HOLD"),
-        ("ardupilot", True, "LOITER"),
-        ("ardupilot", False, "take over from the ground station with BRAKE"),
+        (PX4, True, "POSCTL"),
+        (PX4, False, "PX4 refuses POSCTL then: take over from the ground station with HOLD"),
+        (ARDUPILOT, True, "LOITER"),
+        (ARDUPILOT, False, "take over from the ground station with BRAKE"),
+        (OTHER, True, "its mode switch"),
+        (OTHER, False, "take over from the ground station"),
     ],
 )
-def test_how_the_pilot_takes_over_is_said(flavour: str, heard: bool, words: str) -> None:
-    found = judge(
-        replace(FACTS, flavour=flavour, radio_heard=heard), ASSESSMENT, MISSION, endurance_s=None
+def test_how_the_pilot_takes_over_is_said(
+    profile: AutopilotProfile, heard: bool, words: str
+) -> None:
+    found = evaluate(
+        replace(FACTS, profile=profile, radio_heard=heard), ASSESSMENT, MISSION, endurance_s=None
     )
     (text,) = (each.text for each in found if each.name == "take-over")
     assert words in text
+
+
+OWN = replace(
+    OTHER,
+    autopilot=13,
+    key="own",
+    name="Own",
+    firmware=Firmware(Measured((2, 3), ("",), "2.3 of May"), oldest=(2, 0), newest=(2, 4)),
+    parameters=ParameterFacts(
+        setpoint_timeout="TIMEOUT",
+        no_radio=("RADIO", 0.0),
+        fence_prefixes=("FENCE",),
+        rules=lambda demands, _: [
+            ParameterRule("late", (at_most("TIMEOUT", demands.setpoint_timeout_s, "s"),))
+        ],
+        fence_rules=lambda demands, _: [
+            ParameterRule("near", (at_least("FENCE_R", demands.radius_m, "m"),))
+        ],
+        fence_count="FENCE_N",
+    ),
+    take_over=TakeOver("the red button", "the blue button", sticks_ignored=("RADIO", 0.0)),
+)
+
+
+def test_an_own_profile_decides_on_firmware_parameters_fence_and_take_over() -> None:
+    """As another project's would: nothing of it is known elsewhere."""
+    right = {"TIMEOUT": 0.05, "FENCE_R": 100.0, "RADIO": 1.0}
+    own: dict[str, Any] = {"profile": OWN, "version": (2, 3, 1)}
+    found = judged(**own, parameters=right)
+    assert set(found.values()) == {HOLDS}
+    assert {"TIMEOUT", "FENCE_R"} <= found.keys()
+    assert judged(**own, parameters=right | {"TIMEOUT": 9.0})["TIMEOUT"] is BROKEN
+    assert judged(**own, parameters=right | {"FENCE_R": 9.0})["FENCE_R"] is BROKEN
+    assert judged(**own, parameters=right | {"FENCE_N": 4.0})["geofence areas"] is UNKNOWN
+    assert judged(**(own | {"version": (1, 9, 0)}), parameters=right)["firmware"] is BROKEN
+    for radio, words in ((1.0, "take over with the red button"), (0.0, "the blue button")):
+        facts = replace(FACTS, **own, parameters=right | {"RADIO": radio})
+        texts = {each.name: each.text for each in evaluate(facts, ASSESSMENT, MISSION, None)}
+        assert words in texts["take-over"]
 
 
 def test_the_flight_time_has_a_reserve() -> None:
@@ -414,7 +475,7 @@ def test_the_daemon_itself_needs_fresh_detections(ages_s: list[Any], verdict: Ve
 
 def test_a_daemon_that_sees_nothing_is_told() -> None:
     blind = detections_finding(statuses("detection_age_s", [None]), ASSESSMENT.terms)
-    assert blind.text == "the daemon says that it has no detections"
+    assert blind.text == "the daemon has no detections"
     old = detections_finding(statuses("detection_age_s", [31.0]), ASSESSMENT.terms)
     assert "31.000 s old, limit 0.3 s" in old.text
 

@@ -11,16 +11,28 @@ from typing import Any
 import pytest
 
 from gcs_tools.preflight.finding import Finding, Verdict
-from gcs_tools.preflight.live.conditions import bit_clear, bit_set
-from gcs_tools.preflight.live.firmware import MEASURED, Version, firmware_finding
+from gcs_tools.preflight.live.firmware import firmware_finding
 from gcs_tools.preflight.live.parameters import (
-    ReportedParameters,
     check_parameters,
+    contract_demands,
+    corridor_m,
+    mission_demands,
+    rule_finding,
     tilt_required_deg,
 )
 from onboard.contract.agility import GRAVITY_MPS2
 from onboard.contract.assessment import Assessment, assess
-from onboard.files.models import Mission, load_contract
+from onboard.files.contract_file import load_contract
+from onboard.files.mission_file import Mission
+from onboard.mavlink.profiles.parameter_rules import (
+    ParameterRule,
+    ReportedParameters,
+    Version,
+    at_least,
+    one_of,
+)
+from onboard.mavlink.profiles.profile import ParameterFacts
+from onboard.mavlink.profiles.registry import OTHER, profile_named
 from tests.gcs_tools.running import CONFIG
 
 # The measured tuning: attitude lag 0.3 s, so that a plan's jerk is about 10 m/s³.
@@ -64,12 +76,16 @@ ARDUPILOT = {
 SETS = {"px4": PX4, "ardupilot": ARDUPILOT}
 
 
+def facts_of(flavour: str) -> ParameterFacts:
+    facts = profile_named(flavour).parameters
+    assert facts is not None
+    return facts
+
+
 def findings(flavour: str, parameters: dict[str, float], **changes: Any) -> list[Finding]:
     settings: dict[str, Any] = {"mission": MISSION, "complete": True, "version": None} | changes
-    reported = ReportedParameters(
-        flavour, parameters, settings["version"], complete=settings["complete"]
-    )
-    return check_parameters(reported, ASSESSMENT, settings["mission"])
+    reported = ReportedParameters(parameters, settings["version"], complete=settings["complete"])
+    return check_parameters(facts_of(flavour), reported, ASSESSMENT, settings["mission"])
 
 
 def verdicts(flavour: str, parameters: dict[str, float], **changes: Any) -> dict[str, Verdict]:
@@ -159,8 +175,9 @@ def test_a_tilt_beyond_the_vertical_is_never_fine() -> None:
     steep = load_contract(
         CONFIG / "default_contract.yaml", ("vehicle.roll_max_deg=70", "vehicle.pitch_max_deg=70")
     )
-    reported = ReportedParameters("ardupilot", ARDUPILOT)
-    found = {e.name: e.verdict for e in check_parameters(reported, assess(steep), None)}
+    reported = ReportedParameters(ARDUPILOT)
+    checked = check_parameters(facts_of("ardupilot"), reported, assess(steep), None)
+    found = {e.name: e.verdict for e in checked}
     assert found["WPNAV_ACCEL"] is found["ANGLE_MAX"] is Verdict.BROKEN
 
 
@@ -184,16 +201,6 @@ def test_a_tilt_beyond_the_vertical_is_never_fine() -> None:
 )
 def test_every_harmless_value_is_accepted(flavour: str, change: dict[str, float]) -> None:
     assert set(verdicts(flavour, SETS[flavour] | change).values()) == {Verdict.HOLDS}
-
-
-@pytest.mark.parametrize("bit", range(24))
-def test_bits_are_named_by_number_and_value(bit: int) -> None:
-    wanted, unwanted = bit_set("X", bit), bit_clear("X", bit)
-    assert wanted.demand == f"with bit {bit} (value {2**bit})"
-    assert unwanted.demand == f"without bit {bit} (value {2**bit})"
-    for value in (0.0, 2.0**bit, 2.0**24 - 1.0, 2.0**24 - 1.0 - 2.0**bit, -1.0):
-        assert wanted.holds(value) is (math.floor(value / 2**bit) % 2 == 1)
-        assert unwanted.holds(value) is not wanted.holds(value)
 
 
 def test_the_text_of_a_bit_cannot_be_taken_for_its_value() -> None:
@@ -277,22 +284,84 @@ OF_RECORDING = {
 }
 
 
-def judged_as_recorded(flavour: str, parameters: dict[str, float]) -> dict[str, Verdict]:
+def checked_as_recorded(flavour: str, parameters: dict[str, float]) -> dict[str, Verdict]:
     contract = load_contract(CONFIG / f"{flavour}_contract.yaml", OF_RECORDING[flavour])
-    version = (*MEASURED[flavour].release, 0)
-    reported = ReportedParameters(flavour, parameters, version)
-    return {e.name: e.verdict for e in check_parameters(reported, assess(contract), MISSION)}
+    firmware = profile_named(flavour).firmware
+    assert firmware is not None
+    reported = ReportedParameters(parameters, (*firmware.measured.release, 0))
+    checked = check_parameters(facts_of(flavour), reported, assess(contract), MISSION)
+    return {e.name: e.verdict for e in checked}
 
 
 @pytest.mark.parametrize("flavour", ["px4", "ardupilot"])
 def test_the_measured_firmware_fits_its_contract(flavour: str) -> None:
-    found = judged_as_recorded(flavour, recorded(flavour) | DOCUMENTED[flavour])
+    found = checked_as_recorded(flavour, recorded(flavour) | DOCUMENTED[flavour])
     assert found == dict.fromkeys(found, Verdict.HOLDS)
     assert len(found) >= 9
 
 
+# By the name of each finding on the recorded parameters: what breaks it.  A parameter that another
+# one makes harmless is listed with that one.
+WRONG: dict[str, dict[str, dict[str, float]]] = {
+    "px4": {
+        "MPC_TILTMAX_AIR": {"MPC_TILTMAX_AIR": 20.0},
+        "MPC_XY_VEL_MAX": {"MPC_XY_VEL_MAX": 2.0},
+        "MC_ROLL_P": {"MC_ROLL_P": 2.0},
+        "MC_PITCH_P": {"MC_PITCH_P": 2.0},
+        "COM_OF_LOSS_T": {"COM_OF_LOSS_T": 1.1},
+        "COM_OBL_RC_ACT": {"COM_OBL_RC_ACT": 4.0},
+        "COM_RC_IN_MODE": {"COM_RC_IN_MODE": 0.0, "NAV_RCL_ACT": 2.0, "COM_RCL_EXCEPT": 3.0},
+        "NAV_DLL_ACT": {"NAV_DLL_ACT": 2.0, "COM_DLL_EXCEPT": 3.0},
+        "GF_ACTION": {"GF_ACTION": 2.0, "GF_MAX_HOR_DIST": 20.0, "GF_MAX_VER_DIST": 3.0},
+    },
+    "ardupilot": {
+        "ANGLE_MAX": {"ANGLE_MAX": 1000.0},
+        "PSC_ANGLE_MAX": {"PSC_ANGLE_MAX": 10.0},
+        "PSC_JERK_XY": {"PSC_JERK_XY": 4.0},
+        "WPNAV_ACCEL": {"WPNAV_ACCEL": 100.0},
+        "GUID_TIMEOUT": {"GUID_TIMEOUT": 0.6},
+        "FS_THR_ENABLE": {"FS_THR_ENABLE": 1.0, "FS_OPTIONS": 0.0},
+        "FS_GCS_ENABLE": {"FS_GCS_ENABLE": 1.0},
+        "ARMING_CHECK": {"ARMING_CHECK": 64.0},
+        "FENCE_ENABLE": {"FENCE_ENABLE": 1.0, "FENCE_TYPE": 1.0, "FENCE_ALT_MAX": 3.0},
+    },
+}
+
+
+@pytest.mark.parametrize("flavour", ["px4", "ardupilot"])
+def test_every_rule_is_broken_by_a_wrong_value_in_the_recorded_parameters(flavour: str) -> None:
+    right = recorded(flavour) | DOCUMENTED[flavour]
+    assert {rule.alternatives[0].parameter for rule in every_rule(flavour, right)} == set(
+        WRONG[flavour]
+    )
+    for name, change in WRONG[flavour].items():
+        found = checked_as_recorded(flavour, right | change)
+        broken = {each for each, verdict in found.items() if verdict is Verdict.BROKEN}
+        assert broken == {name}, name
+
+
+def every_rule(flavour: str, parameters: dict[str, float]) -> list[ParameterRule]:
+    facts, reported = facts_of(flavour), ReportedParameters(parameters)
+    rules = facts.rules(contract_demands(ASSESSMENT), reported)
+    return rules + facts.fence_rules(mission_demands(ASSESSMENT, MISSION), reported)
+
+
+def test_demands_are_those_of_the_contract_and_the_mission() -> None:
+    demands = contract_demands(ASSESSMENT)
+    assert demands.tilt_deg == pytest.approx(21.0)
+    assert demands.acceleration_mps2 == pytest.approx(GRAVITY_MPS2 * math.tan(math.radians(21.0)))
+    assert demands.setpoint_timeout_s == 0.5
+    assert demands.attitude_lag_s == 0.3
+    terms = ASSESSMENT.terms
+    assert demands.speed_mps == terms.cruise_speed_mps + terms.velocity_error_x_mps
+    assert demands.plan_jerk_mps3 * 0.3 == pytest.approx(max(vars(ASSESSMENT.limits).values()))
+    fence = mission_demands(ASSESSMENT, MISSION)
+    assert fence.radius_m == 40.0 + corridor_m(ASSESSMENT, MISSION)
+    assert fence.height_m == 4.0 + MISSION.climb_max_m
+
+
 def test_what_the_recorded_px4_lacked_is_told() -> None:
-    found = judged_as_recorded("px4", recorded("px4"))
+    found = checked_as_recorded("px4", recorded("px4"))
     broken = {name for name, verdict in found.items() if verdict is not Verdict.HOLDS}
     assert broken == {"COM_OBL_RC_ACT", "COM_RC_IN_MODE"}
 
@@ -302,21 +371,22 @@ def test_what_the_recorded_px4_lacked_is_told() -> None:
     [
         ("px4", (1, 16, 0), "alpha", Verdict.HOLDS, "measured: main of February 2025"),
         ("ardupilot", (4, 7, 0), "dev", Verdict.HOLDS, "measured: 4.7-dev of July 2025"),
-        *(("px4", (1, n, 0), "", Verdict.HOLDS, "untried") for n in (14, 15, 16, 17, 18)),
-        *(("ardupilot", (4, n, 1), "", Verdict.HOLDS, "untried") for n in (5, 6, 7)),
+        *(("px4", (1, n, 0), "", Verdict.HOLDS, "not tested") for n in (14, 15, 16, 17, 18)),
+        *(("ardupilot", (4, n, 1), "", Verdict.HOLDS, "not tested") for n in (5, 6, 7)),
         ("px4", (1, 13, 3), "", Verdict.BROKEN, "needs 1.14 or later"),
         ("ardupilot", (4, 4, 9), "", Verdict.BROKEN, "needs 4.5 or later"),
-        ("px4", (1, 19, 0), "", Verdict.UNKNOWN, "newer than the parameters that are known"),
+        ("px4", (1, 19, 0), "", Verdict.UNKNOWN, "newer than the known parameters (1.14 to 1.18)"),
         ("px4", (2, 0, 0), "", Verdict.UNKNOWN, "1.14 to 1.18"),
-        ("ardupilot", (4, 8, 0), "dev", Verdict.UNKNOWN, "untried"),
+        ("ardupilot", (4, 8, 0), "dev", Verdict.UNKNOWN, "not tested"),
         ("px4", None, "", Verdict.UNKNOWN, "no version"),
-        (None, (1, 16, 0), "", Verdict.UNKNOWN, "no version"),
+        (None, (1, 16, 0), "", Verdict.UNKNOWN, "no firmware of this autopilot is known"),
     ],
 )
-def test_the_firmware_is_measured_or_named_as_untried(
+def test_the_firmware_is_measured_or_named_as_not_tested(
     flavour: str | None, version: Version | None, stage: str, verdict: Verdict, words: str
 ) -> None:
-    found = firmware_finding(flavour, version, stage)
+    profile = OTHER if flavour is None else profile_named(flavour)
+    found = firmware_finding(profile, version, stage)
     assert found.verdict is verdict
     assert words in found.text
 
@@ -343,8 +413,44 @@ def test_the_autopilot_must_allow_the_tilt_against_the_wind(
     flavour: str, name: str, fits: float, lacks: float
 ) -> None:
     for value, verdict in ((fits, Verdict.HOLDS), (lacks, Verdict.BROKEN)):
-        reported = ReportedParameters(flavour, SETS[flavour] | {name: value})
-        found = check_parameters(reported, in_wind(0.3, 8.0), None)
+        reported = ReportedParameters(SETS[flavour] | {name: value})
+        found = check_parameters(facts_of(flavour), reported, in_wind(0.3, 8.0), None)
         (tilt,) = (each for each in found if each.name == name)
         assert tilt.verdict is verdict
     assert "wind of 8 m/s" in tilt.text
+
+
+RULE = ParameterRule("it must not fall", (one_of("A", 1), at_least("B", 2.0, "m")))
+
+
+@pytest.mark.parametrize(
+    ("values", "verdict", "name", "text"),
+    [
+        ({"A": 1.0, "B": 0.0}, Verdict.HOLDS, "A", "A = 1 (= 1)"),
+        ({"A": 0.0, "B": 2.5}, Verdict.HOLDS, "B", "B = 2.5 (≥ 2 m)"),
+        ({"B": 2.5}, Verdict.HOLDS, "B", "B = 2.5 (≥ 2 m)"),
+        (
+            {"A": 0.0, "B": 1.0},
+            Verdict.BROKEN,
+            "A",
+            "A = 0, B = 1; needs A = 1 or B ≥ 2 m: it must not fall",
+        ),
+        (
+            {"A": 0.0},
+            Verdict.UNKNOWN,
+            "A",
+            "A = 0; B not reported; needs A = 1 or B ≥ 2 m: it must not fall",
+        ),
+        (
+            {},
+            Verdict.UNKNOWN,
+            "A",
+            "A, B not reported; needs A = 1 or B ≥ 2 m: it must not fall",
+        ),
+    ],
+)
+def test_a_rule_is_told_with_value_and_demand(
+    values: dict[str, float], verdict: Verdict, name: str, text: str
+) -> None:
+    found = rule_finding(RULE, values)
+    assert found == Finding("vehicle", name, verdict, text)

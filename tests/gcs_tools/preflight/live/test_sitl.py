@@ -19,7 +19,7 @@ import zenoh
 from pymavlink import mavutil
 
 from gcs_tools.console.processes import Children, free_ports
-from gcs_tools.preflight.arm_authorization import AUTHORISER_SYSTEM_ID
+from gcs_tools.preflight.arm_authorization import AUTHORIZER_SYSTEM_ID
 from onboard.files.zenoh_endpoints import ZenohEndpoints
 from onboard.zenoh_session import open_session
 from sitl.config import HomeConfig
@@ -151,7 +151,7 @@ class Site:
             code: with which the check has to exit.
         """
         path = self.directory / "preflight.json"
-        arguments = self.arguments("--authorise", "60", "-o", str(path), *more)
+        arguments = self.arguments("--authorize", "60", "-o", str(path), *more)
         with terminal() as screen:
             answering = subprocess.Popen(
                 [sys.executable, "-m", "gcs_tools", *arguments], stderr=screen.written_to
@@ -180,7 +180,7 @@ def site(directory: Path, flavour: str, parameters: dict[str, float]) -> Iterato
 
 def test_px4_is_cleared_and_may_arm_as_long_as_all_is_well(tmp_path: Path) -> None:
     asks = {
-        "COM_ARM_AUTH_REQ": 1, "COM_ARM_AUTH_ID": AUTHORISER_SYSTEM_ID, "COM_ARM_AUTH_TO": 1.0,
+        "COM_ARM_AUTH_REQ": 1, "COM_ARM_AUTH_ID": AUTHORIZER_SYSTEM_ID, "COM_ARM_AUTH_TO": 1.0,
         "COM_DISARM_PRFLT": 1.0,
     }  # fmt: skip
     temporarily_rejected, accepted = 1, 0
@@ -188,7 +188,7 @@ def test_px4_is_cleared_and_may_arm_as_long_as_all_is_well(tmp_path: Path) -> No
         assert place.arm() == temporarily_rejected  # nobody answers
         assert not place.cleared()
         with place.authorising(code=0) as (found, _):
-            assert found["daemon contract"] == found["daemon clearance"] == "holds"
+            assert found["daemon contract"] == found["daemon flight authorization"] == "holds"
             assert found["vehicle COM_OBL_RC_ACT"] == found["vehicle geofence areas"] == "holds"
             assert place.cleared()
             assert place.arm() == accepted
@@ -201,11 +201,11 @@ def test_px4_is_cleared_and_may_arm_as_long_as_all_is_well(tmp_path: Path) -> No
         assert screen.shares == sorted(screen.shares)
         assert max(screen.shares) == round(100 * 12 / 13)  # the last of thirteen steps was begun
         assert screen.estimates
-        assert any("looking: telemetry rates" in line for line in screen.lines)
+        assert any("checking: telemetry rates" in line for line in screen.lines)
 
 
-def test_authorising_needs_a_vehicle(clearway: Clearway) -> None:
-    ran = clearway("preflight", "--contract", str(CONTRACT), "--authorise", "10")
+def test_authorizing_needs_a_vehicle(clearway: Clearway) -> None:
+    ran = clearway("preflight", "--contract", str(CONTRACT), "--authorize", "10")
     assert (ran.code, "--vehicle" in ran.err) == (2, True)
 
 

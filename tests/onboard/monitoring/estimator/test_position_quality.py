@@ -7,13 +7,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from onboard.mavlink.autopilot_facts import ARDUPILOT, OTHER, PX4, AutopilotFacts
 from onboard.mavlink.position_reports import (
     EstimatorReport,
     GpsReport,
     HealthReport,
     PositionReports,
 )
+from onboard.mavlink.profiles import ardupilot, px4, registry
+from onboard.mavlink.profiles.profile import EstimatorFacts
 from onboard.monitoring.assumptions import Assumption
 from onboard.monitoring.estimator.position_quality import (
     ACCURACY_MAX_M,
@@ -25,6 +26,8 @@ from onboard.monitoring.estimator.position_quality import (
 )
 
 NAN = float("nan")
+PX4, ARDUPILOT = px4.PX4.estimator, ardupilot.ARDUPILOT.estimator
+OTHER = registry.OTHER.estimator
 # As recorded in flight; optical flow and visual odometry give a relative position only.
 GOOD_FLAGS = {PX4: 0x37F, ARDUPILOT: 0x33F, OTHER: 0x37F}
 ABSOLUTE, RELATIVE = 0x10, 0x08
@@ -37,7 +40,7 @@ TICK_S = 0.02
 class Flight:
     """An autopilot that says what it is told to say, at the rates that are asked of it."""
 
-    facts: AutopilotFacts = PX4
+    facts: EstimatorFacts = PX4
     by_gps: bool = True
     now_s: float = 0.0
 
@@ -131,7 +134,7 @@ BOTH = (PX4, ARDUPILOT)
 NONE = None
 
 # What happens, on which autopilots, what it is worth with GPS and without, words of the sentence.
-SIGNS: list[tuple[str, Change, tuple[AutopilotFacts, ...], Worth | None, Worth | None, str]] = [
+SIGNS: list[tuple[str, Change, tuple[EstimatorFacts, ...], Worth | None, Worth | None, str]] = [
     ("no fix", changed(fix_type=1), BOTH, DEAD_RECKONED, NONE, "GPS fix lost (fix type 1)"),
     ("no gps", changed(fix_type=0), BOTH, DEAD_RECKONED, NONE, "GPS fix lost (fix type 0)"),
     ("2d fix", changed(fix_type=2), BOTH, DEAD_RECKONED, NONE, "GPS fix lost (fix type 2)"),
@@ -143,7 +146,7 @@ SIGNS: list[tuple[str, Change, tuple[AutopilotFacts, ...], Worth | None, Worth |
     ("height gone", without(0x60), BOTH, MADE_UP, MADE_UP, "vertical position lost"),
     ("attitude gone", without(0x01), BOTH, MADE_UP, MADE_UP, "attitude lost"),
     ("constant position", with_flag(0x80), BOTH, MADE_UP, MADE_UP, "constant position mode"),
-    ("uninitialised", with_flag(0x400), (ARDUPILOT,), MADE_UP, MADE_UP, "not initialised"),
+    ("uninitialised", with_flag(0x400), (ARDUPILOT,), MADE_UP, MADE_UP, "not initialized"),
     ("gps glitch", with_flag(0x400), (PX4,), DOUBTED, DOUBTED, "GPS glitch"),
     ("gps glitching", with_flag(0x8000), (ARDUPILOT,), DOUBTED, DOUBTED, "GPS glitch"),
     ("accelerometer", with_flag(0x800), (PX4,), DOUBTED, DOUBTED, "accelerometer error"),
@@ -195,7 +198,7 @@ CASES = [
 @pytest.mark.parametrize(("change", "facts", "by_gps", "worth", "words", "within_s"), CASES)
 def test_sign_is_noticed_within_a_second_and_said_in_a_sentence(
     change: Change,
-    facts: AutopilotFacts,
+    facts: EstimatorFacts,
     by_gps: bool,
     worth: Worth | None,
     words: str,
@@ -244,7 +247,7 @@ def test_texts_that_say_nothing_bad_are_none(said: str) -> None:
     ],
 )
 def test_a_single_message_is_a_glitch(
-    facts: AutopilotFacts, change: Change, back: Change, period_s: float
+    facts: EstimatorFacts, change: Change, back: Change, period_s: float
 ) -> None:
     flight = Flight(facts).depart()
     change(flight)
@@ -256,7 +259,7 @@ def test_a_single_message_is_a_glitch(
 @pytest.mark.parametrize("ratio", [NAN, 0.79])
 @pytest.mark.parametrize("facts", BOTH)
 def test_a_ratio_that_says_nothing_or_is_within_its_limit_is_none(
-    facts: AutopilotFacts, ratio: float
+    facts: EstimatorFacts, ratio: float
 ) -> None:
     flight = Flight(facts).depart()
     flight.ratios = [ratio] * 3
@@ -276,7 +279,7 @@ def test_accuracy_is_judged_by_what_it_was(departed_m: float, limit_m: float) ->
 
 @pytest.mark.parametrize("facts", [PX4, ARDUPILOT, OTHER])
 @pytest.mark.parametrize("by_gps", [True, False])
-def test_a_good_flight_shows_no_sign(facts: AutopilotFacts, *, by_gps: bool) -> None:
+def test_a_good_flight_shows_no_sign(facts: EstimatorFacts, *, by_gps: bool) -> None:
     assert Flight(facts, by_gps).depart().run(60.0) == []
 
 
@@ -333,7 +336,7 @@ def test_a_source_that_is_slow_is_not_silent(interval_s: float) -> None:
     assert not any(seen)
 
 
-DEPARTURES: list[tuple[Change, tuple[AutopilotFacts, ...], str]] = [
+DEPARTURES: list[tuple[Change, tuple[EstimatorFacts, ...], str]] = [
     (changed(fix_type=1), BOTH, "GPS fix lost (fix type 1)"),
     (changed(fix_type=None), BOTH, "GPS_RAW_INT silent"),
     (without(0x18), BOTH, "horizontal position lost"),
@@ -351,7 +354,7 @@ DEPARTURES: list[tuple[Change, tuple[AutopilotFacts, ...], str]] = [
     [(change, facts, words) for change, autopilots, words in DEPARTURES for facts in autopilots],
 )
 def test_departure_is_refused_with_the_reason(
-    change: Change, facts: AutopilotFacts, words: str
+    change: Change, facts: EstimatorFacts, words: str
 ) -> None:
     flight = Flight(facts)
     flight.run(3.0)
@@ -436,7 +439,7 @@ def test_whatever_is_reported_has_a_verdict(
     ratios: list[float],
     accuracy_m: float,
     fix_type: int,
-    facts: AutopilotFacts,
+    facts: EstimatorFacts,
     *,
     by_gps: bool,
 ) -> None:

@@ -4,8 +4,10 @@ from typing import Any
 
 import pytest
 
-from onboard.autonomy import TAKE_BACK_AFTER_S, Autonomy
-from onboard.files.models import Contract, Mission
+from onboard.autonomy import Autonomy
+from onboard.files.contract_file import Contract
+from onboard.files.mission_file import Mission
+from onboard.guidance.authority import TAKE_BACK_AFTER_S
 from onboard.guidance.phases import Phase
 from tests.onboard.test_autonomy import EPOCH_UNIX_S, OFFBOARD, POSCTL, Rig, box
 

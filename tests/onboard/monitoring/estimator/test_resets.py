@@ -32,7 +32,7 @@ def pose(
 
 
 def test_telemetry_grows_stale() -> None:
-    monitor = PoseMonitor(stale_after_s=0.5)
+    monitor = PoseMonitor(telemetry_timeout_s=0.5)
     assert monitor.check_age(pose(1.0, STILL), 1.5) is None
     stale = monitor.check_age(pose(1.0, STILL), 1.51)
     assert stale is not None
@@ -173,8 +173,8 @@ def test_jumps_back_and_forth_do_not_cancel() -> None:
 def test_unanswered_resets_are_taken_once() -> None:
     ledger = ResetLedger()
     ledger.add(reset_at(1.0, (1.0, 0.0, 0.0)))
-    assert len(ledger.take_unanswered()) == 1
-    assert ledger.take_unanswered() == []
+    assert len(ledger.take_pending()) == 1
+    assert ledger.take_pending() == []
 
 
 LATER_S = SENSOR_FRAME_TOLERANCE_S + PERIOD_S + 0.001

@@ -5,7 +5,9 @@ from typing import Any
 import pytest
 
 from onboard.autonomy import Autonomy
-from onboard.files.models import Contract, Mission
+from onboard.files.contract_file import Contract
+from onboard.files.mission_file import Mission
+from onboard.guidance.clear_check import ClearCheck
 from onboard.guidance.phases import Phase
 from onboard.planning.planner import NoPlan, Planner
 from tests.onboard.test_autonomy import EPOCH_UNIX_S, OFFBOARD, POSCTL, Rig, box
@@ -202,10 +204,9 @@ def test_plan_that_no_longer_certifies_after_a_reset_is_stopped(
 ) -> None:
     rig = flying(contract, mission, 1.0, [box((24.0, 0.2))])
     in_phase(rig, "avoid")
-    navigator = rig.autonomy.navigator
-    clear, verdicts = navigator._clear, [False]
+    clear, verdicts = ClearCheck.is_clear, [False]
     monkeypatch.setattr(
-        navigator, "_clear", lambda *args: verdicts.pop() if verdicts else clear(*args)
+        ClearCheck, "is_clear", lambda *args: verdicts.pop() if verdicts else clear(*args)
     )
     monkeypatch.setattr(Planner, "plan", lambda *_: NoPlan(()))
     jump(rig, (0.0, 0.5, 0.0))

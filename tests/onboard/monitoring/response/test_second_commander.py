@@ -8,11 +8,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from onboard.geometry.frames import Vector
+from onboard.mavlink.profiles.registry import profile_named
 from onboard.monitoring.assumptions import Assumption, Violation
 from onboard.monitoring.response.second_commander import (
     ECHO_PATIENCE_S,
     MEMORY_S,
-    PX4_GAIN_MAX_PER_S,
     SPAN_MIN_S,
     SecondCommanderMonitor,
 )
@@ -22,7 +22,7 @@ HERE: Vector = (0.0, 0.0, -4.0)
 STILL: Vector = (0.0, 0.0, 0.0)
 NOTHING: Vector = (math.nan, math.nan, math.nan)
 OURS: Target = (HERE, STILL)
-ARDUPILOT, PX4 = 0.0, PX4_GAIN_MAX_PER_S
+ARDUPILOT, PX4 = (profile_named(key).target_gain_max_per_s for key in ("ardupilot", "px4"))
 FLAVOURS = pytest.mark.parametrize("gain_max_per_s", [ARDUPILOT, PX4])
 
 
@@ -68,7 +68,7 @@ def test_autopilot_that_goes_where_we_say_has_no_second_commander(gain_max_per_s
 
 @given(
     st.tuples(st.floats(-2.0, 2.0), st.floats(-2.0, 2.0), st.floats(-1.0, 1.0)),
-    st.floats(0.0, PX4_GAIN_MAX_PER_S),
+    st.floats(0.0, PX4),
 )
 def test_what_px4s_controller_adds_is_not_foreign(error_m: Vector, gain_per_s: float) -> None:
     position_ned_m = (error_m[0], error_m[1], error_m[2] - 4.0)

@@ -10,8 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from sitl.autopilot.flavours.guided_reference import GuidedReference, ReferenceLimits
-from sitl.plant.controller import Setpoint
 from sitl.plant.multirotor import GRAVITY_MPS2
+from sitl.plant.setpoint import Setpoint
 from sitl.plant.truth import VehicleTruth
 from tests.sitl.autopilot.flavours.test_ardupilot import in_air
 

@@ -39,23 +39,23 @@ def test_every_available_mode_is_told_with_its_number_and_standard_mode(flavour:
     client = on_ground(flavour=flavour, **FIELD)
     heard(client)
     send(client, mavlink.MAV_CMD_REQUEST_MESSAGE, AVAILABLE_MODES_ID, 0)
-    told = [each for each in heard(client) if each.get_type() == "AVAILABLE_MODES"]
+    sent = [each for each in heard(client) if each.get_type() == "AVAILABLE_MODES"]
     modes = client.vehicle.autopilot.flavour.modes
-    assert [each.mode_index for each in told] == list(range(1, len(modes) + 1))
-    assert {each.number_modes for each in told} == {len(modes)}
-    for each, mode in zip(told, modes, strict=True):
+    assert [each.mode_index for each in sent] == list(range(1, len(modes) + 1))
+    assert {each.number_modes for each in sent} == {len(modes)}
+    for each, mode in zip(sent, modes, strict=True):
         assert each.custom_mode == client.vehicle.autopilot.flavour.custom_mode(mode)
         assert each.standard_mode == STANDARD_MODES.get(mode, 0)
         assert each.mode_name.upper() == mode.name
 
 
-@pytest.mark.parametrize(("index", "told", "result"), [(2, 1, 0), (99, 0, 2), (-1, 0, 2)])
-def test_one_mode_by_its_index(index: float, told: int, result: int) -> None:
+@pytest.mark.parametrize(("index", "sent", "result"), [(2, 1, 0), (99, 0, 2), (-1, 0, 2)])
+def test_one_mode_by_its_index(index: float, sent: int, result: int) -> None:
     client = on_ground(**FIELD)
     heard(client)
     send(client, mavlink.MAV_CMD_REQUEST_MESSAGE, AVAILABLE_MODES_ID, index)
     answers = heard(client)
-    assert len([each for each in answers if each.get_type() == "AVAILABLE_MODES"]) == told
+    assert len([each for each in answers if each.get_type() == "AVAILABLE_MODES"]) == sent
     assert [each.result for each in answers if each.get_type() == "COMMAND_ACK"] == [result]
 
 
@@ -63,10 +63,10 @@ def test_px4_streams_its_current_mode_as_recorded() -> None:
     """The bytes of a recording of PX4: landing is standard mode 7 with number 0x06040000."""
     client = in_air(**FIELD)
     client.set_mode(Mode.LAND)
-    told = [each for each in heard(client, 4.5) if each.get_type() == "CURRENT_MODE"]
-    assert len(told) == 2
-    assert (told[-1].custom_mode, told[-1].standard_mode) == (0x06040000, 7)
-    assert bytes(told[-1].get_msgbuf())[10:19].hex() == "000004060000040607"
+    sent = [each for each in heard(client, 4.5) if each.get_type() == "CURRENT_MODE"]
+    assert len(sent) == 2
+    assert (sent[-1].custom_mode, sent[-1].standard_mode) == (0x06040000, 7)
+    assert bytes(sent[-1].get_msgbuf())[10:19].hex() == "000004060000040607"
 
 
 @pytest.mark.parametrize(
@@ -98,7 +98,7 @@ def test_standard_modes_are_set_by_their_number(number: float, result: int, mode
         ({}, mavlink.MAV_RESULT_ACCEPTED),
     ],
 )
-def test_px4_no_longer_knows_two_old_requests(
+def test_px4_no_longer_supports_two_old_requests(
     command: int, config: dict[str, Any], result: int
 ) -> None:
     client = on_ground(**config)

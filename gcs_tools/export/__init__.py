@@ -1,0 +1,1 @@
+"""Turns flight logs into files for other programs."""

@@ -1,0 +1,67 @@
+"""Arguments of ``clearway preflight``."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import Any
+
+from gcs_tools.console.arguments import RenamedOption, add_output_options, natural, positive
+from gcs_tools.console.errors import EXIT_BAD_INPUT, EXIT_NO
+from gcs_tools.contract.arguments import add_contract_options
+
+
+def add_parser(commands: Any) -> None:
+    """Add the command to argparse's subparsers."""
+    parser = commands.add_parser(
+        "preflight", help="may this be flown? exit code 0 yes, 1 no, 2 unknown"
+    )
+    add_contract_options(parser)
+    parser.add_argument("--field", type=Path, metavar="F", help="obstacle field, YAML or CSV")
+    parser.add_argument("--mission", type=Path, metavar="F", help="mission file, YAML")
+    parser.add_argument(
+        "--picture", type=Path, metavar="FILE", help="draw the field: PNG, SVG, PDF"
+    )
+    parser.add_argument("--vehicle", metavar="URL", help="MAVSDK connection URL of a live vehicle")
+    parser.add_argument(
+        "--zenoh-config", type=Path, metavar="F", help="how to reach live detections and the daemon"
+    )
+    parser.add_argument(
+        "--system-id", type=natural, metavar="N", help="of the vehicle, if several are heard"
+    )
+    parser.add_argument("--endurance", type=positive, metavar="S", help="hover time, battery full")
+    parser.add_argument(
+        "--authorize",
+        type=positive,
+        metavar="S",
+        help="then answer the vehicle's arm requests with the verdict for S seconds",
+    )
+    parser.add_argument("--authorise", action=RenamedOption, const="--authorize")
+    add_output_options(parser, "table", "json")
+    parser.set_defaults(run=_run)
+
+
+def _run(options: argparse.Namespace) -> int:
+    from gcs_tools.preflight.command import (  # noqa: PLC0415  loads rich, NumPy and SciPy
+        PreflightFiles,
+        run_preflight,
+    )
+
+    verdict = run_preflight(
+        PreflightFiles(
+            contract=options.contract,
+            field=options.field,
+            mission=options.mission,
+            overrides=tuple(options.overrides),
+            picture=options.picture,
+        ),
+        vehicle_url=options.vehicle,
+        system_id=options.system_id,
+        zenoh_config=options.zenoh_config,
+        endurance_s=options.endurance,
+        authorize_s=options.authorize,
+        input_set=options.input_set,
+        form=options.form,
+        output=options.output,
+    )
+    return {"holds": 0, "broken": EXIT_NO}.get(verdict.value, EXIT_BAD_INPUT)

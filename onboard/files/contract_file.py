@@ -1,0 +1,214 @@
+"""The contract as an operator states it (contract.yaml): frozen and validated.
+
+Angles are in degrees here, as in the file, and in radians everywhere else
+(`onboard.contract.terms`).
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import math
+from pathlib import Path
+from typing import Annotated, Any, Final, Literal, Self
+
+from pydantic import Field, model_validator
+
+from onboard.files.yaml_file import (
+    FileError,
+    FileModel,
+    load_yaml,
+    parse_value,
+    read_mapping,
+    validate,
+)
+
+InputSet = Literal["inner", "paper"]
+Positive = Annotated[float, Field(gt=0.0)]
+NonNegative = Annotated[float, Field(ge=0.0)]
+AcuteAngle = Annotated[float, Field(gt=0.0, lt=90.0)]
+# YAML has lists only; the numbers inside stay strict.
+NonNegativePair = Annotated[tuple[NonNegative, NonNegative], Field(strict=False)]
+
+
+# Keys added after the first version: absent from a contract's canonical form at their default.
+LATER_KEYS: Final[dict[str, tuple[str, ...]]] = {
+    "vehicle": (
+        "setpoint_loss_run_on_speed_mps",
+        "tracking_error_z_m",
+        "heading_error_deg",
+        "estimator_reset_max_m",
+        "drag_per_s",
+    ),
+    "environment": ("wind_max_mps",),
+}
+
+
+def pinned_run_on_speed(vehicle: dict[str, Any], speed_mps: Any) -> dict[str, Any]:
+    """Return the keys of a vehicle with the speed at which the run-on was measured stated."""
+    key = "setpoint_loss_run_on_speed_mps"
+    # A value that is not a speed is reported once, under the key where it is written.
+    usable = isinstance(speed_mps, int | float) and math.isfinite(speed_mps) and speed_mps > 0.0
+    stated = vehicle.get(key) is not None
+    return vehicle if stated or not usable else vehicle | {key: float(speed_mps)}
+
+
+class VehicleTerms(FileModel):
+    """What the vehicle guarantees."""
+
+    roll_max_deg: AcuteAngle = Field(description="roll available to the planner (phi_max)")
+    pitch_max_deg: AcuteAngle = Field(description="pitch available to the planner (theta_max)")
+    thrust_to_weight: Annotated[float, Field(gt=1.0)] = Field(description="T_max / (m g)")
+    cruise_speed_mps: Positive = Field(description="V_cruise")
+    radius_m: NonNegative = Field(description="of the circle around the vehicle, rotors included")
+    tracking_error_m: NonNegative = Field(description="E_tr: reference to actual position")
+    velocity_error_mps: NonNegativePair = Field(description="dV_x, dV_y")
+    reaction_time_s: NonNegative = Field(description="object within range to changed setpoint")
+    attitude_lag_s: NonNegative = Field(description="T_e: setpoint to acceleration")
+    setpoint_loss_timeout_s: NonNegative = Field(
+        1.0, description="the autopilot coasts this long when the stream stops"
+    )
+    setpoint_loss_run_on_m: NonNegative | None = Field(
+        None, description="measured forward run after the stream stops; replaces the model"
+    )
+    setpoint_loss_run_on_speed_mps: Positive | None = Field(
+        None,
+        description="speed at which the run-on was measured; null: the file's cruise speed",
+    )
+    recentring_speed_mps: NonNegative = Field(
+        0.0, description="lateral speed of the way back to the leg line after an avoidance; 0: none"
+    )
+    tracking_error_z_m: NonNegative = Field(
+        1.0, description="vertical distance between reference and actual position"
+    )
+    heading_error_deg: Annotated[float, Field(ge=0.0, lt=45.0)] = Field(
+        0.0, description="estimated heading to true heading; displaces what the body sees"
+    )
+    estimator_reset_max_m: NonNegative = Field(
+        0.0, description="estimator jumps up to this shift what is remembered; 0: each one holds"
+    )
+    drag_per_s: NonNegative = Field(
+        0.45, description="deceleration per airspeed: how much tilt a steady wind takes (trim)"
+    )
+
+    @model_validator(mode="before")
+    @classmethod
+    def _run_on_has_a_speed(cls, data: Any) -> Any:
+        """State the speed of a measured run, so that a change of the cruise speed leaves it."""
+        if isinstance(data, dict) and data.get("setpoint_loss_run_on_m") is not None:
+            return pinned_run_on_speed(data, data.get("cruise_speed_mps"))
+        return data
+
+
+class Requirements(FileModel):
+    """Clauses that may be switched off."""
+
+    stop: bool = Field(True, description="braking to hover is always available")
+    passive_safety: bool = Field(True, description="no collision even if the daemon dies")
+
+
+class SensorTerms(FileModel):
+    """What is assumed of the obstacle sensor."""
+
+    detection_range_m: Positive = Field(description="D_od")
+    field_of_view_deg: Annotated[float, Field(gt=0.0, le=360.0)]
+    frame_age_max_s: Positive = Field(description="older or missing frames are a sensor failure")
+    position_error_m: NonNegative = Field(
+        description="of each face of a detected obstacle, as placed with the pose at its stamp"
+    )
+
+
+class EnvironmentTerms(FileModel):
+    """What is assumed of the obstacle field."""
+
+    obstacle_size_max_m: Positive = Field(description="S_max, both extents, in the leg frame")
+    obstacle_size_min_m: NonNegative = Field(description="smallest extent along the leg, or 0")
+    obstacle_separation_min_m: Positive = Field(description="D_sep, centre to centre")
+    wind_max_mps: NonNegative | None = Field(
+        None, description="steady wind, horizontally; null: not declared, and not monitored"
+    )
+
+    @model_validator(mode="after")
+    def _sizes_are_ordered(self) -> Self:
+        if self.obstacle_size_min_m > self.obstacle_size_max_m:
+            raise ValueError(
+                f"obstacle_size_min_m = {self.obstacle_size_min_m} m exceeds "
+                f"obstacle_size_max_m = {self.obstacle_size_max_m} m"
+            )
+        return self
+
+
+class Contract(FileModel):
+    """What the vehicle guarantees, as long as what it assumes holds (contract.yaml)."""
+
+    vehicle: VehicleTerms
+    requirements: Requirements = Requirements(stop=True, passive_safety=True)
+    sensor: SensorTerms
+    environment: EnvironmentTerms
+
+    @model_validator(mode="after")
+    def _run_on_covers_the_speed(self) -> Self:
+        vehicle = self.vehicle
+        measured_mps = vehicle.setpoint_loss_run_on_speed_mps
+        counted_on = self.requirements.passive_safety and vehicle.setpoint_loss_run_on_m is not None
+        if counted_on and measured_mps is not None and vehicle.cruise_speed_mps > measured_mps:
+            raise ValueError(
+                f"vehicle.cruise_speed_mps = {vehicle.cruise_speed_mps:g} m/s exceeds "
+                f"vehicle.setpoint_loss_run_on_speed_mps = {measured_mps:g} m/s, at which "
+                f"setpoint_loss_run_on_m = {vehicle.setpoint_loss_run_on_m:g} m was measured; "
+                "cruise no faster, or measure the run at the higher speed and state both"
+            )
+        return self
+
+    @property
+    def sha256(self) -> str:
+        """Hash of the terms themselves: comments, key order and notation do not change it.
+
+        A key of `LATER_KEYS` counts only where it differs from its default, so contracts written
+        before the key existed keep their hash.
+        """
+        terms = self.model_dump(mode="json")
+        for section, keys in LATER_KEYS.items():
+            fields = type(getattr(self, section)).model_fields
+            for key in keys:
+                if terms[section][key] == fields[key].default:
+                    del terms[section][key]
+        # By default a run was measured at the cruise speed.
+        vehicle = terms["vehicle"]
+        if vehicle.get("setpoint_loss_run_on_speed_mps") == vehicle["cruise_speed_mps"]:
+            del vehicle["setpoint_loss_run_on_speed_mps"]
+        canonical = json.dumps(terms, sort_keys=True, separators=(",", ":"))
+        return hashlib.sha256(canonical.encode()).hexdigest()
+
+
+def load_contract(path: Path, overrides: tuple[str, ...] = ()) -> Contract:
+    """Read a contract; ``overrides`` are ``dotted.key=value`` as given to ``--set``.
+
+    Raises:
+        FileError: the file or an override is not usable.
+    """
+    if not overrides:
+        return load_yaml(path, Contract)
+    data = read_mapping(path)
+    stated = data.get("vehicle")
+    cruise_speed_mps = stated.get("cruise_speed_mps") if isinstance(stated, dict) else None
+    for override in overrides:
+        _override(data, override)
+    vehicle = data.get("vehicle")
+    # The run was measured at the speed of the file, not at the one that is tried.
+    if isinstance(vehicle, dict) and vehicle.get("setpoint_loss_run_on_m") is not None:
+        data["vehicle"] = pinned_run_on_speed(vehicle, cruise_speed_mps)
+    return validate(data, Contract, source=f"{path} with --set {' '.join(overrides)}")
+
+
+def _override(data: dict[str, Any], override: str) -> None:
+    key, equals, text = override.partition("=")
+    *parents, last = key.split(".")
+    if not equals or not all(parents) or not last:
+        raise FileError(f"--set {override}: write dotted.key=value")
+    target: Any = data
+    for parent in parents:
+        target = target.setdefault(parent, {})
+        if not isinstance(target, dict):
+            raise FileError(f"--set {override}: {parent} holds a value, not keys")
+    target[last] = parse_value(text, source=f"--set {override}")

@@ -1,0 +1,65 @@
+"""The configuration of the daemon (`clearway-onboard --config F`): frozen and validated."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from pydantic import Field, model_validator
+
+from onboard.files.contract_file import InputSet, Positive
+from onboard.files.yaml_file import FileModel, refuse_renamed_keys
+from onboard.files.zenoh_endpoints import ZenohEndpoints
+
+FilePath = Annotated[Path, Field(strict=False)]
+
+
+class MavlinkLink(FileModel):
+    """The daemon's MAVLink link."""
+
+    url: str = Field("udpin://0.0.0.0:14540", description="as in MAVSDK")
+    system_id: Annotated[int, Field(ge=1, le=255)] = 1
+    telemetry_timeout_s: Positive = Field(0.5, description="telemetry older than this is ignored")
+
+    @model_validator(mode="before")
+    @classmethod
+    def _refuse_renamed_keys(cls, data: Any) -> Any:
+        return refuse_renamed_keys(data, {"stale_after_s": "telemetry_timeout_s"})
+
+
+class DaemonConfig(FileModel):
+    """The daemon's configuration; paths are relative to the file."""
+
+    vehicle: Annotated[str, Field(pattern=r"^[A-Za-z0-9_-]+$")] = "vehicle"
+    contract: FilePath
+    mission: FilePath
+    input_set: InputSet = "inner"
+    mavlink: MavlinkLink = MavlinkLink(
+        url="udpin://0.0.0.0:14540", system_id=1, telemetry_timeout_s=0.5
+    )
+    zenoh: ZenohEndpoints = ZenohEndpoints(connect=(), listen=())
+    log_directory: FilePath = Path("flights")
+    log_file: FilePath | None = Field(
+        None,
+        description="in place of a name by date; a number is added where it exists",
+    )
+    log_level: Literal["debug", "info", "warning", "error"] = "info"
+    log_format: Literal["text", "json"] = Field("text", description="of the daemon's messages")
+    accept_mission_updates: bool = Field(
+        False,
+        description="fly a mission received on the Zenoh key `mission` instead, even in flight",
+    )
+    fly_outside_contract: bool = Field(
+        False, description="leave STANDBY although the contract does not comply; for tests"
+    )
+    require_preflight: bool = Field(
+        False, description="leave STANDBY only with a recent, passed live check of this contract"
+    )
+    preflight_age_max_s: Positive = Field(
+        900.0, description="a live check older than this does not count"
+    )
+
+    @model_validator(mode="before")
+    @classmethod
+    def _refuse_renamed_keys(cls, data: Any) -> Any:
+        return refuse_renamed_keys(data, {"mission_changes": "accept_mission_updates"})

@@ -1,0 +1,50 @@
+"""The mission as an operator states it (mission.yaml): frozen and validated."""
+
+from __future__ import annotations
+
+import math
+from itertools import pairwise
+from typing import Annotated, Final, Self
+
+from pydantic import Field, model_validator
+
+from onboard.files.contract_file import NonNegative, Positive
+from onboard.files.yaml_file import FileModel
+
+# A leg whose end lies nearer to its start than this has no direction.
+LEG_LENGTH_MIN_M: Final = 0.1
+# Missions stay within this distance of the origin: larger numbers are map coordinates.
+Horizontal = Annotated[float, Field(ge=-1e5, le=1e5)]
+# YAML has lists only; the numbers inside stay strict.
+Point = Annotated[tuple[Horizontal, Horizontal], Field(strict=False)]
+
+
+class Leg(FileModel):
+    """One straight leg of a mission; avoidance leaves the vehicle beside it (erratum 16)."""
+
+    end_ned_m: Point = Field(description="north and east of the end of the leg")
+    target_half_width_m: Positive = Field(
+        5.0, description="how far beside the end the vehicle may arrive (P_D)"
+    )
+
+
+class Mission(FileModel):
+    """Where to fly (mission.yaml)."""
+
+    start_ned_m: Point = Field((0.0, 0.0), description="north and east of the first leg's start")
+    altitude_m: Positive = Field(description="cruise height above the local origin")
+    climb_max_m: NonNegative = Field(
+        0.0, description="how far avoidance may climb above that to gain agility; 0: planar"
+    )
+    legs: Annotated[tuple[Leg, ...], Field(strict=False, min_length=1)]
+
+    @model_validator(mode="after")
+    def _legs_have_length(self) -> Self:
+        points_ned_m = [self.start_ned_m, *(leg.end_ned_m for leg in self.legs)]
+        for number, (start_m, end_m) in enumerate(pairwise(points_ned_m)):
+            if math.dist(start_m, end_m) < LEG_LENGTH_MIN_M:
+                raise ValueError(
+                    f"legs.{number}.end_ned_m = {list(end_m)} m is less than "
+                    f"{LEG_LENGTH_MIN_M:g} m from the start of the leg"
+                )
+        return self

@@ -1,0 +1,34 @@
+"""One record of the simulation's ground truth: what ``truth.mcap`` holds for every tick."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from onboard.files.record_schema import Number, UnixTime, Vector3
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TruthRecord:
+    """Where the simulated vehicle really is.
+
+    Attributes:
+        time_unix_s: Unix time of the record.
+        position_ned_m: of the vehicle's centre.
+        velocity_ned_mps: over ground.
+        acceleration_ned_mps2: without gravity.
+        attitude_quaternion: body from NED, w x y z.
+        rpm: of each rotor.
+        clearance_m: vehicle centre to the nearest face, less the radius; None in open space.
+        clearance_min_m: smallest clearance so far; None in open space.
+        collisions: how often contact with an obstacle has begun.
+    """
+
+    time_unix_s: UnixTime
+    position_ned_m: Vector3
+    velocity_ned_mps: Vector3 | None = None
+    acceleration_ned_mps2: Vector3 | None = None
+    attitude_quaternion: tuple[Number, Number, Number, Number] | None = None
+    rpm: tuple[Number, ...] = ()
+    clearance_m: Number | None = None
+    clearance_min_m: Number | None = None
+    collisions: int = 0

@@ -1,0 +1,222 @@
+"""Who flies: the pilot, the service, or the autopilot by itself.
+
+The mode is the pilot's: the service commands only while the vehicle is airborne, armed and in a
+mode that obeys setpoints, and gives control back as soon as one of these ends.  Control that is
+granted is taken when nothing speaks against departing; until then the service holds the vehicle
+where it is.  A vehicle that hovers without a position is left to the autopilot, whose failsafe does
+better, and taken back once the position has returned.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Final
+
+from onboard.events import Event, EventName, Severity
+from onboard.guidance.departure import Refusal, RefusalKind, RefusalReport
+from onboard.guidance.navigator import Navigator
+from onboard.guidance.phases import Phase
+from onboard.mavlink.endpoint import MavlinkEndpoint
+from onboard.monitoring.estimator.position_quality import DEAD_RECKONING_S
+from onboard.monitoring.flight_authorization import FlightAuthorizationGate
+from onboard.monitoring.supervisor import MonitorSupervisor
+from onboard.vehicle_state import Pose, Setpoint
+
+# An autopilot without a heartbeat for this long has not granted anything.
+AUTOPILOT_SILENCE_S: Final = 3.0
+# A hover without a position for longer than this is left to the autopilot.
+HANDOVER_AFTER_S: Final = 2.0
+# And is taken back once the position has been there for so long: it may flicker.
+TAKE_BACK_AFTER_S: Final = 1.0
+# A reference slower than this has come to rest, but for round-off.
+STOPPED_MPS: Final = 0.01
+
+
+class ControlAuthority:
+    """Takes control, gives it back, and says why it does not take it.
+
+    Args:
+        link: what the autopilot reports.
+        navigator: flies while the service is in control.
+        supervisor: finds what speaks against departing.
+        authorization: says whether the pre-flight check has passed.
+        emit: takes the events.
+        fly_outside_contract: depart although the contract does not comply.
+    """
+
+    def __init__(
+        self,
+        link: MavlinkEndpoint,
+        navigator: Navigator,
+        supervisor: MonitorSupervisor,
+        authorization: FlightAuthorizationGate,
+        emit: Callable[[Event], None],
+        *,
+        fly_outside_contract: bool,
+    ) -> None:
+        self._link, self._navigator, self._supervisor = link, navigator, supervisor
+        self._authorization, self._emit = authorization, emit
+        self._fly_outside_contract = fly_outside_contract
+        self._refusals = RefusalReport()
+        # Where the vehicle is held while control is granted and not taken.
+        self._standby_setpoint: Setpoint | None = None
+        # Whether a hold has ended without the pilot, who alone may end it.
+        self._hold_stands = False
+        self._left_to_autopilot, self._position_lost_s = False, -math.inf
+
+    # ------------------------------------------------------------------ control granted or taken
+
+    def follow_mode(self, pose: Pose, now_s: float, now_unix_s: float) -> None:
+        """Take control where it is granted and nothing speaks against it; else give it back.
+
+        Args:
+            pose: the newest.
+            now_s: the time.
+            now_unix_s: the same in Unix time, for the age of the pre-flight check.
+        """
+        if not self._granted(now_s):
+            self._give_back(pose, now_s)
+        elif self._navigator.phase is Phase.STANDBY:
+            # A daemon that restarts in flight finds itself in control: it holds where it is.
+            self._standby_setpoint = self._standby_setpoint or hovering_at(pose)
+            self._depart(pose, now_s, now_unix_s)
+
+    def _heard(self, now_s: float) -> bool:
+        return now_s - self._link.status.heard_s <= AUTOPILOT_SILENCE_S
+
+    def _granted(self, now_s: float) -> bool:
+        status = self._link.status
+        obeys = status.armed and status.external_control and status.airborne is True
+        return obeys and self._heard(now_s)
+
+    def _give_back(self, pose: Pose, now_s: float) -> None:
+        status, navigator, heard = self._link.status, self._navigator, self._heard(now_s)
+        doubted = navigator.flying and self._supervisor.position_sign is not None
+        # Only the pilot ends a hold, or a flight on a bad position: neither an autopilot that is
+        # silent nor one whose failsafe acts has handed anything back.
+        stands = self._hold_stands or navigator.phase is Phase.HOLD or doubted
+        self._hold_stands = stands and (not heard or status.failsafe)
+        if navigator.phase is not Phase.STANDBY:
+            if heard and status.failsafe:
+                text = f"the autopilot's failsafe has taken over ({status.mode})"
+                self._emit(Event(now_s, EventName.FAILSAFE, Severity.WARNING, text))
+            navigator.release_control(now_s)
+        if status.airborne is not True:
+            self._supervisor.end_flight()
+        self._standby_setpoint = hovering_at(pose)
+        self._refusals.end()
+
+    def _depart(self, pose: Pose, now_s: float, now_unix_s: float) -> None:
+        refusals = self.departure_refusals(pose, now_s, now_unix_s)
+        if not refusals:
+            self._supervisor.begin_flight(now_s)
+            self._refusals.end()
+            self._navigator.take_control(pose, now_s)
+        elif (news := self._refusals.news(refusals, now_s)) is not None:
+            self._emit(news)
+
+    # ------------------------------------------------------------------ what speaks against it
+
+    def departure_refusals(self, pose: Pose, now_s: float, now_unix_s: float) -> list[Refusal]:
+        """Return every reason not to take control that is granted; empty if there is none.
+
+        The arguments are those of `follow_mode`.
+        """
+        supervisor, assessment = self._supervisor, self._navigator.assessment
+        found = []
+        if self._hold_stands:
+            text = "holding: the pilot has to take over first"
+            found.append(Refusal(RefusalKind.HOLDING, text))
+        if not (assessment.compliant or self._fly_outside_contract):
+            broken = [clause.name for clause in assessment.clauses if not clause.holds]
+            text = f"the contract does not comply ({', '.join(broken)})"
+            found.append(Refusal(RefusalKind.CONTRACT, text))
+        unauthorized = self._authorization.refusal(now_unix_s)
+        if unauthorized is not None:
+            found.append(Refusal(RefusalKind.PREFLIGHT, unauthorized))
+        found += self._detection_refusals(now_s)
+        if supervisor.telemetry_age_violation(pose, now_s) is not None:
+            found.append(Refusal(RefusalKind.TELEMETRY, "no fresh telemetry"))
+        found += [
+            Refusal(RefusalKind.POSITION, text)
+            for text in supervisor.position_quality.departure_failures(now_s)
+        ]
+        if supervisor.wind_violation is not None:
+            text = f"more wind than {assessment.terms.wind_max_mps:g} m/s"
+            found.append(Refusal(RefusalKind.WIND, text))
+        found += self._navigator.departure_refusals(pose)
+        if not self._fly_outside_contract:
+            found += [
+                Refusal(RefusalKind.ENVIRONMENT, str(violation), violation.key)
+                for violation in supervisor.environment_violations(now_s)
+            ]
+        return found
+
+    def _detection_refusals(self, now_s: float) -> list[Refusal]:
+        detections = self._supervisor.detections
+        blind = detections.monitor.check(now_s, self._navigator.assessment.terms)
+        found = []
+        if blind is not None:
+            text = f"no fresh detection frames: {blind.note}"
+            found.append(Refusal(RefusalKind.DETECTIONS, text, blind.key))
+        found += [
+            Refusal(RefusalKind.CONTRADICTION, f"sightings of {track} contradict each other", track)
+            for track in detections.consistency.contradicted(now_s)
+        ]
+        return found
+
+    # ------------------------------------------------------------------ what is commanded
+
+    def setpoint(self, now_s: float) -> Setpoint | None:
+        """Return what to command now; None where the vehicle is another's to fly.
+
+        On the ground nothing is commanded, or ArduPilot would not take off.
+        """
+        if self._link.status.airborne is not True or self._is_left_to_autopilot(now_s):
+            return None
+        return self._navigator.setpoint(now_s) or self._standby_setpoint
+
+    def follow_reset(self, pose: Pose) -> None:
+        """Hover, in STANDBY, where the estimator says after a reset that the vehicle is."""
+        self._standby_setpoint = hovering_at(pose)
+
+    def _is_left_to_autopilot(self, now_s: float) -> bool:
+        """Tell whether the vehicle hovers without a position: its failsafe does better then."""
+        navigator, pose = self._navigator, self._link.pose
+        lost = None if navigator.flying else self._position_loss(now_s)
+        if lost is not None:
+            self._position_lost_s = now_s
+        lately = now_s - self._position_lost_s < TAKE_BACK_AFTER_S
+        before, self._left_to_autopilot = self._left_to_autopilot, lately and not navigator.flying
+        handed_over = self._left_to_autopilot and not before
+        if lost is not None and handed_over and navigator.phase is not Phase.STANDBY:
+            text = f"{lost}: leaving the vehicle to the autopilot"
+            self._emit(Event(now_s, EventName.HANDED_OVER, Severity.CRITICAL, text))
+        if before and not self._left_to_autopilot and pose is not None:
+            # Where the autopilot has taken the vehicle meanwhile, rather than back in one step.
+            self._standby_setpoint = hovering_at(pose)
+            navigator.hover_at(pose, now_s)
+        return self._left_to_autopilot
+
+    def _position_loss(self, now_s: float) -> str | None:
+        """Return why the position is gone, or None.
+
+        Dead reckoning is good for a stop; once that is over, or has had its time, it is not.
+        """
+        pose, sign = self._link.pose, self._supervisor.position_sign
+        if pose is None or now_s - pose.time_s > HANDOVER_AFTER_S:
+            return "no position"
+        if sign is None:
+            return None
+        setpoint = self._navigator.setpoint(now_s)
+        speed_mps = 0.0 if setpoint is None else math.hypot(*setpoint.velocity_ned_mps)
+        allowed_s = DEAD_RECKONING_S * (2.0 if speed_mps > STOPPED_MPS else 1.0)
+        lost_for_s = self._supervisor.position_quality.lost_for_s(sign, now_s)
+        return sign.sentence if lost_for_s > allowed_s else None
+
+
+def hovering_at(pose: Pose) -> Setpoint:
+    """Return the setpoint that keeps a vehicle where it is and points, at rest."""
+    still = (0.0, 0.0, 0.0)
+    return Setpoint(pose.position_ned_m, still, still, pose.yaw_rad)

@@ -1,0 +1,290 @@
+"""One step of the induction: plan around an obstacle of interest, fly the plan, cruise on.
+
+`AvoidanceStep` checks and follows a plan; `InductionPlanner` makes it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+from onboard.contract.assessment import TICK_S
+from onboard.events import Event, EventName, Severity
+from onboard.geometry.frames import LegFrame
+from onboard.guidance.clear_check import ClearCheck
+from onboard.guidance.cruise import Cruise
+from onboard.guidance.fallback import Fallback
+from onboard.guidance.phases import Condition, Trigger, post_condition, pre_condition
+from onboard.guidance.situation import Avoidance, Situation
+from onboard.monitoring.assumptions import Assumption, Violation
+from onboard.motion.trajectory import State, X
+from onboard.perception.obstacle_map import Obstacle
+from onboard.planning.planner import Plan, Planner
+from onboard.planning.problem import AvoidanceProblem, exit_speeds_mps
+
+# The speed of a cruise may exceed the contract's by round-off.
+_ROUND_OFF_MPS = 1e-9
+
+
+@dataclass(frozen=True)
+class PlannedStep:
+    """A plan as it was made, for the log.
+
+    Attributes:
+        plan: the certified plan.
+        obstacle: what it avoids.
+        leg: frame of the plan.
+        plan_time_s: duration of planning.
+    """
+
+    plan: Plan
+    obstacle: Obstacle
+    leg: LegFrame
+    plan_time_s: float
+
+
+class InductionPlanner:
+    """Plans around one obstacle under the contract in force.
+
+    Args:
+        situation: what is flown, and what is known.
+        planner: Eq. 17.
+        stopwatch: reads a clock in seconds, only to report how long planning took.
+
+    Attributes:
+        plan_times_s: duration of each planning, in order.
+    """
+
+    def __init__(
+        self, situation: Situation, planner: Planner, stopwatch: Callable[[], float]
+    ) -> None:
+        self._situation, self._planner, self._stopwatch = situation, planner, stopwatch
+        self.plan_times_s: list[float] = []
+
+    def plan(
+        self, obstacle: Obstacle, start: State, start_s: float, entry_mps: float
+    ) -> Avoidance | None:
+        """Return the first plan that certifies and passes the obstacle.
+
+        Args:
+            obstacle: what to avoid.
+            start: where the plan starts, leg frame.
+            start_s: when it starts.
+            entry_mps: speed along the leg at the beginning of the step; exit speeds are tried
+                from it downwards.
+        """
+        current = None if self._situation.avoidance is None else self._situation.avoidance.plan
+        began_s, found = self._stopwatch(), None
+        for exit_mps in exit_speeds_mps(entry_mps, self._situation.envelope.speed_max_mps):
+            problem = self._problem(obstacle, start, start_s, exit_mps)
+            plan = self._planner.plan(problem, current)
+            if isinstance(plan, Plan) and plan.kind != "brake":
+                found = Avoidance(obstacle, plan, entry_mps, exit_mps)
+                break
+        self.plan_times_s.append(self._stopwatch() - began_s)
+        return found
+
+    def _problem(
+        self, obstacle: Obstacle, start: State, start_s: float, exit_speed_mps: float
+    ) -> AvoidanceProblem:
+        climb_max_m = self._situation.route.mission.climb_max_m
+        return AvoidanceProblem(
+            start=start,
+            start_s=start_s,
+            region=obstacle.region,
+            envelope=self._situation.envelope,
+            exit_speed_mps=exit_speed_mps,
+            climb_m=climb_max_m,
+            climb_preferred=climb_max_m > 0.0,
+            coast_time_s=self._situation.assessment.inflated.encounter.coast_time_s,
+        )
+
+
+class AvoidanceStep:
+    """Begins, follows, rechecks and ends an avoidance.
+
+    Args:
+        situation: what is flown, and what is known.
+        clear_check: certifies what is left of a plan.
+        fallback: what is left if no plan is.
+        cruise: goes on after the step.
+        planner: makes plans.
+    """
+
+    def __init__(
+        self,
+        situation: Situation,
+        clear_check: ClearCheck,
+        fallback: Fallback,
+        cruise: Cruise,
+        planner: InductionPlanner,
+    ) -> None:
+        self._situation, self._clear_check = situation, clear_check
+        self._fallback, self._cruise, self._planner = fallback, cruise, planner
+        self._planned: list[PlannedStep] = []
+
+    def take_planned(self) -> list[PlannedStep]:
+        """Return and forget the plans made since the last call."""
+        planned, self._planned = self._planned, []
+        return planned
+
+    # ------------------------------------------------------------------ from begin to end
+
+    def begin(self, obstacle: Obstacle, now_s: float) -> None:
+        """Plan the step around an obstacle whose region begins by the next tick."""
+        current = self._situation.reference.current
+        assert current is not None  # noqa: S101  what cruises has a reference
+        front_m = obstacle.region.extent.x_min_m
+        start_s = current.from_time(now_s).first_time_s(X, front_m)
+        # An obstacle first seen inside its region is planned against from where the vehicle is.
+        start_s = now_s if start_s is None or start_s < now_s else min(start_s, now_s + TICK_S)
+        start = current.sample(start_s)
+        self._check_pre_condition(start, obstacle, now_s)
+        avoidance = self._planner.plan(obstacle, start, start_s, start.velocity_leg_mps[X])
+        if avoidance is None:
+            self._report_no_plan(obstacle, now_s)
+            return
+        self._fly(avoidance, now_s)
+        text = f"avoiding {obstacle.id} ({avoidance.plan.kind})"
+        self._situation.fire(Trigger.PRE_CONDITION, now_s, text=text)
+
+    def advance(self, now_s: float) -> None:
+        """Follow the plan, and cruise on from its end."""
+        situation, avoidance = self._situation, self._situation.avoidance
+        assert avoidance is not None  # noqa: S101  what avoids has an avoidance
+        situation.reference.hand_over(now_s)
+        trajectory = avoidance.plan.trajectory
+        if now_s < trajectory.end_s:
+            return
+        condition = post_condition(
+            trajectory.final, avoidance.obstacle.region, exit_speed_mps=avoidance.exit_speed_mps
+        )
+        if not condition.holds:
+            # The certificate promised otherwise: a defect of the software.
+            text = "; ".join(condition.failures)
+            situation.emit(Event(now_s, EventName.POST_CONDITION, Severity.CRITICAL, text))
+        situation.avoidance = None
+        situation.fire(Trigger.POST_CONDITION, now_s)
+        self._cruise.fly_from(trajectory.final, trajectory.end_s)
+
+    def _check_pre_condition(self, start: State, obstacle: Obstacle, now_s: float) -> None:
+        """Report where a step does not start as the contract says; it is planned all the same."""
+        assessment = self._situation.assessment
+        allowed_m = assessment.inflated.encounter.speed_mps * assessment.terms.reaction_time_s
+        condition: Condition = pre_condition(
+            start,
+            obstacle.region,
+            speed_max_mps=assessment.terms.cruise_speed_mps + _ROUND_OFF_MPS,
+            late_m=allowed_m,
+        )
+        if condition.holds:
+            return
+        late_m = start.position_leg_m[X] - obstacle.region.extent.x_min_m
+        late = Violation(Assumption.LATE_FIRST_SIGHT, late_m, allowed_m, "m", obstacle.id)
+        other = Event(now_s, EventName.PRE_CONDITION, Severity.ERROR, "; ".join(condition.failures))
+        self._situation.emit(late.event(now_s) if late_m > allowed_m else other)
+
+    def _fly(self, avoidance: Avoidance, now_s: float) -> None:
+        situation = self._situation
+        situation.avoidance = avoidance
+        situation.reference.schedule(avoidance.plan.trajectory, now_s)
+        plan_time_s = self._planner.plan_times_s[-1]
+        step = PlannedStep(avoidance.plan, avoidance.obstacle, situation.leg, plan_time_s)
+        self._planned.append(step)
+
+    def _report_no_plan(self, obstacle: Obstacle, now_s: float) -> None:
+        none = Violation(Assumption.PLAN_EXISTS, 0.0, 1.0, "plans", obstacle.id)
+        self._fallback.report_and_hold(none, now_s)
+
+    # ------------------------------------------------------------------ what turns out on the way
+
+    def recheck(self, obstacle: Obstacle, now_s: float) -> None:
+        """Check the rest of the plan against an obstacle that is new or has grown.
+
+        If it does not certify: plan again, else keep the plan if the obstacle has grown within the
+        error of its position, else brake to hover.
+        """
+        avoidance = self._situation.avoidance
+        if avoidance is None or now_s >= avoidance.plan.trajectory.end_s:
+            return
+        rest = avoidance.plan.trajectory.from_time(now_s)
+        of_interest = avoidance.track_id in obstacle.members
+        if self._clear_check.is_clear(rest, [obstacle]):
+            if of_interest:
+                self._extend_plan_past(avoidance, obstacle, obstacle, now_s)
+            return
+        if of_interest and self._replan(avoidance, obstacle, now_s):
+            return
+        as_planned = self._clear_check.as_planned(obstacle)
+        if self._clear_check.is_clear(rest, [as_planned]):
+            if of_interest:
+                self._extend_plan_past(avoidance, obstacle, as_planned, now_s)
+            text = f"keeping the plan: obstacle {obstacle.id} has grown within its position error"
+            event = Event(now_s, EventName.PLAN_KEPT, Severity.NOTICE, text)
+            self._situation.emit_rarely(event, obstacle.id)
+            return
+        self._report_no_plan(obstacle, now_s)
+
+    def recheck_avoided(self, now_s: float) -> None:
+        """Check the plan against its own obstacle, under a contract that has been adapted."""
+        avoidance = self._situation.avoidance
+        if avoidance is not None:
+            obstacle = self._situation.obstacles.of_track(avoidance.track_id)
+            if obstacle is not None:
+                self.recheck(obstacle, now_s)
+
+    def recertify(self, violation: Violation, now_s: float) -> None:
+        """Check the rest of the plan against every obstacle, and hold for a violation if it fails.
+
+        Args:
+            violation: what changed the situation, such as an estimator reset.
+            now_s: the time.
+        """
+        avoidance = self._situation.avoidance
+        if avoidance is None or now_s >= avoidance.plan.trajectory.end_s:
+            return
+        if not self._clear_check.is_clear(avoidance.plan.trajectory.from_time(now_s)):
+            self._fallback.hold(violation, now_s)
+
+    def _replan(self, avoidance: Avoidance, obstacle: Obstacle, now_s: float) -> bool:
+        """Plan again in mid-manoeuvre; tell whether there is a plan."""
+        start_s = now_s + TICK_S
+        start = self._situation.reference.sample(start_s)
+        if start is None:
+            return False
+        replanned = self._planner.plan(obstacle, start, start_s, avoidance.entry_speed_mps)
+        if replanned is None:
+            return False
+        self._fly(replanned, now_s)
+        text = f"replanned around {obstacle.id} ({replanned.plan.kind})"
+        self._situation.emit(Event(now_s, EventName.REPLANNED, Severity.NOTICE, text))
+        return True
+
+    def _extend_plan_past(
+        self, avoidance: Avoidance, obstacle: Obstacle, certified: Obstacle, now_s: float
+    ) -> None:
+        """Let the plan end later where its obstacle turns out to reach beyond its end.
+
+        Otherwise the vehicle, still beside it, would meet it once more there, and far too late.
+
+        Args:
+            avoidance: what is flown.
+            obstacle: as it is known now.
+            certified: the obstacle that the rest of the plan is clear of: its sides are where they
+                are, however far the obstacle reaches.
+            now_s: the time.
+        """
+        plan, sides = avoidance.plan, certified.region.obstacle
+        final = plan.trajectory.final
+        (x_m, y_m, _), speed_mps = final.position_leg_m, final.velocity_leg_mps[X]
+        left_m = obstacle.region.x_pob_m - x_m
+        beside = not sides.y_min_m < y_m < sides.y_max_m
+        met_again = left_m > 0.0 and obstacle.region.on_collision_course(x_m, y_m)
+        if not (met_again and beside and speed_mps > 0.0):
+            return
+        longer = plan.trajectory.coasting_for(left_m / speed_mps)
+        if self._clear_check.is_clear(longer.from_time(now_s), [certified]):
+            plan = replace(plan, trajectory=longer)
+            self._situation.avoidance = replace(avoidance, plan=plan)
+            self._situation.reference.schedule(longer, now_s)
+            self._planned.append(PlannedStep(plan, obstacle, self._situation.leg, 0.0))

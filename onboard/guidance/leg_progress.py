@@ -1,0 +1,143 @@
+"""From leg to leg: the start at rest with the nose aligned, the end, and another mission."""
+
+from __future__ import annotations
+
+import math
+from typing import Final
+
+from onboard.events import Event, EventData, EventName, Severity
+from onboard.files.mission_file import Mission
+from onboard.geometry.frames import wrap_angle
+from onboard.guidance.cruise import Cruise
+from onboard.guidance.envelope import at_rest_speed_mps
+from onboard.guidance.fallback import Fallback
+from onboard.guidance.phases import FlightState, Trigger
+from onboard.guidance.situation import Situation
+from onboard.monitoring.assumptions import Assumption, Violation
+from onboard.motion.trajectory import State
+from onboard.vehicle_state import Pose
+
+# A leg starts once the nose points along it, at rest, and the sensor has looked there since.
+HEADING_TOLERANCE_RAD: Final = math.radians(5.0)
+
+
+class LegProgress:
+    """Starts and ends legs.
+
+    Args:
+        situation: what is flown, and what is known.
+        fallback: what is left if a leg ends away from its target.
+        cruise: flies the leg once the nose is aligned.
+    """
+
+    def __init__(self, situation: Situation, fallback: Fallback, cruise: Cruise) -> None:
+        self._situation, self._fallback, self._cruise = situation, fallback, cruise
+        self._aligned_since_s: float | None = None
+
+    def take_control(self, pose: Pose, now_s: float) -> None:
+        """Come to a hover and start, or resume, the current leg (CONTROL_GRANTED)."""
+        self._situation.fire(Trigger.CONTROL_GRANTED, now_s)
+        self._align(self._situation.measured_state(pose), now_s)
+
+    def release_control(self, now_s: float) -> None:
+        """Stop flying, since another commander flies now (CONTROL_TAKEN)."""
+        situation = self._situation
+        if situation.state is not FlightState.STANDBY:
+            situation.fire(Trigger.CONTROL_TAKEN, now_s)
+        situation.reference.clear()
+        situation.avoidance = None
+        situation.obstacles.rejoin()
+        self._restart_route()
+
+    def change_mission(self, mission: Mission, now_s: float) -> None:
+        """Fly another mission: from its start in STANDBY, else from where the vehicle stops.
+
+        The vehicle finishes an avoidance in progress first.  In ARRIVED or HOLDING it goes on
+        hovering, and flies the new mission after the pilot has taken over and handed back.  In
+        flight a mission at another altitude is refused.
+        """
+        situation = self._situation
+        in_flight = situation.state is not FlightState.STANDBY
+        altitude_m = situation.route.mission.altitude_m
+        if in_flight and mission.altitude_m != altitude_m:
+            text = (
+                f"mission refused: altitude {mission.altitude_m:g} m"
+                f" (expected {altitude_m:g} m while in flight)"
+            )
+            event = Event(now_s, EventName.MISSION_REFUSED, Severity.WARNING, text)
+            situation.emit_rarely(event, "altitude")
+            return
+        situation.route.successor = mission
+        situation.assessment = situation.assessment.at_altitude(mission.altitude_m)
+        when = "now" if situation.state.flying else "after control is granted"
+        text = f"mission changed: flying the new mission {when}"
+        data: EventData = {"mission": mission.model_dump(mode="json")}
+        situation.emit(Event(now_s, EventName.MISSION_CHANGED, Severity.NOTICE, text, data))
+        situation.fire(Trigger.MISSION_CHANGED, now_s)
+        if not in_flight:
+            self._restart_route()
+        elif situation.state is FlightState.STOPPING and situation.reference.current is not None:
+            self._cruise.fly_from(situation.reference.current.sample(now_s), now_s)
+
+    def advance(self, pose: Pose, now_s: float) -> bool:
+        """Start or end a leg, in the states in which the vehicle is outside every region.
+
+        Returns:
+            whether that is all there is to decide in this tick; else the vehicle cruises.
+        """
+        state, current = self._situation.state, self._situation.reference.current
+        if current is None:
+            return True
+        if state is not FlightState.ALIGNING and now_s >= current.end_s:
+            self._finish_leg(current.final, now_s)
+            return True
+        if state is FlightState.ALIGNING and now_s >= current.end_s:
+            self._await_alignment(pose, now_s)
+        return not state.cruising_freely
+
+    def _align(self, state: State, now_s: float) -> None:
+        """Hover and turn the nose, and with it the sensor, along the leg."""
+        self._situation.reference.fly(self._situation.braking_from(state, now_s))
+        self._aligned_since_s = None
+
+    def _await_alignment(self, pose: Pose, now_s: float) -> None:
+        """Cruise once the nose has been along the leg, at rest, for as long as a look takes."""
+        situation = self._situation
+        terms = situation.assessment.terms
+        error_rad = abs(wrap_angle(pose.yaw_rad - situation.leg.heading_rad))
+        at_rest = math.hypot(*pose.velocity_ned_mps) < at_rest_speed_mps(situation.assessment)
+        look_s = terms.frame_age_max_s + terms.reaction_time_s
+        if error_rad > HEADING_TOLERANCE_RAD or not at_rest:
+            self._aligned_since_s = None
+        elif self._aligned_since_s is None:
+            self._aligned_since_s = now_s
+        elif now_s - self._aligned_since_s >= look_s:
+            state = situation.reference.sample(now_s)
+            assert state is not None  # noqa: S101  aligning implies a reference
+            situation.fire(Trigger.ALIGNED, now_s)
+            self._cruise.fly_from(state, now_s)
+
+    def _finish_leg(self, final: State, now_s: float) -> None:
+        """Begin the next leg from where the vehicle is at rest, or arrive."""
+        situation = self._situation
+        x_m, y_m, z_m = final.position_leg_m
+        beside_m = max(abs(y_m), abs(x_m - situation.route.length_m))
+        allowed_m = situation.route.leg.target_half_width_m
+        if beside_m > allowed_m and not situation.state.changes_mission:
+            missed = Violation(Assumption.TARGET_REACHED, beside_m, allowed_m, "m")
+            self._fallback.report_and_hold(missed, now_s)
+            return
+        # From where the vehicle is: the last leg may have left it beside its end (erratum 16).
+        north_m, east_m, _ = situation.leg.position_ned((x_m, y_m, 0.0))
+        if situation.route.begin_next(north_m, east_m):
+            situation.rebuild_map()
+            situation.fire(Trigger.LEG_FLOWN, now_s)
+            # After a climb the vehicle may still be a little above the cruise height.
+            self._align(State((0.0, 0.0, z_m), (0.0, 0.0, 0.0)), now_s)
+        else:
+            situation.fire(Trigger.MISSION_FLOWN, now_s)
+
+    def _restart_route(self) -> None:
+        if self._situation.route.successor is not None:
+            self._situation.route.restart()
+            self._situation.rebuild_map()

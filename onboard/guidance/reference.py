@@ -1,0 +1,69 @@
+"""The trajectory that is flown now, and the one that takes over from it.
+
+The reference is continuous over states: every trajectory starts on the one before it, not at the
+measured state.  The contract allows for the tracking error.
+"""
+
+from __future__ import annotations
+
+from onboard.geometry.frames import LegFrame
+from onboard.motion.trajectory import State, Trajectory, Vector
+from onboard.vehicle_state import Setpoint
+
+
+class Reference:
+    """What the vehicle is commanded to fly, in the leg frame.
+
+    Attributes:
+        current: the trajectory that is flown; None while nothing is.
+        upcoming: the trajectory that takes over at its own start, between this tick and the next,
+            or has done so since the last `hand_over`; None if there is none.
+    """
+
+    def __init__(self) -> None:
+        self.current: Trajectory | None = None
+        self.upcoming: Trajectory | None = None
+
+    def fly(self, trajectory: Trajectory) -> None:
+        """Fly a trajectory from now on, and drop the one that was to take over."""
+        self.current, self.upcoming = trajectory, None
+
+    def schedule(self, trajectory: Trajectory, now_s: float) -> None:
+        """Have a trajectory take over at its own start; until then what is flown now goes on."""
+        self.hand_over(now_s)
+        self.upcoming = trajectory
+
+    def hand_over(self, now_s: float) -> None:
+        """Make the upcoming trajectory the current one, once it has started."""
+        if self.upcoming is not None and now_s >= self.upcoming.start_s:
+            self.fly(self.upcoming)
+
+    def clear(self) -> None:
+        """Fly nothing."""
+        self.current = self.upcoming = None
+
+    def sample(self, time_s: float) -> State | None:
+        """Return the reference at a time, leg frame; None while nothing is flown."""
+        flown = self.current
+        if self.upcoming is not None and time_s >= self.upcoming.start_s:
+            flown = self.upcoming
+        return None if flown is None else flown.sample(time_s)
+
+    def setpoint(self, time_s: float, leg: LegFrame) -> Setpoint | None:
+        """Return the reference at a time as a setpoint in NED; None while nothing is flown."""
+        state = self.sample(time_s)
+        if state is None:
+            return None
+        return Setpoint(
+            leg.position_ned(state.position_leg_m),
+            leg.vector_ned(state.velocity_leg_mps),
+            leg.vector_ned(state.acceleration_leg_mps2),
+            leg.heading_rad,
+        )
+
+    def shift(self, shift_leg_m: Vector) -> None:
+        """Move what is flown, and what takes over, by a vector in the leg frame."""
+        if self.current is not None:
+            self.current = self.current.shifted_by(shift_leg_m)
+        if self.upcoming is not None:
+            self.upcoming = self.upcoming.shifted_by(shift_leg_m)

@@ -1,0 +1,184 @@
+"""What every part of guidance reads and changes: the contract in force, what is flown, and where.
+
+The parts decide; they hold no state of the flight beyond what only they need.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+from onboard.contract.assessment import Assessment
+from onboard.event_limiter import EventLimiter
+from onboard.events import Event, EventName, Severity
+from onboard.files.mission_file import Mission
+from onboard.geometry.frames import LegFrame
+from onboard.guidance.envelope import envelope_of
+from onboard.guidance.phases import FlightState, Trigger, next_state
+from onboard.guidance.reference import Reference
+from onboard.guidance.route import Route
+from onboard.monitoring.assumptions import measured_size_max
+from onboard.motion.trajectory import State, Trajectory, Vector
+from onboard.perception.obstacle_map import Obstacle, ObstacleMap
+from onboard.planning.closed_form import brake_to_hover
+from onboard.planning.planner import Plan
+from onboard.vehicle_state import Pose
+
+
+@dataclass(frozen=True)
+class Avoidance:
+    """One induction step in progress.
+
+    Attributes:
+        obstacle: the obstacle, with its region, as the plan was made for it.
+        plan: the certified plan.
+        entry_speed_mps: speed along the leg at the beginning.
+        exit_speed_mps: speed along the leg at the end.
+    """
+
+    obstacle: Obstacle
+    plan: Plan
+    entry_speed_mps: float
+    exit_speed_mps: float
+
+    @property
+    def track_id(self) -> str:
+        """A track of the obstacle, which finds it again in the map."""
+        return self.obstacle.members[0]
+
+    def shifted_by(self, shift_leg_m: Vector) -> Avoidance:
+        """Return the same avoidance elsewhere in the leg frame."""
+        x_m, y_m, _ = shift_leg_m
+        plan = replace(self.plan, trajectory=self.plan.trajectory.shifted_by(shift_leg_m))
+        return replace(self, obstacle=self.obstacle.shifted_by(x_m, y_m), plan=plan)
+
+
+class Situation:
+    """The state of the flight that all parts of guidance share.
+
+    Args:
+        assessment: the contract and what follows from it.
+        mission: where to fly.
+        adaptive: solve the contract again for a failed assumption, where that helps.
+
+    Attributes:
+        assessment: the contract in force.
+        envelope: what plans may ask for under it.
+        adaptive: as given.
+        state: of the automaton.
+        route: the legs.
+        reference: the trajectory that is flown.
+        avoidance: the induction step in progress; None outside `Phase.AVOID`, and in HOLDING that
+            of the step which braking has ended.
+        obstacles: what has been seen.
+        events: what has happened, for the caller to take and clear.
+    """
+
+    def __init__(self, assessment: Assessment, mission: Mission, *, adaptive: bool) -> None:
+        self.assessment = assessment
+        self.envelope = envelope_of(assessment)
+        self.adaptive = adaptive
+        self.state = FlightState.STANDBY
+        self.route = Route(mission)
+        self.reference = Reference()
+        self.avoidance: Avoidance | None = None
+        self.obstacles = ObstacleMap(self.leg, assessment.region_around, self._merged_size_max_m)
+        self.events: list[Event] = []
+        self._limiter = EventLimiter()
+
+    @property
+    def leg(self) -> LegFrame:
+        """Frame of the leg that is flown."""
+        return self.route.frame
+
+    # ------------------------------------------------------------------ what changes
+
+    def fire(self, trigger: Trigger, now_s: float, *, text: str = "") -> None:
+        """Move the automaton, and report it if the published phase or the leg changes.
+
+        Args:
+            trigger: what happened.
+            now_s: when.
+            text: the report; by default the phase and the trigger.
+
+        Raises:
+            IllegalTransitionError: the automaton has no such transition.
+        """
+        before, self.state = self.state, next_state(self.state, trigger)
+        if self.state.phase is before.phase and trigger is not Trigger.LEG_FLOWN:
+            return
+        failed = trigger is Trigger.ASSUMPTION_FAILED
+        self.emit(
+            Event(
+                now_s,
+                EventName.PHASE,
+                Severity.ERROR if failed else Severity.INFO,
+                text or f"{self.state.phase} ({trigger})",
+                {"from": before.phase, "to": self.state.phase, "trigger": trigger},
+            )
+        )
+
+    def adopt(self, assessment: Assessment) -> None:
+        """Put another solution of the contract in force."""
+        self.assessment, self.envelope = assessment, envelope_of(assessment)
+        self.rebuild_map()
+
+    def rebuild_map(self) -> None:
+        """State the obstacles in the frame of the leg and under the contract in force."""
+        self.obstacles.rebuild(self.leg, self.assessment.region_around, self._merged_size_max_m)
+
+    def shift(self, shift_ned_m: Vector) -> None:
+        """State everything remembered in the local frame of now, which the estimator has moved.
+
+        What is flown and what it has been certified against move alike, so that certificates keep
+        holding.  The leg stays: it is what the mission says in the frame of now.
+        """
+        shift_leg_m = self.leg.vector_leg(shift_ned_m)
+        self.obstacles.shift(*shift_ned_m)
+        self.reference.shift(shift_leg_m)
+        if self.avoidance is not None:
+            self.avoidance = self.avoidance.shifted_by(shift_leg_m)
+
+    def emit(self, event: Event) -> None:
+        """Report an event."""
+        self.events.append(event)
+
+    def emit_rarely(self, event: Event, kind: str) -> None:
+        """Report an event that may repeat in every tick, limited for each name and kind."""
+        if self._limiter.allows(f"{event.name} {kind}", event.time_s):
+            self.emit(event)
+
+    # ------------------------------------------------------------------ what follows
+
+    def measured_state(self, pose: Pose) -> State:
+        """Return a measured position and velocity in the leg frame, without acceleration."""
+        return State(
+            self.leg.position_leg(pose.position_ned_m),
+            self.leg.vector_leg(pose.velocity_ned_mps),
+        )
+
+    def braking_from(self, state: State, now_s: float) -> Trajectory:
+        """Return the trajectory that brakes to hover from a state."""
+        return brake_to_hover(state, now_s, self.envelope)
+
+    def obstacles_to_meet(self, now_s: float) -> list[Obstacle]:
+        """Return the obstacles whose properties matter now: the one avoided, and the next ahead.
+
+        Ahead means on the line that the vehicle is on, or will be on after its avoidance; in
+        STANDBY, on the line from the start of the leg.
+        """
+        state = self.reference.sample(now_s)
+        x_m, y_m = (0.0, 0.0) if state is None else state.position_leg_m[:2]
+        met = []
+        if self.avoidance is not None:
+            met.append(self.avoidance.obstacle)
+            x_m, y_m, _ = self.avoidance.plan.trajectory.final.position_leg_m
+        range_m = self.assessment.terms.detection_range_m
+        following = self.obstacles.obstacle_of_interest(x_m, y_m, horizon_m=range_m)
+        if following is not None:
+            met.append(following)
+        # As the map has them now, not as they were when the plan was made.
+        return [self.obstacles.of_track(each.members[0]) or each for each in met]
+
+    @property
+    def _merged_size_max_m(self) -> float:
+        return measured_size_max(self.assessment.terms) if self.adaptive else 0.0

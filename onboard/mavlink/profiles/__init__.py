@@ -1,0 +1,1 @@
+"""What differs between autopilots, one profile each; no other code branches on the autopilot."""

@@ -1,0 +1,204 @@
+"""ArduPilot Copter: modes, EKF3, and the parameters that it obeys in GUIDED.
+
+Parameter names and units follow the lists that the project publishes for each release.  Flags and
+texts are those of Copter 4.7-dev, from recordings of GPS losses and from the message definitions.
+"""
+
+from __future__ import annotations
+
+from types import MappingProxyType
+from typing import Final
+
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from onboard.mavlink.profiles.parameter_rules import (
+    GROUND_STATION_LOSS,
+    RADIO_LOSS,
+    SETPOINT_LOSS,
+    WITHIN_FENCE,
+    Condition,
+    ContractDemands,
+    MissionDemands,
+    ParameterName,
+    ParameterRule,
+    ReportedParameters,
+    at_least,
+    at_most,
+    bit_clear,
+    bit_set,
+    names_in,
+    one_of,
+    rules_of_renamed,
+)
+from onboard.mavlink.profiles.profile import (
+    CONSTANT_POSITION,
+    EKF_STATUS_REPORT,
+    AutopilotProfile,
+    EstimatorFacts,
+    Firmware,
+    Measured,
+    Mode,
+    Modes,
+    ParameterFacts,
+    TakeOff,
+    TakeOver,
+)
+
+# COPTER_MODE of the ardupilotmega dialect.
+_PREFIX: Final = "COPTER_MODE_"
+_MODES: Final[dict[int, str]] = {
+    number: entry.name.removeprefix(_PREFIX)
+    for number, entry in mavlink.enums["COPTER_MODE"].items()
+    if entry.name.startswith(_PREFIX) and not entry.name.endswith("_ENUM_END")
+}
+
+_FIRMWARE: Final = Firmware(
+    Measured((4, 7), ("dev",), "4.7-dev of July 2025"), oldest=(4, 5), newest=(4, 7)
+)
+_KNOWN: Final = (_FIRMWARE.oldest, _FIRMWARE.newest)
+# 4.7 renames; its development versions have the old names until shortly before the release.
+_TILT_LIMIT: Final = (
+    ParameterName("ANGLE_MAX", "cdeg", 100.0, (4, 5), (4, 7)),
+    ParameterName("ATC_ANGLE_MAX", "deg", 1.0, (4, 7), (4, 7)),
+)
+_GUIDED_ACCELERATION: Final = (
+    ParameterName("WPNAV_ACCEL", "cm/s²", 100.0, (4, 5), (4, 7)),
+    ParameterName("WP_ACC", "m/s²", 1.0, (4, 7), (4, 7)),
+)
+# Public sources contradict each other about the new name.
+_POSITION_JERK: Final = (
+    ParameterName("PSC_JERK_XY", "m/s³", 1.0, (4, 5), (4, 7)),
+    ParameterName("PSC_NE_JERK", "m/s³", 1.0, (4, 7), (4, 7)),
+    ParameterName("PSC_JERK_NE", "m/s³", 1.0, (4, 7), (4, 7)),
+)
+_CHECKS_RUN: Final = (ParameterName("ARMING_CHECK", "", 1.0, (4, 5), (4, 7)),)
+_CHECKS_SKIPPED: Final = (ParameterName("ARMING_SKIPCHK", "", 1.0, (4, 7), (4, 7)),)
+# Bits of both of these.
+_ALL_CHECKS_BIT, _INERTIAL_CHECK_BIT = 0, 4
+# Jerk that the position controller needs beyond a plan's, or tracking is metres off.
+_JERK_FACTOR: Final = 2.0
+
+
+def mode_name(custom_mode: int) -> str:
+    """Return the name of a HEARTBEAT.custom_mode."""
+    return _MODES.get(custom_mode, f"COPTER {custom_mode}")
+
+
+def _rules(demands: ContractDemands, reported: ReportedParameters) -> list[ParameterRule]:
+    tilt_deg, reason = demands.tilt_deg, demands.tilt_reason
+    return [
+        *_quantity_rules(reason, _TILT_LIMIT, reported, tilt_deg),
+        ParameterRule(
+            reason, (one_of("PSC_ANGLE_MAX", 0), at_least("PSC_ANGLE_MAX", tilt_deg, "deg"))
+        ),
+        *_quantity_rules(
+            "twice the jerk of a plan, or tracking is metres off",
+            _POSITION_JERK,
+            reported,
+            _JERK_FACTOR * demands.plan_jerk_mps3,
+        ),
+        *_quantity_rules(
+            "the acceleration of the contract, with reserve for control",
+            _GUIDED_ACCELERATION,
+            reported,
+            demands.acceleration_mps2,
+        ),
+        ParameterRule(SETPOINT_LOSS, (at_most("GUID_TIMEOUT", demands.setpoint_timeout_s, "s"),)),
+        # 0 does nothing, 3 (5) lands, 7 brakes or lands; all others return.
+        ParameterRule(RADIO_LOSS, (one_of("FS_THR_ENABLE", 0, 3, 7), bit_set("FS_OPTIONS", 2))),
+        ParameterRule(GROUND_STATION_LOSS, (one_of("FS_GCS_ENABLE", 0, 5, 7),)),
+        _arming_rule(reported),
+    ]
+
+
+def _quantity_rules(
+    reason: str, names: tuple[ParameterName, ...], reported: ReportedParameters, least: float
+) -> list[ParameterRule]:
+    """Demand at least a quantity, in SI units (angles: degrees), under each of its names."""
+
+    def enough(name: ParameterName) -> Condition:
+        return at_least(name.name, least * name.per_unit, name.unit)
+
+    known = names_in(names, reported.version, _KNOWN)
+    return rules_of_renamed(reason, known, reported, enough)
+
+
+def _arming_rule(reported: ReportedParameters) -> ParameterRule:
+    """Demand that arming checks the inertial sensors; 4.7 names the checks that it skips."""
+    skipped = [each.name for each in names_in(_CHECKS_SKIPPED, reported.version, _KNOWN)]
+    run = [each.name for each in names_in(_CHECKS_RUN, reported.version, _KNOWN)]
+    if any(name in reported.values for name in skipped):
+        run = []
+    elif any(name in reported.values for name in run):
+        skipped = []
+    alternatives = [bit_clear(name, _INERTIAL_CHECK_BIT) for name in skipped]
+    for name in run:
+        alternatives += [bit_set(name, _ALL_CHECKS_BIT), bit_set(name, _INERTIAL_CHECK_BIT)]
+    return ParameterRule("arming must check the inertial sensors", tuple(alternatives))
+
+
+def _fence_rules(demands: MissionDemands, reported: ReportedParameters) -> list[ParameterRule]:
+    """Return the demands on height and circle; the ground checks polygons item by item."""
+    # Since 4.6 a vehicle may switch its fence on by itself when it arms or takes off.
+    by_itself = reported.values.get("FENCE_AUTOENABLE", 0.0) != 0.0
+    off = () if by_itself else (one_of("FENCE_ENABLE", 0),)
+    height = (bit_clear("FENCE_TYPE", 0), at_least("FENCE_ALT_MAX", demands.height_m, "m"))
+    circle = (bit_clear("FENCE_TYPE", 1), at_least("FENCE_RADIUS", demands.radius_m, "m"))
+    return [
+        ParameterRule(WITHIN_FENCE, (*off, *height)),
+        ParameterRule(WITHIN_FENCE, (*off, *circle)),
+    ]
+
+
+ARDUPILOT: Final = AutopilotProfile(
+    autopilot=mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA,
+    key="ardupilot",
+    name="ArduPilot",
+    modes=Modes(
+        mode_name,
+        external_control=Mode("GUIDED", mavlink.COPTER_MODE_GUIDED),
+        hold=Mode("BRAKE", mavlink.COPTER_MODE_BRAKE),
+    ),
+    estimator=EstimatorFacts(
+        message=EKF_STATUS_REPORT,
+        made_up_flags=MappingProxyType(
+            {**CONSTANT_POSITION, mavlink.EKF_UNINITIALIZED: "estimator not initialized"}
+        ),
+        doubt_flags=MappingProxyType({mavlink.EKF_GPS_GLITCHING: "GPS glitch"}),
+        # Its own failsafe acts on variances from FS_EKF_THRESH = 0.8 on.
+        ratio_max=0.8,
+        position_health=mavlink.MAV_SYS_STATUS_AHRS,
+        texts=(
+            "lane switch",
+            "ekf primary changed",
+            "ekf variance",
+            "ekf failsafe",
+            "stopped aiding",
+            "dead reckoning",
+            "gps glitch",
+            "gps: no fix",
+            "gps lost",
+            "no gps",
+            "bad ahrs",
+            "ahrs: not healthy",
+            "vibration compensation on",
+        ),
+    ),
+    take_off=TakeOff(in_external_control=True),
+    take_over=TakeOver(
+        "its mode switch (LOITER), or BRAKE and LAND from the ground station",
+        "take over from the ground station with BRAKE or LAND",
+    ),
+    # It echoes the setpoint that it took last.
+    target_gain_max_per_s=0.0,
+    needs_health_request=True,
+    firmware=_FIRMWARE,
+    parameters=ParameterFacts(
+        setpoint_timeout="GUID_TIMEOUT",
+        no_radio=("FS_THR_ENABLE", 0.0),
+        fence_prefixes=("FENCE_",),
+        rules=_rules,
+        fence_rules=_fence_rules,
+        fence_count="FENCE_TOTAL",
+    ),
+)

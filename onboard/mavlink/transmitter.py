@@ -1,0 +1,119 @@
+"""What the service sends to the autopilot, without I/O: setpoints, heartbeats, texts, requests."""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from collections.abc import Iterable
+from typing import Final
+
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from onboard.mavlink.status_text import chunks
+from onboard.vehicle_state import Setpoint
+
+COMPONENT_ID: Final = mavlink.MAV_COMP_ID_OBSTACLE_AVOIDANCE
+HEARTBEAT_PERIOD_S: Final = 1.0
+
+# Every field of the setpoint is meant except the yaw rate.
+_TYPE_MASK: Final = mavlink.POSITION_TARGET_TYPEMASK_YAW_RATE_IGNORE
+# Of STATUSTEXT: together a tenth of what a serial line at 57,600 baud carries.
+_TEXT_PERIOD_S: Final = 0.1
+_TEXTS_MAX: Final = 100
+_TEXT_ID_MAX: Final = 0xFFFF
+_MESSAGES_MAX: Final = 1000
+
+
+class Transmitter:
+    """Encodes messages for one autopilot and queues them until the link takes them.
+
+    Args:
+        system_id: MAVLink id of the vehicle, and ours.
+    """
+
+    def __init__(self, system_id: int) -> None:
+        self._system_id = system_id
+        self._outgoing: deque[bytes] = deque(maxlen=_MESSAGES_MAX)
+        self._mavlink = mavlink.MAVLink(_Sink(self._outgoing), system_id, COMPONENT_ID)
+        self._heartbeat_due_s = -math.inf
+        # Severity, chunk, id of the text, number of the chunk.
+        self._texts: deque[tuple[int, bytes, int, int]] = deque(maxlen=_TEXTS_MAX)
+        self._text_due_s = -math.inf
+        self._text_id = 0
+
+    def bytes_to_send(self) -> bytes:
+        """Return and forget what is to be sent."""
+        data = b"".join(self._outgoing)
+        self._outgoing.clear()
+        return data
+
+    def keep_alive(self, now_s: float, *, active: bool) -> None:
+        """Queue the heartbeat and the next chunk of text, where they are due.
+
+        Args:
+            now_s: the time.
+            active: whether the heartbeat states MAV_STATE_ACTIVE, rather than STANDBY.
+        """
+        if now_s >= self._heartbeat_due_s:
+            self._heartbeat_due_s = now_s + HEARTBEAT_PERIOD_S
+            state = mavlink.MAV_STATE_ACTIVE if active else mavlink.MAV_STATE_STANDBY
+            self._mavlink.heartbeat_send(
+                mavlink.MAV_TYPE_ONBOARD_CONTROLLER, mavlink.MAV_AUTOPILOT_INVALID, 0, 0, state
+            )
+        if self._texts and now_s >= self._text_due_s:
+            self._text_due_s = now_s + _TEXT_PERIOD_S
+            self._mavlink.statustext_send(*self._texts.popleft())
+
+    def request(self, requests_hz: Iterable[tuple[int, float]]) -> None:
+        """Queue a MAV_CMD_SET_MESSAGE_INTERVAL for each message id and its rate [Hz]."""
+        for message_id, rate_hz in requests_hz:
+            self._mavlink.command_long_send(
+                self._system_id,
+                mavlink.MAV_COMP_ID_AUTOPILOT1,
+                mavlink.MAV_CMD_SET_MESSAGE_INTERVAL,
+                0,
+                message_id,
+                1e6 / rate_hz,
+                *(0,) * 5,
+            )
+
+    def send_setpoint(self, setpoint: Setpoint, now_s: float) -> None:
+        """Queue one SET_POSITION_TARGET_LOCAL_NED."""
+        self._mavlink.set_position_target_local_ned_send(
+            int(now_s * 1000.0) & 0xFFFFFFFF,
+            self._system_id,
+            mavlink.MAV_COMP_ID_AUTOPILOT1,
+            mavlink.MAV_FRAME_LOCAL_NED,
+            _TYPE_MASK,
+            *setpoint.position_ned_m,
+            *setpoint.velocity_ned_mps,
+            *setpoint.acceleration_ned_mps2,
+            setpoint.yaw_ned_rad,
+            0.0,
+        )
+
+    def send_text(self, severity: int, text: str) -> None:
+        """Queue a text for the operator.
+
+        It leaves chunk by chunk with `keep_alive`: a burst of texts must not crowd setpoints out
+        of a slow link.
+
+        Args:
+            severity: MAV_SEVERITY.
+            text: as long as it needs to be; `status_text.chunks` shortens it to the limit.
+        """
+        parts = chunks(text)
+        text_id = 0
+        if len(parts) > 1:
+            self._text_id = text_id = self._text_id % _TEXT_ID_MAX + 1
+        self._texts.extend((severity, part, text_id, n) for n, part in enumerate(parts))
+
+
+class _Sink:
+    """The write-only file that pymavlink wants."""
+
+    def __init__(self, queue: deque[bytes]) -> None:
+        self._queue = queue
+
+    def write(self, data: bytes) -> None:
+        self._queue.append(bytes(data))

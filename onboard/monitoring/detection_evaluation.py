@@ -1,0 +1,177 @@
+"""From a detection frame to remembered boxes: what to believe of a frame, and what it violates."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from typing import Final
+
+from onboard.monitoring.assumptions import Violation, check_frame
+from onboard.monitoring.detection_consistency import (
+    DetectionConsistencyMonitor,
+    Placement,
+    Sighting,
+)
+from onboard.monitoring.detections import CLOCK_TOLERANCE_S, DetectionMonitor
+from onboard.monitoring.estimator.heading import HeadingMonitor
+from onboard.monitoring.supervised_flight import SupervisedFlight, in_control
+from onboard.perception.bearings import TRACKS_PER_FRAME, BearingMemory
+from onboard.perception.detection import Detection, DetectionFrame, corners_ned
+from onboard.perception.intake import DetectionCounters
+from onboard.perception.placement import PlacedBox, blurs_m, place
+from onboard.perception.pose_history import PoseHistory
+
+# A box displaced by less than this share of the sensor's error counts as sharp.
+SHARP_SHARE: Final = 0.1
+_IN_PLACE: Final = ((0.0, 0.0),)
+
+
+class DetectionEvaluator:
+    """Checks frames against the contract and against earlier ones, and remembers their boxes.
+
+    Args:
+        flight: whose map the boxes belong to, and which rechecks its plan against what is new.
+        poses: where the body was.
+        placements_m: how far a box in local NED with that stamp has to be moved to be in the
+            present local frame, north and east; several where an estimator reset leaves that open.
+        counters: count frames that cannot be placed.
+    """
+
+    def __init__(
+        self,
+        flight: SupervisedFlight,
+        poses: PoseHistory,
+        placements_m: Callable[[float], Sequence[tuple[float, float]]],
+        counters: DetectionCounters,
+    ) -> None:
+        self.monitor = DetectionMonitor()
+        self.consistency = DetectionConsistencyMonitor()
+        self.bearings = BearingMemory()
+        self._flight, self._poses = flight, poses
+        self._placements_m = placements_m
+        self._counters = counters
+
+    def evaluate(
+        self, frame: DetectionFrame, stamp_s: float, now_s: float, heading: HeadingMonitor
+    ) -> Iterator[Violation]:
+        """Take one frame, and yield what it violates, each before what follows from it.
+
+        Args:
+            frame: what a sensor saw.
+            stamp_s: when, on the service's clock.
+            now_s: the time.
+            heading: learns of tracks that are seen from the body once more.
+        """
+        fault = self.monitor.on_arrival(frame.source, frame.sequence, stamp_s, now_s)
+        if fault is not None:
+            yield fault
+        if stamp_s > now_s + CLOCK_TOLERANCE_S:
+            return
+        yield from self._take_frame(frame, stamp_s, now_s)
+        yield from self._compare_bearings(frame, stamp_s, now_s, heading)
+
+    def _take_frame(
+        self, frame: DetectionFrame, stamp_s: float, now_s: float
+    ) -> Iterator[Violation]:
+        pose = self._poses.at(stamp_s)
+        blur_by_track_m = None if frame.frame == "local_ned" else self._blurs_m(frame, stamp_s)
+        if blur_by_track_m is not None and (pose is None or self._is_blurred(blur_by_track_m)):
+            # Seen, but from an unknown place: as good as not seen.
+            self._counters.unplaced_frames += 1
+            return
+        terms = self._flight.assessment.terms
+        late = self.monitor.on_frame(frame.source, stamp_s, now_s, terms)
+        if late is not None:
+            yield late
+        yield from check_frame(frame, terms)
+        for box in place(frame, pose, blur_by_track_m):
+            yield from self._take_everywhere(box, stamp_s, now_s)
+
+    def _compare_bearings(
+        self, frame: DetectionFrame, stamp_s: float, now_s: float, heading: HeadingMonitor
+    ) -> Iterator[Violation]:
+        """Check the heading by the tracks that are seen from the body once more."""
+        pose = self._poses.at(stamp_s)
+        if frame.frame == "local_ned" or pose is None:
+            return
+        terms = self._flight.assessment.terms
+        if self._is_blurred(self._blurs_m(frame, stamp_s)):
+            return
+        corners_ned_m = {
+            frame.track_id(seen): corners_ned(seen, pose)
+            for seen in frame.obstacles[:TRACKS_PER_FRAME]
+        }
+        residuals = self.bearings.residuals(
+            pose, corners_ned_m, terms.position_error_m, terms.heading_error_rad
+        )
+        turned = heading.on_sightings(residuals, now_s, terms)
+        if turned is not None:
+            yield turned
+
+    def _take_everywhere(
+        self, seen: PlacedBox, stamp_s: float, now_s: float
+    ) -> Iterator[Violation]:
+        """Remember a box; where an estimator reset leaves its place open, at every one."""
+        shifts_m = self._placements_m(stamp_s) if seen.moves else _IN_PLACE
+        if len(shifts_m) > 1 and self._flight.obstacles.of_track(seen.track_id) is not None:
+            return  # it has been seen better
+        if len(shifts_m) > 1:
+            # Of one sighting two places, which contradict each other: neither says where it is.
+            seen = seen._replace(in_full=False)
+        for shift_m in shifts_m:
+            yield from self._take_box(seen.shifted_by(shift_m), now_s)
+
+    def _take_box(self, seen: PlacedBox, now_s: float) -> Iterator[Violation]:
+        """Remember one box; a place that contradicts an earlier one is kept apart from it."""
+        flight, terms = self._flight, self._flight.assessment.terms
+        error_m = max(seen.uncertainty_m, terms.position_error_m)
+        displacement_m = seen.displacement_m(terms.heading_error_rad)
+        sighting = None
+        if seen.in_full:
+            unshifted_m = flight.obstacles.unshifted(seen.corners_ned_m)
+            sighting = Sighting.of(unshifted_m, error_m, displacement_m + seen.blur_m)
+        placement = self.consistency.take(seen.track_id, sighting, now_s)
+        changed = flight.obstacles.add(
+            placement.track_id,
+            seen.corners_ned_m,
+            # What a sensor states less than the contract, the contract covers already.
+            error_m + displacement_m if displacement_m > 0.0 else seen.uncertainty_m,
+            apart_from=self._apart_from(placement, seen, now_s),
+            error_max_m=flight.assessment.face_error_m,
+            in_full=seen.in_full and seen.blur_m == 0.0,
+            down_m=seen.down_m,
+        )
+        if placement.violation is not None:
+            yield placement.violation
+        obstacle = flight.obstacles.of_track(placement.track_id) if changed else None
+        if obstacle is not None:
+            flight.recheck_plan(obstacle, now_s)
+
+    def _apart_from(self, placement: Placement, seen: PlacedBox, now_s: float) -> str | None:
+        """Return the track that a box contradicts.
+
+        In STANDBY nothing is flown by the map: what encloses all places is one obstacle.
+        """
+        return seen.track_id if placement.apart and in_control(self._flight, now_s) else None
+
+    def _blurs_m(self, frame: DetectionFrame, stamp_s: float) -> dict[str, float]:
+        """Return how far off a turning body sees what is to be taken from a frame, by track.
+
+        What is hardly blurred counts as sharp.  Of the rest, what is known already has been seen
+        better, and what is far, or seen at rest before the departure, will be: only what is new
+        and near has to be taken as it is, or makes the frame as good as none.
+        """
+        sharp_m = SHARP_SHARE * self._flight.assessment.terms.position_error_m
+        return blurs_m(frame, self._poses.yaw_rate_radps(stamp_s), sharp_m, self._must_be_known)
+
+    def _must_be_known(self, track_id: str, detection: Detection) -> bool:
+        """Tell whether a box seen in motion is new, and so near that the contract counts on it."""
+        if not self._flight.moving:
+            return False
+        counted_on_m = self._flight.assessment.inflated.required_detection_range_m
+        near_m = math.hypot(*detection.center_m) - math.hypot(*detection.size_m) / 2.0
+        return self._flight.obstacles.of_track(track_id) is None and near_m <= counted_on_m
+
+    def _is_blurred(self, blur_by_track_m: Mapping[str, float]) -> bool:
+        limit_m = self._flight.assessment.terms.position_error_m
+        return any(blur_m > limit_m for blur_m in blur_by_track_m.values())

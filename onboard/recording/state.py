@@ -1,0 +1,82 @@
+"""Builds the record of a tick from the service: the only reader of its internals for the log."""
+
+from __future__ import annotations
+
+import math
+
+from onboard.autonomy import Autonomy
+from onboard.recording.messages import DropCounters, SensorRecord, StateRecord
+
+
+def state_of(autonomy: Autonomy, now_s: float) -> StateRecord:
+    """Return the state of the service in the tick at ``now_s``."""
+    pose, status, supervisor = autonomy.link.pose, autonomy.link.status, autonomy.supervisor
+    navigator, tracking = autonomy.navigator, supervisor.response.tracking_monitor
+    setpoint = navigator.setpoint(now_s)
+    doubt = supervisor.position_sign
+    return StateRecord(
+        time_s=unix_time_s(autonomy, now_s),
+        phase=navigator.phase.value,
+        state=navigator.state.value,
+        mode=status.mode,
+        armed=status.armed,
+        airborne=status.airborne,
+        position_ned_m=None if pose is None else pose.position_ned_m,
+        velocity_ned_mps=None if pose is None else pose.velocity_ned_mps,
+        roll_rad=None if pose is None else pose.roll_rad,
+        pitch_rad=None if pose is None else pose.pitch_rad,
+        yaw_rad=None if pose is None else pose.yaw_rad,
+        reference_position_ned_m=None if setpoint is None else setpoint.position_ned_m,
+        reference_velocity_ned_mps=None if setpoint is None else setpoint.velocity_ned_mps,
+        reference_acceleration_ned_mps2=(
+            None if setpoint is None else setpoint.acceleration_ned_mps2
+        ),
+        tracking_error_m=tracking.position_error_m,
+        tracking_error_z_m=tracking.vertical_error_m,
+        velocity_error_mps=tracking.velocity_error_mps,
+        cruising=navigator.cruising_freely,
+        leg_heading_rad=navigator.leg.heading_rad,
+        detection_age_s=finite(supervisor.detections.monitor.age_s(now_s)),
+        telemetry_age_s=None if pose is None else now_s - pose.time_s,
+        sensors=_sensors(autonomy, now_s),
+        position_doubt=None if doubt is None else doubt.sentence,
+        cleared=autonomy.flight_authorization.refusal(autonomy.epoch_unix_s + now_s) is None,
+        log_ended=autonomy.log_ended,
+        obstacles_known=len(navigator.obstacles),
+        dropped=_dropped(autonomy),
+    )
+
+
+def unix_time_s(autonomy: Autonomy, now_s: float) -> float:
+    """Return the Unix time of a record, to the microsecond."""
+    return round(autonomy.epoch_unix_s + now_s, 6)
+
+
+def _sensors(autonomy: Autonomy, now_s: float) -> dict[str, SensorRecord]:
+    return {
+        source: SensorRecord(
+            age_s=finite(now_s - sensor.newest_stamp_s),
+            heard_age_s=now_s - sensor.heard_s,
+            stamp_ahead_s=sensor.ahead_s,
+        )
+        for source, sensor in autonomy.supervisor.detections.monitor.sensors.items()
+    }
+
+
+def _dropped(autonomy: Autonomy) -> DropCounters:
+    link, detections = autonomy.link.counters, autonomy.detections
+    return DropCounters(
+        mavlink_garbage_bytes=link.garbage_bytes,
+        mavlink_malformed=link.malformed_messages,
+        mavlink_foreign=link.foreign_messages,
+        frames_malformed=detections.malformed_frames,
+        frames_unplaced=detections.unplaced_frames,
+        frames_dropped=detections.dropped_frames,
+        clearances_malformed=autonomy.flight_authorization.malformed,
+        missions_malformed=autonomy.malformed_missions,
+    )
+
+
+def finite(value: float) -> float | None:
+    """Return a number that JSON can express, or None: the age of what was never heard."""
+    return value if math.isfinite(value) else None

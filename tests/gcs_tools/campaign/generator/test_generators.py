@@ -1,0 +1,201 @@
+"""The generators draw the flights that they drew before, and those have what their name says."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import math
+import random
+from typing import Any
+
+import pytest
+
+from gcs_tools.campaign.command import scenario_document
+from gcs_tools.campaign.generator.case import NO_FAULT, FlightCase
+from gcs_tools.campaign.generator.faults import (
+    DISPLACING,
+    FAULT_KINDS,
+    TOLERATED,
+    UNDETECTABLE,
+    all_tolerated,
+)
+from gcs_tools.campaign.generator.fields import ned_m
+from gcs_tools.campaign.generator.generators import GENERATORS, generated
+from gcs_tools.campaign.generator.plants import matching_plant
+from gcs_tools.preflight.command import check
+from onboard.contract.assessment import assess
+
+SEED = 7
+FLIGHTS = 200
+# A campaign's seed and number must mean the same flight in every version; a change of what is
+# drawn changes these, and has to be stated in docs/campaigns.md.
+DIGESTS = {
+    "nominal": "b4e8ab629e655358",
+    "violating": "a5a4dcba09c3cf20",
+    "faults": "6e8da4330076ec92",
+    "outside": "e0716bb53353e4b5",
+    "competition": "452501c7d037bee3",
+    "quick": "524283c730c3790d",
+    "quick-faults": "bdce262d9bd1ee8c",
+}
+
+
+def rounded(value: Any) -> Any:
+    """Nine digits: other mathematical libraries may differ in the last ones."""
+    match value:
+        case float():
+            return float(f"{value:.9g}")
+        case dict():
+            return {key: rounded(each) for key, each in value.items()}
+        case list() | tuple():
+            return [rounded(each) for each in value]
+        case _:
+            return value
+
+
+def fingerprint(case: FlightCase) -> bytes:
+    document = scenario_document(case.scenario)
+    expected = [case.variant, case.trigger, case.outcomes, case.covered, case.refusable]
+    whole = [case.scenario.name, document, case.seed, *expected, case.expectation]
+    return json.dumps(rounded(whole), sort_keys=True).encode()
+
+
+def drawn(generator: str, count: int = 60) -> list[FlightCase]:
+    return [generated(generator, SEED, number) for number in range(count)]
+
+
+@pytest.mark.parametrize("generator", GENERATORS)
+def test_seeds_mean_the_flights_that_they_meant_before(generator: str) -> None:
+    digest = hashlib.sha256()
+    for case in drawn(generator, FLIGHTS):
+        digest.update(fingerprint(case))
+    assert digest.hexdigest()[:16] == DIGESTS[generator]
+
+
+def test_an_unknown_generator_is_an_error() -> None:
+    with pytest.raises(KeyError):
+        generated("kind", SEED, 0)
+
+
+@pytest.mark.parametrize("generator", GENERATORS)
+def test_a_flight_is_named_after_what_replays_it(generator: str) -> None:
+    assert generated(generator, SEED, 5).scenario.name == f"{generator}-{SEED}-5"
+
+
+def test_nominal_flights_have_no_fault_and_must_arrive() -> None:
+    for case in drawn("nominal"):
+        assert case.scenario.faults == ()
+        assert (case.variant, case.outcomes, case.covered) == (NO_FAULT, ("arrived",), True)
+        assert not case.scenario.fly_outside_contract
+
+
+def test_quick_flights_are_short_and_start_in_hover() -> None:
+    for case in drawn("quick", 30):
+        mission = case.scenario.mission
+        assert case.scenario.plant.start.position_ned_m[2] == -mission.altitude_m
+        assert 16.0 <= math.hypot(*mission.legs[0].end_ned_m) <= 20.0
+        assert 1 <= len(case.scenario.obstacles) <= 3
+
+
+def test_breaches_in_the_field_are_unknown_before_the_flight() -> None:
+    cases = drawn("violating", 80)
+    assert {case.variant for case in cases} == {"larger", "closer", "range", "speed"}
+    for case in cases:
+        in_field = case.variant in {"larger", "closer"}
+        assert case.scenario.field_known is not in_field
+        assert case.outcomes == (("arrived", "held", "aborted") if in_field else ("aborted",))
+
+
+def test_a_breach_of_size_or_separation_breaks_just_that_rule() -> None:
+    for case in drawn("violating", 80):
+        if case.variant not in {"larger", "closer"}:
+            continue
+        scenario = case.scenario
+        found = check(scenario.contract, scenario.obstacles, scenario.mission)
+        assert found.assessment.compliant
+        broken = {rule.name for rule in found.field_rules if not rule.holds}
+        assert ("obstacle_size_max" if case.variant == "larger" else "separation") in broken
+
+
+def test_what_is_promised_follows_from_the_kind_of_fault() -> None:
+    for case in drawn("faults", 300):
+        kind = case.scenario.faults[-1].kind
+        assert case.variant == kind
+        assert case.covered is (kind not in UNDETECTABLE | DISPLACING)
+        arrives = case.outcomes == ("arrived",)
+        assert arrives is all_tolerated(case.scenario)
+        assert case.trigger
+
+
+def test_kinds_of_fault_are_in_one_class_at_most() -> None:
+    assert set(FAULT_KINDS) > UNDETECTABLE | DISPLACING | TOLERATED
+    assert not UNDETECTABLE & DISPLACING
+    assert not TOLERATED & (UNDETECTABLE | DISPLACING)
+
+
+def test_a_hold_or_standby_is_led_to_by_another_fault() -> None:
+    led = 0
+    for case in drawn("faults", 300):
+        *before, fault = case.scenario.faults
+        if fault.phase not in {"hold", "standby"}:
+            assert before == []
+            continue
+        expected = "detections_off" if fault.phase == "hold" else "operator_takes_over"
+        assert [each.kind for each in before] == ([] if fault.kind == expected else [expected])
+        led += bool(before)
+    assert led > 10
+
+
+def test_outside_flights_head_straight_for_one_obstacle_of_the_largest_size() -> None:
+    for case in drawn("outside", 30):
+        scenario = case.scenario
+        size_max_m = scenario.contract.environment.obstacle_size_max_m
+        assert len(scenario.obstacles) == 1
+        assert scenario.obstacles.half_size_m.tolist() == [[size_max_m / 2.0] * 2]
+        north_m, east_m = scenario.obstacles.center_ned_m[0]
+        end_north_m, end_east_m = scenario.mission.legs[0].end_ned_m
+        aside_m = (north_m * end_east_m - east_m * end_north_m) / math.hypot(
+            end_north_m, end_east_m
+        )
+        assert abs(aside_m) < 1e-9
+        assert not case.covered
+        assert "collided" in case.outcomes
+        assert len(scenario.faults) == 1
+
+
+def test_competition_fields_may_be_refused() -> None:
+    cases = drawn("competition", 40)
+    assert all(case.refusable for case in cases)
+    assert {len(case.scenario.obstacles) for case in cases} == {1, 2, 3}
+    for case in cases:
+        sizes_m = 2.0 * case.scenario.obstacles.half_size_m
+        assert sizes_m.min() >= 2.0
+        assert sizes_m.max() <= 20.0
+        assert assess(case.scenario.contract).compliant
+
+
+def test_a_contract_with_a_heading_error_is_flown_at_field_realism() -> None:
+    contract = generated("nominal", SEED, 0).scenario.contract
+    vehicle = contract.vehicle.model_copy(update={"heading_error_deg": 1.2})
+    field = contract.model_copy(update={"vehicle": vehicle})
+    for seed in range(10):
+        plant = matching_plant(random.Random(seed), field, 0.0)
+        assert (plant.realism, plant.flavour) == ("field", "ardupilot")
+        assert {sensor.frame for sensor in plant.sensors} == {"body_frd"}
+        assert matching_plant(random.Random(seed), contract, 0.0).realism == "ideal"
+
+
+def test_a_sensor_s_errors_stay_within_the_contract() -> None:
+    for case in drawn("nominal"):
+        (sensor,) = case.scenario.plant.sensors
+        error_m = case.scenario.contract.sensor.position_error_m
+        assert sensor.noise_m + (sensor.face_noise_m or 0.0) <= error_m * math.sqrt(0.5) + 1e-12
+        assert sensor.uncertainty_m == error_m
+
+
+@pytest.mark.parametrize(
+    ("heading_deg", "expected"),
+    [(0.0, (3.0, 1.0)), (90.0, (-1.0, 3.0)), (180.0, (-3.0, -1.0)), (-90.0, (1.0, -3.0))],
+)
+def test_a_leg_turns_into_north_and_east(heading_deg: float, expected: tuple[float, float]) -> None:
+    assert ned_m(math.radians(heading_deg), 3.0, 1.0) == pytest.approx(expected)

@@ -1,0 +1,75 @@
+"""The numbers of a contract in SI units."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import fields, replace
+
+import pytest
+
+from onboard.contract.terms import Terms
+from onboard.files.contract_file import Contract
+from tests.onboard.contract.example_terms import TERMS
+
+IDEAL_IN_THE_PAPER = (
+    "radius_m",
+    "tracking_error_m",
+    "tracking_error_z_m",
+    "velocity_error_x_mps",
+    "velocity_error_y_mps",
+    "reaction_time_s",
+    "attitude_lag_s",
+    "position_error_m",
+    "recentring_speed_mps",
+    "heading_error_rad",
+)
+
+
+def test_every_number_of_the_file_is_a_term(contract: Contract) -> None:
+    """By name, but for units of angles and for the pair of velocity errors."""
+    terms = Terms.of(contract)
+    for section in (contract.vehicle, contract.sensor, contract.environment):
+        for key in type(section).model_fields:
+            value = getattr(section, key)
+            if key == "velocity_error_mps":
+                assert (terms.velocity_error_x_mps, terms.velocity_error_y_mps) == value
+            elif key.endswith("_deg"):
+                radians = getattr(terms, key.replace("_deg", "_rad"))
+                assert radians == pytest.approx(math.radians(value))
+            else:
+                assert getattr(terms, key) == value
+    assert terms.stop == contract.requirements.stop
+    assert terms.passive_safety == contract.requirements.passive_safety
+
+
+def test_set_and_altitude_come_with_the_question(contract: Contract) -> None:
+    assert Terms.of(contract).input_set == "inner"
+    assert Terms.of(contract).mission_altitude_m is None
+    asked = Terms.of(contract, "paper", 4.0)
+    assert (asked.input_set, asked.mission_altitude_m) == ("paper", 4.0)
+
+
+def test_the_body_is_radius_and_tracking_error() -> None:
+    assert TERMS.body_m == TERMS.radius_m + TERMS.tracking_error_m
+
+
+def test_the_trim_is_drag_at_the_strongest_wind() -> None:
+    assert TERMS.trim_mps2 == 0.0
+    windy = replace(TERMS, drag_per_s=0.4, wind_max_mps=5.0)
+    assert windy.trim_mps2 == pytest.approx(2.0)
+
+
+def test_the_sure_view_is_the_view_less_the_heading_error_on_either_side() -> None:
+    turned = replace(TERMS, field_of_view_rad=2.0, heading_error_rad=0.1)
+    assert turned.sure_view_rad == pytest.approx(1.8)
+
+
+def test_the_ideal_has_no_size_no_errors_no_delays_and_no_wind() -> None:
+    real = replace(TERMS, wind_max_mps=4.0, recentring_speed_mps=0.3, heading_error_rad=0.1)
+    ideal = real.idealised()
+    assert all(getattr(ideal, name) == 0.0 for name in IDEAL_IN_THE_PAPER)
+    assert ideal.wind_max_mps is None
+    assert not ideal.passive_safety
+    kept = {f.name for f in fields(Terms)} - {*IDEAL_IN_THE_PAPER, "wind_max_mps", "passive_safety"}
+    assert all(getattr(ideal, name) == getattr(real, name) for name in kept)
+    assert ideal.idealised() == ideal

@@ -1,0 +1,199 @@
+"""The wheel, and what of it and of its requirements a companion computer gets."""
+
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import tomllib
+from collections.abc import Iterator
+from importlib import metadata
+from pathlib import Path
+
+import pytest
+import yaml
+from packaging.requirements import Requirement
+from packaging.utils import canonicalize_name
+
+from tests.onboard.test_daemon import free_port
+
+ROOT = Path(__file__).parents[1]
+CONFIG = ROOT / "config"
+PACKAGES = ("onboard", "sitl", "gcs_tools")
+BUILT_FROM = ("pyproject.toml", "README.md", "LICENSE")
+# Installed without the tests of libraries, as `make companion` does; the limit of what is copied.
+COMPANION_MAX_MB = 300.0
+# Neither this environment's packages nor this checkout's.
+PYTHON = (sys.executable, "-S", "-P")
+_SECONDS = 60.0
+
+
+def requirements_of(name: str) -> dict[str, metadata.Distribution]:
+    """Return what a distribution requires without extras, at any depth, and the distribution."""
+    found: dict[str, metadata.Distribution] = {}
+    queue = [name]
+    while queue:
+        distribution = metadata.distribution(queue.pop())
+        found[canonicalize_name(distribution.name)] = distribution
+        wanted = map(Requirement, distribution.requires or [])
+        queue += [
+            each.name
+            for each in wanted
+            if (each.marker is None or each.marker.evaluate({"extra": ""}))
+            and canonicalize_name(each.name) not in found
+        ]
+    return found
+
+
+def files_of(distribution: metadata.Distribution) -> Iterator[Path]:
+    for file in distribution.files or []:
+        path = Path(str(file.locate()))
+        if path.suffix != ".pyc" and path.is_file():
+            yield path
+
+
+@pytest.fixture(scope="module")
+def requirements() -> dict[str, metadata.Distribution]:
+    found = requirements_of("clearway")
+    del found["clearway"]
+    return found
+
+
+@pytest.fixture(scope="module")
+def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Install the wheel, and nothing else, into a directory."""
+    directory = tmp_path_factory.mktemp("wheel")
+    source, site = directory / "source", directory / "site"
+    source.mkdir()
+    for package in PACKAGES:  # built elsewhere: an old build/ could put old files into it
+        shutil.copytree(
+            ROOT / package, source / package, ignore=shutil.ignore_patterns("__pycache__")
+        )
+    for name in BUILT_FROM:
+        shutil.copy(ROOT / name, source)
+    pip = [sys.executable, "-m", "pip", "--disable-pip-version-check", "install", "--no-deps"]
+    subprocess.run(
+        [*pip, "--no-compile", "--target", site, source], check=True, capture_output=True
+    )
+    return site
+
+
+@pytest.fixture(scope="module")
+def companion(
+    wheel: Path,
+    requirements: dict[str, metadata.Distribution],
+    tmp_path_factory: pytest.TempPathFactory,
+) -> dict[str, str]:
+    """Return an environment that has the wheel and what it requires without extras, linked."""
+    site = tmp_path_factory.mktemp("companion")
+    for distribution in requirements.values():
+        root = Path(str(distribution.locate_file("")))
+        tops = {path.relative_to(root).parts[0] for path in files_of(distribution)
+                if path.is_relative_to(root)}  # fmt: skip
+        for top in tops - {"__pycache__"}:
+            link = site / top
+            if not link.exists():
+                link.symlink_to(root / top)
+    return {"PYTHONPATH": os.pathsep.join(map(str, (wheel, site))), "PYTHONDONTWRITEBYTECODE": "1"}
+
+
+def python(environment: dict[str, str], *arguments: str) -> subprocess.CompletedProcess[str]:
+    """Run Python without the packages of this environment."""
+    return subprocess.run(
+        [*PYTHON, *arguments],
+        env=environment,
+        capture_output=True,
+        text=True,
+        timeout=_SECONDS,
+        check=False,
+    )
+
+
+def test_the_wheel_has_every_file_of_the_packages(wheel: Path) -> None:
+    def contents(root: Path) -> set[str]:
+        paths = (path for package in PACKAGES for path in (root / package).rglob("*"))
+        return {
+            str(path.relative_to(root))
+            for path in paths
+            if path.is_file() and "__pycache__" not in path.parts
+        }
+
+    packed = contents(wheel)
+    assert packed == contents(ROOT)
+    assert "onboard/contract/THEORY.md" in packed
+    assert {f"{package}/py.typed" for package in PACKAGES} <= packed
+
+
+def test_the_wheel_has_its_commands_and_its_licence(wheel: Path) -> None:
+    settings = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
+    (installed,) = metadata.distributions(path=[str(wheel)])
+    scripts = {point.name: point.value for point in installed.entry_points}
+    assert scripts == settings["project"]["scripts"]
+    assert all((wheel / "bin" / name).is_file() for name in scripts)
+    assert any(file.name == "LICENSE" for file in installed.files or [])
+
+
+def test_the_companion_gets_nothing_of_the_ground(
+    requirements: dict[str, metadata.Distribution], companion: dict[str, str]
+) -> None:
+    settings = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
+    extras = settings["project"]["optional-dependencies"]
+    ground = {
+        canonicalize_name(Requirement(each).name) for each in (*extras["ground"], *extras["sitl"])
+    }
+    assert "mavsdk" in ground
+    assert not ground & requirements.keys()
+    done = python(companion, "-c", "import mavsdk")
+    assert "No module named 'mavsdk'" in done.stderr
+
+
+def test_what_the_companion_gets_is_small(requirements: dict[str, metadata.Distribution]) -> None:
+    sizes_mb = {
+        name: sum(path.stat().st_size for path in files_of(each) if "tests" not in path.parts)
+        / 2**20
+        for name, each in requirements.items()
+    }
+    assert sum(sizes_mb.values()) < COMPANION_MAX_MB, sizes_mb
+
+
+@pytest.mark.parametrize("package", ["onboard", "sitl"])
+def test_a_package_starts_from_the_wheel_without_extras(
+    companion: dict[str, str], package: str
+) -> None:
+    done = python(companion, "-m", package, "--help")
+    assert done.returncode == 0, done.stderr
+    assert "--config" in done.stdout
+
+
+def test_the_daemon_serves_without_any_package_of_the_ground(
+    companion: dict[str, str], tmp_path: Path
+) -> None:
+    settings = yaml.safe_load((CONFIG / "onboard.yaml").read_text(encoding="utf-8"))
+    settings |= {
+        "contract": str(CONFIG / settings["contract"]),
+        "mission": str(CONFIG / settings["mission"]),
+        "mavlink": {"url": "udpout://127.0.0.1:9"},
+        "zenoh": {"listen": [f"tcp/127.0.0.1:{free_port()}"]},
+        "log_directory": str(tmp_path),
+    }
+    path = tmp_path / "onboard.yaml"
+    path.write_text(yaml.safe_dump(settings), encoding="utf-8")
+    daemon = subprocess.Popen(
+        [*PYTHON, "-m", "onboard", "--config", path],
+        env=companion,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    try:
+        assert daemon.stderr is not None
+        said = ""
+        while "ready: " not in said:
+            line = daemon.stderr.readline()
+            assert line, said
+            said += line
+        daemon.send_signal(signal.SIGTERM)
+        assert daemon.wait(_SECONDS) == 0
+    finally:
+        daemon.kill()
+        daemon.communicate()
+    assert list(tmp_path.glob("flight-*.mcap"))
