@@ -47,6 +47,7 @@ class Assumption(StrEnum):
     SECOND_COMMANDER = "second_commander"
     TICK_OVERRUN = "tick_overrun"
     PLAN_EXISTS = "plan_exists"
+    NO_PASSAGE = "no_passage"
     LEG_END_CLEAR = "leg_end_clear"
     TARGET_REACHED = "target_reached"
     SELF_CHECK = "self_check"

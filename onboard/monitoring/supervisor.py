@@ -10,6 +10,7 @@ from collections.abc import Callable, Iterable
 
 from onboard.events import Event
 from onboard.mavlink.endpoint import MavlinkEndpoint
+from onboard.monitoring.adaptation import costs_progress_only
 from onboard.monitoring.assumptions import Assumption, Violation, check_obstacle
 from onboard.monitoring.detection_evaluation import DetectionEvaluator
 from onboard.monitoring.estimator.heading import HeadingMonitor
@@ -217,9 +218,12 @@ class MonitorSupervisor:
             now_s: when.
             measured: respond from this pose, where the reference itself cannot be believed.
         """
-        if self._flight.flying:
+        flight = self._flight
+        if flight.in_seen_space and costs_progress_only(violation.assumption):
+            self._log.report_delay(violation, now_s)
+        elif flight.flying:
             self._log.report(violation, now_s)
-            self._flight.respond_to(violation, now_s, measured)
+            flight.respond_to(violation, now_s, measured)
 
     # ------------------------------------------------------------------ single checks
 
@@ -245,8 +249,7 @@ class MonitorSupervisor:
         monitor, flight = self._heading_monitor, self._flight
         drift = monitor.check_drift(self._link.heading_drift, now_s, flight.assessment.terms)
         compass = monitor.check_compass(self._link.compass_ratio, now_s)
-        pointed_at_rad = flight.leg.heading_rad if flight.moving else None
-        return [compass, drift, monitor.check_pointing(pose, pointed_at_rad)]
+        return [compass, drift, monitor.check_pointing(pose, flight.pointing_rad)]
 
     def _check_tracking(self, pose: Pose, tilt: Violation | None, now_s: float) -> None:
         """Respond to tracking errors, as far as the autopilot follows us.
