@@ -17,6 +17,7 @@ from onboard.monitoring.estimator.position_quality import PositionQualityMonitor
 from onboard.monitoring.estimator.resets import EstimatorReset, PoseMonitor, ResetLedger
 from onboard.monitoring.loop_overrun import LoopOverrunMonitor
 from onboard.monitoring.response.vehicle_response import VehicleResponse
+from onboard.monitoring.seen_space import DOUBTS
 from onboard.monitoring.supervised_flight import SupervisedFlight, in_control
 from onboard.monitoring.violation_log import ViolationLog
 from onboard.perception.detection import DetectionFrame
@@ -39,6 +40,7 @@ class MonitorSupervisor:
         position_sign: the sign that the position is not to be believed, of this tick; None without.
         wind_violation: more wind than the contract declares, of this tick; None without.
         detections: what every sensor saw, and when.
+        seen: the space around the vehicle that has been seen free.
         response: how the vehicle responds to what is sent to it.
     """
 
@@ -59,6 +61,7 @@ class MonitorSupervisor:
         self.detections = DetectionEvaluator(
             flight, self._poses, self._resets.placements_m, counters
         )
+        self.seen = self.detections.seen
         self.position_quality = PositionQualityMonitor(link.position_reports)
         self.position_sign: Sign | None = None
         self.wind_violation: Violation | None = None
@@ -97,7 +100,7 @@ class MonitorSupervisor:
     def take_frames(
         self, frames: Iterable[DetectionFrame], now_s: float, epoch_unix_s: float
     ) -> None:
-        """Evaluate detection frames.
+        """Evaluate the detection frames of a tick, and see what is free.
 
         Args:
             frames: in the order of their arrival.
@@ -108,6 +111,9 @@ class MonitorSupervisor:
             stamp_s = frame.stamp_unix_s - epoch_unix_s
             for violation in self.detections.evaluate(frame, stamp_s, now_s, self._heading_monitor):
                 self.report_and_respond(violation, now_s)
+        contradiction = self.seen.advance(self._link.pose, trusted=self.position_sign is None)
+        if contradiction is not None and self.seen.relied_on:
+            self.report_and_respond(contradiction, now_s)
 
     # ------------------------------------------------------------------ one tick
 
@@ -144,6 +150,7 @@ class MonitorSupervisor:
         if reset.measured:
             flight.shift(reset.shift_ned_m)
         if not flight.flying:
+            self.seen.void("the estimator was reset")
             if not reset.measured:
                 flight.hover_at(pose, now_s)
             if in_control(flight, now_s):
@@ -151,8 +158,10 @@ class MonitorSupervisor:
             return
         ended = self._resets.count(reset, flight.assessment.terms.estimator_reset_max_m)
         if ended is not None:
+            self.seen.void("the estimator was reset")
             self.report_and_respond(ended, now_s, measured=None if reset.measured else pose)
             return
+        self.seen.shift(reset.shift_ned_m)
         self._emit(self._resets.event(reset, len(flight.obstacles), now_s))
         flight.fly_on_after_shift(reset.violation(), now_s)
 
@@ -217,6 +226,8 @@ class MonitorSupervisor:
             now_s: when.
             measured: respond from this pose, where the reference itself cannot be believed.
         """
+        if violation.assumption in DOUBTS:
+            self.seen.void(str(violation))
         if self._flight.flying:
             self._log.report(violation, now_s)
             self._flight.respond_to(violation, now_s, measured)
