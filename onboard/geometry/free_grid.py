@@ -27,7 +27,13 @@ class FreeGrid:
 
     origin_leg_m: tuple[float, float]
     cell_m: float
-    unknown_sum: FloatArray
+    unknown_sum: NDArray[np.int32]
+
+    @property
+    def free_cells(self) -> int:
+        """Number of cells that are known to be free."""
+        nx, ny = self.unknown_sum.shape
+        return int((nx - 1) * (ny - 1) - self.unknown_sum[-1, -1])
 
     def is_free(self, x_min_m: float, x_max_m: float, y_min_m: float, y_max_m: float) -> bool:
         """Tell whether a closed rectangle holds no unknown cell; none is known outside the grid."""
@@ -39,14 +45,18 @@ class FreeGrid:
     ) -> BoolArray:
         """Tell for each closed rectangle whether it holds no unknown cell; arrays of any shape."""
         (x_m, y_m), cell_m, table = self.origin_leg_m, self.cell_m, self.unknown_sum
-        i0 = np.floor((x_min_m - x_m) / cell_m).astype(int)
-        i1 = np.ceil((x_max_m - x_m) / cell_m).astype(int)
-        j0 = np.floor((y_min_m - y_m) / cell_m).astype(int)
-        j1 = np.ceil((y_max_m - y_m) / cell_m).astype(int)
-        last_i, last_j = table.shape[0] - 1, table.shape[1] - 1
-        inside = (i0 >= 0) & (j0 >= 0) & (i1 <= last_i) & (j1 <= last_j)
-        i0, i1 = np.clip(i0, 0, last_i), np.clip(i1, 0, last_i)
-        j0, j1 = np.clip(j0, 0, last_j), np.clip(j1, 0, last_j)
+        first_i, last_i = np.floor((x_min_m - x_m) / cell_m), np.ceil((x_max_m - x_m) / cell_m)
+        first_j, last_j = np.floor((y_min_m - y_m) / cell_m), np.ceil((y_max_m - y_m) / cell_m)
+        # Compared as floats, so that what is not finite is outside, on every processor.
+        inside = (first_i >= 0) & (first_j >= 0) & (x_min_m <= x_max_m) & (y_min_m <= y_max_m)
+        inside &= (last_i < table.shape[0]) & (last_j < table.shape[1])
+        i0, i1, j0, j1 = (
+            np.where(inside, index, 0.0).astype(int) for index in (first_i, last_i, first_j, last_j)
+        )
+        # A rectangle without extent on the edge of a cell still lies in a cell.
+        i1, j1 = np.maximum(i1, i0 + 1), np.maximum(j1, j0 + 1)
+        inside &= (i1 < table.shape[0]) & (j1 < table.shape[1])
+        i0, i1, j0, j1 = (np.where(inside, index, 0) for index in (i0, i1, j0, j1))
         unknown = table[i1, j1] - table[i0, j1] - table[i1, j0] + table[i0, j0]
         free: BoolArray = inside & (unknown == 0)
         return free

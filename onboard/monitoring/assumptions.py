@@ -32,6 +32,7 @@ class Assumption(StrEnum):
     DETECTION_UNCERTAINTY = "detection_uncertainty"
     DETECTION_CONSISTENCY = "detection_consistency"
     SENSOR_CLOCK = "sensor_clock"
+    SENSOR_CONTRADICTION = "sensor_contradiction"
     OBSTACLE_SIZE = "obstacle_size"
     ROI_INTERSECTION = "roi_intersection"
     LATE_FIRST_SIGHT = "late_first_sight"

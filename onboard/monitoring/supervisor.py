@@ -18,6 +18,7 @@ from onboard.monitoring.estimator.position_quality import PositionQualityMonitor
 from onboard.monitoring.estimator.resets import EstimatorReset, PoseMonitor, ResetLedger
 from onboard.monitoring.loop_overrun import LoopOverrunMonitor
 from onboard.monitoring.response.vehicle_response import VehicleResponse
+from onboard.monitoring.seen_space import DOUBTS
 from onboard.monitoring.supervised_flight import SupervisedFlight, in_control
 from onboard.monitoring.violation_log import ViolationLog
 from onboard.perception.detection import DetectionFrame
@@ -40,6 +41,7 @@ class MonitorSupervisor:
         position_sign: the sign that the position is not to be believed, of this tick; None without.
         wind_violation: more wind than the contract declares, of this tick; None without.
         detections: what every sensor saw, and when.
+        seen: the space around the vehicle that has been seen free.
         response: how the vehicle responds to what is sent to it.
     """
 
@@ -60,6 +62,7 @@ class MonitorSupervisor:
         self.detections = DetectionEvaluator(
             flight, self._poses, self._resets.placements_m, counters
         )
+        self.seen = self.detections.seen
         self.position_quality = PositionQualityMonitor(link.position_reports)
         self.position_sign: Sign | None = None
         self.wind_violation: Violation | None = None
@@ -98,7 +101,7 @@ class MonitorSupervisor:
     def take_frames(
         self, frames: Iterable[DetectionFrame], now_s: float, epoch_unix_s: float
     ) -> None:
-        """Evaluate detection frames.
+        """Evaluate the detection frames of a tick, and see what is free.
 
         Args:
             frames: in the order of their arrival.
@@ -109,6 +112,9 @@ class MonitorSupervisor:
             stamp_s = frame.stamp_unix_s - epoch_unix_s
             for violation in self.detections.evaluate(frame, stamp_s, now_s, self._heading_monitor):
                 self.report_and_respond(violation, now_s)
+        contradiction = self.seen.advance(self._link.pose, trusted=self.position_sign is None)
+        if contradiction is not None and self.seen.relied_on:
+            self.report_and_respond(contradiction, now_s)
 
     # ------------------------------------------------------------------ one tick
 
@@ -145,6 +151,7 @@ class MonitorSupervisor:
         if reset.measured:
             flight.shift(reset.shift_ned_m)
         if not flight.flying:
+            self.seen.void("the estimator was reset")
             if not reset.measured:
                 flight.hover_at(pose, now_s)
             if in_control(flight, now_s):
@@ -152,8 +159,10 @@ class MonitorSupervisor:
             return
         ended = self._resets.count(reset, flight.assessment.terms.estimator_reset_max_m)
         if ended is not None:
+            self.seen.void("the estimator was reset")
             self.report_and_respond(ended, now_s, measured=None if reset.measured else pose)
             return
+        self.seen.shift(reset.shift_ned_m)
         self._emit(self._resets.event(reset, len(flight.obstacles), now_s))
         flight.fly_on_after_shift(reset.violation(), now_s)
 
@@ -218,6 +227,8 @@ class MonitorSupervisor:
             now_s: when.
             measured: respond from this pose, where the reference itself cannot be believed.
         """
+        if violation.assumption in DOUBTS:
+            self.seen.void(str(violation))
         flight = self._flight
         if flight.in_seen_space and costs_progress_only(violation.assumption):
             self._log.report_delay(violation, now_s)

@@ -82,6 +82,7 @@ class StateRecord:
         cleared: whether a valid flight authorization is present, or none is required.
         log_ended: whether the service flies on without a log.
         obstacles_known: size of the map.
+        free_cells: number of cells around the vehicle that have been seen free.
         dropped: input that was not used.
     """
 
@@ -111,6 +112,7 @@ class StateRecord:
     cleared: bool | None = None
     log_ended: bool = False
     obstacles_known: int = 0
+    free_cells: int = 0
     dropped: DropCounters = field(default_factory=DropCounters)
 
 

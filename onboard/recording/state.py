@@ -43,6 +43,7 @@ def state_of(autonomy: Autonomy, now_s: float) -> StateRecord:
         cleared=autonomy.flight_authorization.refusal(autonomy.epoch_unix_s + now_s) is None,
         log_ended=autonomy.log_ended,
         obstacles_known=len(navigator.obstacles),
+        free_cells=supervisor.seen.size,
         dropped=_dropped(autonomy),
     )
 

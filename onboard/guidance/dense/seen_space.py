@@ -54,7 +54,7 @@ class NothingSeen:
 
     def grid(self) -> FreeGrid:
         """Return a grid without cells."""
-        return FreeGrid((0.0, 0.0), 1.0, np.zeros((1, 1)))
+        return FreeGrid((0.0, 0.0), 1.0, np.zeros((1, 1), np.int32))
 
     def confirm_start(self, x_m: float, y_m: float) -> bool:  # noqa: ARG002  none is
         """Confirm no place."""

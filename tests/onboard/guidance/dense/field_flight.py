@@ -14,7 +14,8 @@ from onboard.files.mission_file import Mission
 from onboard.geometry.frames import LegFrame
 from onboard.geometry.free_grid import FreeGrid
 from onboard.guidance.dense.thread import Thread
-from onboard.perception.seen_free import SeenFree, View
+from onboard.perception.line_of_sight import View
+from onboard.perception.seen_free import SeenFree
 from tests.onboard.guidance.perfect_flight import PerfectFlight
 
 FRAME_TICKS: Final = 5  # 10 Hz
@@ -88,7 +89,7 @@ class IdealSeenSpace:
 
     def see(self, view: View) -> None:
         self._seen.centre_on(*view.position_leg_m)
-        self._seen.see(view)
+        self._seen.see(view, "front")
         self.frames_counted += 1
 
     def shift(self, x_m: float, y_m: float) -> None:
