@@ -116,8 +116,9 @@ class Navigator:
 
     @property
     def pointing_rad(self) -> float | None:
-        """Where the nose is told to point, clockwise from north; None while it may turn fast."""
-        if not self.moving:
+        """Where the nose is told to point, clockwise from north; None while it turns."""
+        turning = self.thread is not None and not self.thread.nose_steady
+        if turning or not self.moving:
             return None
         return wrap_angle(self.leg.heading_rad + self.situation.reference.heading_rad)
 

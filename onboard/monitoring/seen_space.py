@@ -70,6 +70,8 @@ class SeenSpace:
         relied_on: whether what is flown was certified in the set, so that a contradiction is a
             violation; guidance says so.  Otherwise it only voids the set.
         void_reason: why the set was emptied last; empty if it never was.
+        frames_needed: K, as given.
+        frames_counted: how many frames have counted so far.
     """
 
     def __init__(
@@ -83,6 +85,7 @@ class SeenSpace:
         self._stamps_s: dict[str, float] = {}
         self.relied_on = False
         self.void_reason = ""
+        self.frames_needed, self.frames_counted = frames_needed, 0
 
     # ------------------------------------------------------------------ what is asked of it
 
@@ -276,6 +279,7 @@ class SeenSpace:
         )
         self._set.centre_on(x_m, y_m)
         self._set.see(view, frame.source)
+        self.frames_counted += 1
         return None
 
     def _contradicting(self, seen_leg_m: FloatArray, margins_m: FloatArray) -> int | None:

@@ -47,7 +47,7 @@ class SupervisedFlight(Protocol):
 
     @property
     def pointing_rad(self) -> float | None:
-        """Where the nose is told to point, clockwise from north; None while it may turn fast."""
+        """Where the nose is told to point, clockwise from north; None while it turns."""
         ...
 
     @property

@@ -33,6 +33,7 @@ from onboard.planning.corridor.look import (
 )
 
 if TYPE_CHECKING:
+    from onboard.geometry.frames import FloatArray
     from onboard.guidance.fallback import Fallback
     from onboard.guidance.situation import Situation
     from onboard.motion.trajectory import State, Vector
@@ -47,6 +48,8 @@ ARRIVED_M: Final = 0.3
 _IDLE_S: Final = 0.6
 _WITHOUT_PROGRESS_S: Final = 5.0
 _NEARER_M: Final = 0.2
+# After a turn the nose of a vehicle follows its command within this.
+_STEADY_S: Final = 1.0
 # The guide has changed: the way left is longer by this than it was.
 _LONGER_M: Final = 2.0
 
@@ -69,6 +72,7 @@ class Thread:
     Attributes:
         way: the way to rest that is held.
         plans: how many plans were adopted.
+        nose_steady: whether the nose has been told for a while to point where it does.
         slices_max: the most slices of planning that one tick has done.
     """
 
@@ -78,7 +82,11 @@ class Thread:
         self.way = WayToRest(situation.reference)
         self.plans = 0
         self._leg = self._new_leg()
+        # From the node that was passed last.
+        self._path_leg_m: FloatArray | None = None
         self._confirming = False
+        self.nose_steady = False
+        self._turned_s = -math.inf
         self._idle_since_s: float | None = None
         self._nearest_m, self._nearest_s = math.inf, -math.inf
 
@@ -107,14 +115,14 @@ class Thread:
             now_s: the time.
         """
         situation, seen = self._situation, self._seen
-        self._leg = self._new_leg()
+        self._leg, self._path_leg_m = self._new_leg(), None
         seen.begin_leg(situation.leg)
         seen.limit(situation.route.leg.threading_half_width_m)
         self.way.begin(now_s, state.position_leg_m)
         self.way.recheck(self._leg.limits, seen.grid())
         situation.reference.heading_rad = wrap_angle(yaw_rad - situation.leg.heading_rad)
         self._confirming = not self.way.certified
-        outlook = replace(self._outlook(), path_leg_m=None, heading_rad=0.0)
+        outlook = replace(self._outlook(), heading_rad=0.0)
         if self._confirming:
             self.way.certified = None  # not before the look all round
         looks_rad = first_looks_rad(0.0, outlook.half_view_rad)
@@ -122,6 +130,8 @@ class Thread:
             looks_rad = looks_at_rest_rad(outlook, all_round=True)
         self._leg.pause.look_round(looks_rad, seen.frames_needed)
         self._nearest_m = math.inf
+        self._turned_s = now_s
+        self.nose_steady = False
         self._restart_clock(now_s)
 
     def release(self) -> None:
@@ -150,16 +160,19 @@ class Thread:
             now_s: the time.
         """
         passed = self.way.pass_nodes(now_s)
+        if passed:
+            x_m, y_m, _ = self._here()
+            self._path_leg_m = self._leg.planning.path_leg_m((x_m, y_m))
         if passed and not self._confirming:
             self.way.recheck(self._leg.limits, self._seen.grid())
         if self._situation.state is FlightState.RESTING:
-            return self.way.still
+            return self.way.ended
         if self._situation.state is FlightState.LOOKING:
             self._look(pose, now_s)
         else:
-            self._follow_guide()
-            if passed and self._is_leg_flown():
-                return True
+            self._follow_guide(now_s)
+            if passed and self._is_at_end():
+                return self.way.ended
             if passed and self._stands(now_s):
                 self._pause(now_s)
         if self._situation.state.in_seen_space and self._may_plan(pose):
@@ -238,18 +251,23 @@ class Thread:
         x_m, y_m = (plan.nodes[-1, 0] - plan.nodes[0, 0]).tolist()
         return moves(plan) and math.hypot(x_m, y_m) >= _NEARER_M
 
-    def _follow_guide(self) -> None:
+    def _follow_guide(self, now_s: float) -> None:
         """Turn the nose along the guide, or back along the leg, slowly, so that frames count."""
         reference, step_rad = self._situation.reference, TURN_MAX_RADPS * TICK_S
+        before_rad = reference.heading_rad
         if self._situation.route.mission.heading == "path":
             reference.heading_rad = heading_in_flight_rad(self._outlook(), step_rad)
         else:
             turn_rad = wrap_angle(-reference.heading_rad)
             reference.heading_rad += max(-step_rad, min(step_rad, turn_rad))
+        if reference.heading_rad != before_rad:
+            self._turned_s = now_s
+        self.nose_steady = now_s - self._turned_s >= _STEADY_S
 
     # ------------------------------------------------------------------ what is the case
 
-    def _is_leg_flown(self) -> bool:
+    def _is_at_end(self) -> bool:
+        """Tell whether the vehicle comes to rest at the end of the leg."""
         x_m, y_m, _ = self._here()
         left_m = math.hypot(x_m - self._situation.route.length_m, y_m)
         return self.way.still and left_m <= ARRIVED_M
@@ -284,7 +302,7 @@ class Thread:
             position_leg_m=(x_m, y_m),
             heading_rad=situation.reference.heading_rad,
             half_view_rad=situation.assessment.terms.field_of_view_rad / 2.0,
-            path_leg_m=self._leg.planning.path_leg_m((x_m, y_m)),
+            path_leg_m=self._path_leg_m,
             grid=self._seen.grid(),
             body_radius_m=self._leg.limits.body_radius_m,
         )

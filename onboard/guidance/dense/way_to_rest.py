@@ -24,6 +24,8 @@ if TYPE_CHECKING:
 
 # A plan whose nodes are all slower than this stays where it is.
 STILL_MPS: Final = 0.05
+# A reference slower than this has come to rest: so much may it jump where a leg begins.
+AT_REST_MPS: Final = 0.01
 _ROUND_OFF_S: Final = 1e-9
 # How much larger the body may be, in metres: the steps in which the margin is stated.
 _MARGINS_M: Final = (0.05, 0.1, 0.2, 0.4)
@@ -66,6 +68,13 @@ class WayToRest:
     def still(self) -> bool:
         """Whether the vehicle is at rest and stays so."""
         return self._next is None and self.flown is not None and not moves(self.flown)
+
+    @property
+    def ended(self) -> bool:
+        """Whether the vehicle has come to rest, but for what no setpoint can show."""
+        if self.flown is None or not self.still:
+            return False
+        return bool(np.abs(self.flown.nodes[0, 1]).max() <= AT_REST_MPS)
 
     def begin(self, now_s: float, position_leg_m: Vector) -> None:
         """Stay at a place from now on."""

@@ -11,7 +11,7 @@ from onboard.contract.assessment import TICK_S
 from onboard.events import Event
 from onboard.files.contract_file import Contract
 from onboard.mavlink.endpoint import MavlinkEndpoint
-from onboard.monitoring.assumptions import Assumption
+from onboard.monitoring.assumptions import Assumption, Violation
 from onboard.monitoring.estimator.heading import POINTING_CONFIRMATION_S
 from onboard.monitoring.estimator.position_quality import PositionQualityMonitor, Sign, Worth
 from onboard.monitoring.loop_overrun import TICK_OVERRUN_S
@@ -501,3 +501,13 @@ def test_after_a_departure_no_earlier_suspicion_is_left(bench: Bench) -> None:
     bench.run(CONFIRMATIONS * TICK_S, position_ned_m=(0.0, 1.0, -4.0))
     assert Assumption.TRACKING_ERROR in bench.flight.answered
     assert "suspicion" not in bench.names()
+
+
+def test_in_seen_space_what_costs_time_only_is_a_delay(bench: Bench) -> None:
+    bench.flight.in_seen_space = True
+    blind = Violation(Assumption.DETECTION_AGE, 0.5, 0.3, "s", "front")
+    bench.supervisor.report_and_respond(blind, 0.0)
+    assert bench.flight.answers == []
+    defect = Violation(Assumption.SELF_CHECK, 1.0, 0.0, "exceptions")
+    bench.supervisor.report_and_respond(defect, 0.0)
+    assert bench.flight.answered == [Assumption.SELF_CHECK]
