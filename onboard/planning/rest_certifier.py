@@ -114,6 +114,7 @@ def _motion_failures(trajectory: Trajectory, limits: RestLimits) -> list[str]:
     brake, forward, left, right = limits.acceleration_max_mps2
     acceleration = np.concatenate((trajectory.acceleration_leg_mps2, trajectory.ends[2]))
     ax, ay = acceleration[:, X], acceleration[:, Y]
+    jerk = np.abs(trajectory.jerk_leg_mps3)
     speed = np.hypot(*velocity_points_mps(trajectory)[:, :, :2].reshape(-1, 2).T)
     for clause, excess, tolerance, unit in (
         ("braking limit exceeded", -ax - brake, ACCELERATION_TOLERANCE_MPS2, "m/s²"),
@@ -126,12 +127,7 @@ def _motion_failures(trajectory: Trajectory, limits: RestLimits) -> list[str]:
             ACCELERATION_TOLERANCE_MPS2,
             "m/s²",
         ),
-        (
-            "jerk limit exceeded",
-            np.abs(trajectory.jerk_leg_mps3) - limits.jerk_max_mps3,
-            JERK_TOLERANCE_MPS3,
-            "m/s³",
-        ),
+        ("jerk limit exceeded", jerk - limits.jerk_max_mps3, JERK_TOLERANCE_MPS3, "m/s³"),
         ("speed limit exceeded", speed - limits.speed_max_mps, VELOCITY_TOLERANCE_MPS, "m/s"),
         (
             "height changes",

@@ -1,20 +1,20 @@
 """Which way to try: a field of distances to the goal over known boxes, and the path down it.
 
-Space that nobody has seen counts as free here, since a guide is no promise: where it leads into
-something, the vehicle stops before it, looks, and the field changes.
+Unseen space counts as free here, since a guide promises nothing: where it leads into something, the
+vehicle stops before it, looks, and the field changes.
 """
 
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Final, TypeVar
 
 import numpy as np
 from scipy import sparse
 from scipy.sparse.csgraph import dijkstra
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
+    from collections.abc import Generator, Iterable, Sequence
 
     from numpy.typing import NDArray
 
@@ -26,11 +26,12 @@ if TYPE_CHECKING:
 
 CELL_M: Final = 0.2
 # The field covers this much around the vehicle; beyond it the straight way counts.
-AHEAD_M: Final = 24.0
-BEHIND_M: Final = 8.0
-ASIDE_M: Final = 14.0
-# Beside a box: (distance beyond the margin, factor on the length of the way).
-_SHELLS: Final = ((0.5, 1.5), (0.25, 3.0), (0.03, math.inf))
+AHEAD_M: Final = 14.0
+BEHIND_M: Final = 10.0
+ASIDE_M: Final = 10.0
+# Beside a box: (distance beyond the margin, factor on the length of the way).  The cells of the
+# seen-free set take up to 0.15 m from a gap, so that the nearest open shell is the last resort.
+_SHELLS: Final = ((0.5, 1.5), (0.25, 3.0), (0.12, 10.0), (0.03, math.inf))
 # Where a plan stood and nothing certified: another gap is to be tried.
 _PENALTY: Final = 8.0
 _PENALTY_HALF_M: Final = 0.9
@@ -58,9 +59,19 @@ class Guide:
 
     def update(self, position_leg_m: tuple[float, float], boxes: Iterable[Box]) -> None:
         """Compute the field anew around a position."""
-        self._corner_m = self._corner(position_leg_m)
-        cost = self._costs(boxes)
-        self._distance_m = self._graph.distances(cost, self._exits(cost))
+        for _ in self.updating(position_leg_m, boxes):
+            pass
+
+    def updating(
+        self, position_leg_m: tuple[float, float], boxes: Iterable[Box]
+    ) -> Generator[None]:
+        """Compute the field anew; yields between its slices, and the old field serves meanwhile."""
+        corner_m = self._corner(position_leg_m)
+        cost = self._costs(corner_m, boxes)
+        exits = self._exits(corner_m, cost)
+        yield
+        distance_m = self._graph.distances(cost, exits)
+        self._corner_m, self._distance_m = corner_m, distance_m
 
     def distance_m(self, x_m: FloatArray, y_m: FloatArray) -> FloatArray:
         """Return the way to the goal from each point; from a blocked cell, by the next open one."""
@@ -80,10 +91,7 @@ class Guide:
         points = [position_leg_m, self._point(i, j)]
         walked_m, field = 0.0, self._distance_m
         while walked_m < length_m and field[i, j] > CELL_M / 2.0:
-            low_i, low_j = max(0, i - 1), max(0, j - 1)
-            around = field[low_i : i + 2, low_j : j + 2]
-            a, b = divmod(int(around.argmin()), around.shape[1])
-            a, b = low_i + a, low_j + b
+            a, b = self._next(i, j)
             if not field[a, b] < field[i, j]:
                 break
             walked_m += CELL_M * math.hypot(a - i, b - j)
@@ -95,6 +103,20 @@ class Guide:
         steps_m = np.hypot(*np.diff(path, axis=0).T)
         path = path[np.concatenate(([True], steps_m > 1e-9))]
         return path if len(path) >= 2 else None
+
+    def _next(self, i: int, j: int) -> tuple[int, int]:
+        """Return the cell, among a cell and its neighbours, that is nearest to the goal."""
+        low_i, low_j = max(0, i - 1), max(0, j - 1)
+        around = self._distance_m[low_i : i + 2, low_j : j + 2]
+        if not np.isfinite(around).all():  # no way past the corner of a blocked cell
+            open_cells = np.isfinite(around)
+            around = around.copy()
+            rows, columns = open_cells[i - low_i], open_cells[:, j - low_j]
+            beside = rows[None, :] & columns[:, None]
+            beside[i - low_i], beside[:, j - low_j] = True, True
+            around[~beside] = math.inf
+        a, b = divmod(int(around.argmin()), around.shape[1])
+        return low_i + a, low_j + b
 
     def _corner(self, position_leg_m: tuple[float, float]) -> tuple[float, float]:
         """Return the corner of the window, most of which lies towards the goal."""
@@ -108,9 +130,9 @@ class Guide:
             self.goal_leg_m[1] + math.floor((low_y - self.goal_leg_m[1]) / CELL_M) * CELL_M,
         )
 
-    def _costs(self, boxes: Iterable[Box]) -> FloatArray:
+    def _costs(self, corner_m: tuple[float, float], boxes: Iterable[Box]) -> FloatArray:
         cost = np.ones(self._shape)
-        xs, ys = self._axes()
+        xs, ys = self._axes(corner_m)
         known = list(boxes)
         for extra_m, factor in _SHELLS:
             grown_m = self._margin_m + extra_m
@@ -125,25 +147,33 @@ class Guide:
         cost[:, np.abs(ys) > self._half_width_m - self._margin_m] = math.inf
         return cost
 
-    def _exits(self, cost: FloatArray) -> FloatArray:
-        """Return what is left beyond a cell: nothing at the goal, the straight way on the rim."""
+    def _exits(self, corner_m: tuple[float, float], cost: FloatArray) -> FloatArray:
+        """Return what is left beyond a cell: nothing at the goal, the straight way on the rim.
+
+        The rim is that towards the goal, and both sides where no corridor ends before them.
+        """
         exits = np.full(self._shape, math.inf)
-        xs, ys = self._axes()
+        xs, ys = self._axes(corner_m)
         gx, gy = self.goal_leg_m
         i, j = round((gx - xs[0]) / CELL_M), round((gy - ys[0]) / CELL_M)
         if 0 <= i < self._shape[0] and 0 <= j < self._shape[1]:
             exits[i, j] = 0.0
             return exits
         left_m = np.hypot(xs[:, None] - gx, ys[None, :] - gy)
+        # Not behind: what lies ahead is unknown from there, and it would come back again.
+        ahead_m = max(gx - xs[-1], xs[0] - gx)
         rim = np.zeros(self._shape, bool)
-        rim[[0, -1], :] = rim[:, [0, -1]] = True
+        if ahead_m > 0.0:
+            rim[-1 if gx > xs[-1] else 0, :] = True
+        if math.isinf(self._half_width_m) or ahead_m <= 0.0:
+            rim[:, [0, -1]] = True
         rim &= np.isfinite(cost)
         exits[rim] = left_m[rim]
         return exits
 
-    def _axes(self) -> tuple[FloatArray, FloatArray]:
-        xs = self._corner_m[0] + CELL_M * np.arange(self._shape[0], dtype=np.float64)
-        ys = self._corner_m[1] + CELL_M * np.arange(self._shape[1], dtype=np.float64)
+    def _axes(self, corner_m: tuple[float, float]) -> tuple[FloatArray, FloatArray]:
+        xs = corner_m[0] + CELL_M * np.arange(self._shape[0], dtype=np.float64)
+        ys = corner_m[1] + CELL_M * np.arange(self._shape[1], dtype=np.float64)
         return xs, ys
 
     def _point(self, i: int, j: int) -> tuple[float, float]:
@@ -174,40 +204,53 @@ class _Raster:
 
     def __init__(self, shape: tuple[int, int]) -> None:
         index = np.arange(shape[0] * shape[1]).reshape(shape)
-        pairs, lengths = [], []
-        for di, dj in ((1, 0), (0, 1), (1, 1), (1, -1)):
-            one = index[: shape[0] - di, max(0, -dj) : shape[1] - max(0, dj)].ravel()
-            other = index[di:, max(0, dj) : shape[1] + min(0, dj)].ravel()
-            pairs += [(one, other), (other, one)]
-            lengths += [np.full(one.size, math.hypot(di, dj) * CELL_M)] * 2
-        source = index.size
-        cells = index.ravel()
-        pairs.append((np.full(cells.size, source), cells))
-        lengths.append(np.zeros(cells.size))
-        rows = np.concatenate([pair[0] for pair in pairs])
-        columns = np.concatenate([pair[1] for pair in pairs])
-        order = np.lexsort((columns, rows))
+        cells, source = index.ravel(), index.size
+        froms, tos = [np.full(cells.size, source)], [cells]
+        for step in _STEPS:
+            one, other = _shifts(index, step)
+            froms += [one.ravel(), other.ravel()]
+            tos += [other.ravel(), one.ravel()]
+        rows, columns = np.concatenate(froms), np.concatenate(tos)
+        self._order = np.lexsort((columns, rows))
+        self._columns = columns[self._order]
+        self._starts = np.searchsorted(rows[self._order], np.arange(source + 2))
         self._source, self._shape = source, shape
-        self._rows, self._columns = rows[order], columns[order]
-        self._lengths = np.concatenate(lengths)[order]
-        self._starts = np.searchsorted(self._rows, np.arange(source + 2))
-        self._inner = self._rows < source
 
     def distances(self, cost: FloatArray, exits: FloatArray) -> FloatArray:
         """Return the cheapest way from each cell to an exit, what is left beyond it included."""
-        flat = cost.ravel()
-        weights = np.empty(self._lengths.size)
-        inner = self._inner
-        rows, columns = self._rows[inner], self._columns[inner]
-        weights[inner] = self._lengths[inner] * np.maximum(flat[rows], flat[columns])
         # A weight of nothing would be no edge to SciPy.
-        weights[~inner] = exits.ravel() + 1e-9
+        parts = [exits.ravel() + 1e-9]
+        for step in _STEPS:
+            one, other = _shifts(cost, step)
+            dearest = np.maximum(one, other)
+            if all(step):  # both cells beside a diagonal step have to be open, too
+                rows, columns = cost.shape
+                low, high = slice(None, columns - 1), slice(1, None)
+                near, far = (high, low) if step[1] > 0 else (low, high)
+                blocked = np.isinf(cost[: rows - 1, near]) | np.isinf(cost[1:, far])
+                dearest[blocked] = math.inf
+            weights = (dearest * (math.hypot(*step) * CELL_M)).ravel()
+            parts += [weights, weights]
         matrix = sparse.csr_matrix(
-            (weights, self._columns, self._starts), shape=(self._source + 1, self._source + 1)
+            (np.concatenate(parts)[self._order], self._columns, self._starts),
+            shape=(self._source + 1, self._source + 1),
         )
         ways = dijkstra(matrix, indices=self._source)
         distance: FloatArray = ways[: self._source].reshape(self._shape)
         return distance
+
+
+_STEPS: Final = ((1, 0), (0, 1), (1, 1), (1, -1))
+_T = TypeVar("_T", bound=np.generic)
+
+
+def _shifts(cells: NDArray[_T], step: tuple[int, int]) -> tuple[NDArray[_T], NDArray[_T]]:
+    """Return the cells that have a neighbour at a step, and these neighbours."""
+    (rows, columns), (di, dj) = cells.shape, step
+    return (
+        cells[: rows - di, max(0, -dj) : columns - max(0, dj)],
+        cells[di:, max(0, dj) : columns + min(0, dj)],
+    )
 
 
 def along(path_leg_m: FloatArray, ways_m: FloatArray | Sequence[float]) -> FloatArray:

@@ -20,7 +20,7 @@ import numpy as np
 from onboard.motion.trajectory import State
 from onboard.planning.corridor.guide import Guide, along
 from onboard.planning.corridor.horizon import PIECE_S, PIECES, Horizon, JerkMaps
-from onboard.planning.corridor.rectangles import Corridor, Rectangle
+from onboard.planning.corridor.rectangles import Corridor, Rectangle, unbroken_m
 from onboard.planning.rest_certifier import GRID_TOLERANCE_M, RestLimits, certify_rest
 
 if TYPE_CHECKING:
@@ -204,7 +204,7 @@ class _Search:
         reach_m = 0.0
         for k, rectangle in enumerate(rectangles):
             if rectangle is not last:
-                reach_m = _unbroken_m(path, lengths_m, rectangle, plan.nodes[k + 1, 0])
+                reach_m = unbroken_m(path, lengths_m, rectangle, plan.nodes[k + 1, 0])
                 last = rectangle
             ways[k] = min(ways[k], reach_m)
         return along(path, ways)
@@ -383,25 +383,3 @@ def _acceleration_limits(limits: RestLimits, axis: int) -> tuple[float, float]:
         return low, high
     share = limits.acceleration_disc_mps2 * (0.8 if axis == 0 else 0.6)
     return max(low, -share), min(high, share)
-
-
-def _unbroken_m(
-    path: FloatArray, lengths_m: FloatArray, r: Rectangle, near_leg_m: FloatArray
-) -> float:
-    """Return how far along the path a rectangle holds it without a break, from near a point on."""
-    x, y = path[:, 0], path[:, 1]
-    inside = (
-        (x >= r.x_min_m - 0.05)
-        & (x <= r.x_max_m + 0.05)
-        & (y >= r.y_min_m - 0.05)
-        & (y <= r.y_max_m + 0.05)
-    )
-    within = np.flatnonzero(inside)
-    if not within.size:
-        beside = np.maximum(np.maximum(r.x_min_m - x, x - r.x_max_m), 0.0) ** 2
-        beside += np.maximum(np.maximum(r.y_min_m - y, y - r.y_max_m), 0.0) ** 2
-        return float(lengths_m[int(beside.argmin())])
-    first = within[((path[within] - near_leg_m) ** 2).sum(axis=1).argmin()]
-    beyond = np.flatnonzero(~inside[first:])
-    last = first + int(beyond[0]) - 1 if beyond.size else len(path) - 1
-    return float(lengths_m[min(last + 1, len(path) - 1)])

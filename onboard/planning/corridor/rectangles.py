@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 import numpy as np
 
 if TYPE_CHECKING:
+    from onboard.geometry.frames import FloatArray
     from onboard.geometry.free_grid import FreeGrid
 
 # A rectangle grows no farther than this at once.
@@ -97,3 +98,25 @@ def _order(x: float, y: float) -> tuple[int, int, int, int]:
     if abs(x) >= abs(y):
         return along[0], across[0], across[1], along[1]
     return across[0], along[0], along[1], across[1]
+
+
+def unbroken_m(
+    path: FloatArray, lengths_m: FloatArray, r: Rectangle, near_leg_m: FloatArray
+) -> float:
+    """Return how far along the path a rectangle holds it without a break, from near a point on."""
+    x, y = path[:, 0], path[:, 1]
+    inside = (
+        (x >= r.x_min_m - 0.05)
+        & (x <= r.x_max_m + 0.05)
+        & (y >= r.y_min_m - 0.05)
+        & (y <= r.y_max_m + 0.05)
+    )
+    within = np.flatnonzero(inside)
+    if not within.size:
+        beside = np.maximum(np.maximum(r.x_min_m - x, x - r.x_max_m), 0.0) ** 2
+        beside += np.maximum(np.maximum(r.y_min_m - y, y - r.y_max_m), 0.0) ** 2
+        return float(lengths_m[int(beside.argmin())])
+    first = within[((path[within] - near_leg_m) ** 2).sum(axis=1).argmin()]
+    beyond = np.flatnonzero(~inside[first:])
+    last = first + int(beyond[0]) - 1 if beyond.size else len(path) - 1
+    return float(lengths_m[min(last + 1, len(path) - 1)])
