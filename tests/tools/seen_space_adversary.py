@@ -303,15 +303,17 @@ def _moved(pose: Pose, later_s: float) -> tuple[float, float, float]:
 def main(frames: int = 100_000, seed: int = 1) -> int:
     """Play frames and print what was found; the exit code tells whether the set was ever wrong."""
     adversary, wrong = Adversary(seed), 0
-    for number in range(frames):
+    for number in range(1, frames + 1):
         points = adversary.false_cells()
         if points:
             wrong += 1
             print(f"frame {number} of seed {seed}: {points} points of obstacles in free cells")
-    print(
-        f"{frames} frames, {adversary.freed / max(frames, 1):.0f} free cells a frame,"
-        f" {adversary.contradictions} contradictions, {wrong} frames wrong"
-    )
+        if number % 5000 == 0 or number == frames:
+            print(
+                f"{number} frames, {adversary.freed / number:.0f} free cells a frame,"
+                f" {adversary.contradictions} contradictions, {wrong} frames wrong",
+                flush=True,
+            )
     return 1 if wrong else 0
 
 
