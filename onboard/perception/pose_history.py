@@ -77,13 +77,15 @@ class PoseHistory:
         near = [poses[index] for index in range(max(first - 1, 0), last)]
         if len(near) < 2 or near[0].time_s > time_s:
             return math.inf
-        rates = [
-            abs(wrap_angle(end.yaw_rad - begin.yaw_rad)) / (end.time_s - begin.time_s)
-            for begin, end in pairwise(near)
-            if end.time_s > begin.time_s
-        ]
-        return max(rates, default=math.inf)
+        return max(_turn_radps(begin, end) for begin, end in pairwise(near))
 
 
 def _time_of(pose: Pose) -> float:
     return pose.time_s
+
+
+def _turn_radps(begin: Pose, end: Pose) -> float:
+    turn_rad, lasting_s = abs(wrap_angle(end.yaw_rad - begin.yaw_rad)), end.time_s - begin.time_s
+    if lasting_s > 0.0:
+        return turn_rad / lasting_s
+    return math.inf if turn_rad > 0.0 else 0.0

@@ -47,7 +47,7 @@ class Case:
 
     @property
     def grid(self) -> FreeGrid:
-        table = np.zeros((SIDE + 1, SIDE + 1))
+        table = np.zeros((SIDE + 1, SIDE + 1), np.int32)
         table[1:, 1:] = self.unknown.cumsum(axis=0).cumsum(axis=1)
         return FreeGrid(CORNER_M, CELL_M, table)
 
@@ -138,7 +138,7 @@ def standing() -> tuple[Trajectory, State]:
 
 
 def all_free() -> FreeGrid:
-    return FreeGrid(CORNER_M, CELL_M, np.zeros((SIDE + 1, SIDE + 1)))
+    return FreeGrid(CORNER_M, CELL_M, np.zeros((SIDE + 1, SIDE + 1), np.int32))
 
 
 def test_standing_in_free_space_is_a_way_to_rest() -> None:

@@ -15,7 +15,8 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from onboard.geometry.free_grid import FreeGrid
-from onboard.perception.seen_free import CELL_M, SeenFree, View
+from onboard.perception.line_of_sight import View
+from onboard.perception.seen_free import CELL_M, SeenFree
 from onboard.planning.corridor.guide import Guide, along
 from onboard.planning.corridor.horizon import PIECE_S, Horizon
 from onboard.planning.corridor.look import (
@@ -201,7 +202,7 @@ class Flight:
             i0, i1 = (round((x - corner[0]) / CELL_M) for x in (box.x_min_m, box.x_max_m))
             j0, j1 = (round((y - corner[1]) / CELL_M) for y in (box.y_min_m, box.y_max_m))
             unknown[max(i0, 0) : max(i1, 0), max(j0, 0) : max(j1, 0)] = True
-        table = np.zeros((size + 1, size + 1))
+        table = np.zeros((size + 1, size + 1), np.int32)
         table[1:, 1:] = unknown.cumsum(axis=0).cumsum(axis=1)
         return FreeGrid((corner[0], corner[1]), CELL_M, table)
 

@@ -33,7 +33,7 @@ SLOW_RAD, FAST_RAD = TURN_MAX_RADPS * PERIOD_S, TURN_FAST_RADPS * PERIOD_S
 def grid_where(unknown: Callable[[FloatArray, FloatArray], BoolArray]) -> FreeGrid:
     """A grid of 20 m about the origin."""
     middles = np.linspace(-9.95, 9.95, 200)
-    table = np.zeros((201, 201))
+    table = np.zeros((201, 201), np.int32)
     table[1:, 1:] = unknown(middles[:, None], middles[None, :]).cumsum(axis=0).cumsum(axis=1)
     return FreeGrid((-10.0, -10.0), 0.1, table)
 

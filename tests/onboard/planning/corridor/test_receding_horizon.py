@@ -35,7 +35,7 @@ def grid_of(*boxes: Box, seen_to_m: float = 14.0) -> FreeGrid:
     for box in boxes:
         inside_x = (x > box.x_min_m - 0.05) & (x < box.x_max_m + 0.05)
         unknown |= inside_x & (y > box.y_min_m - 0.05) & (y < box.y_max_m + 0.05)
-    table = np.zeros((SIDE + 1, SIDE + 1))
+    table = np.zeros((SIDE + 1, SIDE + 1), np.int32)
     table[1:, 1:] = unknown.cumsum(axis=0).cumsum(axis=1)
     return FreeGrid((-15.0, -15.0), CELL_M, table)
 

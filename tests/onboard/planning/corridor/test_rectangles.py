@@ -16,7 +16,7 @@ def corridor(unknown: list[tuple[int, int]]) -> Corridor:
     cells = np.zeros((SIDE, SIDE), np.int64)
     for i, j in unknown:
         cells[i, j] = 1
-    table = np.zeros((SIDE + 1, SIDE + 1))
+    table = np.zeros((SIDE + 1, SIDE + 1), np.int32)
     table[1:, 1:] = cells.cumsum(axis=0).cumsum(axis=1)
     return Corridor(FreeGrid((-5.0, -5.0), CELL_M, table), RADIUS_M)
 
