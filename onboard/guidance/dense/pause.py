@@ -73,10 +73,12 @@ class Pause:
         """
         self.count += 1
         self._in_a_row += 1
-        if self._in_a_row > 1 and outlook.path_leg_m is not None:
+        looks_rad = looks_at_rest_rad(outlook, all_round=self._in_a_row > 1)
+        nothing_new = len(looks_rad) == 1
+        if (self._in_a_row > 1 or nothing_new) and outlook.path_leg_m is not None:
             x_m, y_m = along(outlook.path_leg_m, (_DEARER_AHEAD_M,))[0].tolist()
             self._guide.penalized_leg_m.append((x_m, y_m))
-        self.look_round(looks_at_rest_rad(outlook, all_round=self._in_a_row > 1), frames_needed)
+        self.look_round(looks_rad, frames_needed)
 
     def advance(self, heading_rad: float, frames_counted: int, now_s: float) -> bool:
         """Look for one tick; tell whether the look is over and planning has had its time, too.

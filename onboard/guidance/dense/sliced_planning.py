@@ -68,6 +68,7 @@ class SlicedPlanning:
         self.guide, self._limits = guide, limits
         self._planner = RecedingHorizonPlanner(limits)
         self._work: Generator[None, None, HorizonPlan] | None = None
+        self._guide_work: Generator[None] | None = None
         self._version = -1
         self._guide_revision, self._guide_s = -1, -math.inf
         self.slices_max = 0
@@ -79,17 +80,18 @@ class SlicedPlanning:
         """
         if way.flown is None or way.decided:
             return None
-        if self._version != way.version:  # the work is on another plan than the one flown
+        if self._guide_work is None and self._version != way.version:
+            # The work is on another plan than the one flown.
             self._version, self._work = way.version, None
-            if self._update_guide(way.flown, surroundings, now_s):
-                return None
-            problem = HorizonProblem(
-                way.flown, surroundings.grid(), self.guide, self._limits, way.height_m
-            )
-            self._work = self._planner.plan(problem)
-        elif self._work is None:
+            if not self._begin_guide(way.flown, surroundings, now_s):
+                self._begin_plan(way, surroundings)
+        if self._guide_work is not None:
+            if next(self._guide_work, True):
+                self._guide_work = None
+                self._version, self._work = way.version, None
+                self._begin_plan(way, surroundings)
             return None
-        return self._slices(way)
+        return None if self._work is None else self._slices(way)
 
     def path_leg_m(self, position_leg_m: tuple[float, float]) -> FloatArray | None:
         """Return the guide's path from a position; None where none leads on, or is known yet."""
@@ -111,14 +113,20 @@ class SlicedPlanning:
                 return None if plan.kind == "kept" else Proposal(plan.horizon, way.version)
         return None
 
-    def _update_guide(self, flown: Horizon, surroundings: Surroundings, now_s: float) -> bool:
-        """Compute the guide, where it is due: the one slice of a tick; tell whether it was."""
+    def _begin_plan(self, way: WayToRest, surroundings: Surroundings) -> None:
+        assert way.flown is not None  # noqa: S101  the caller checked
+        problem = HorizonProblem(
+            way.flown, surroundings.grid(), self.guide, self._limits, way.height_m
+        )
+        self._work = self._planner.plan(problem)
+
+    def _begin_guide(self, flown: Horizon, surroundings: Surroundings, now_s: float) -> bool:
+        """Begin to compute the guide anew, where it is due: a slice a tick; tell whether it is."""
         age_s = now_s - self._guide_s
         news = surroundings.revision != self._guide_revision
         if not (age_s > _GUIDE_AGE_MAX_S or (news and age_s >= _GUIDE_PERIOD_S)):
             return False
         x_m, y_m = flown.nodes[0, 0].tolist()
-        self.guide.update((x_m, y_m), surroundings.boxes)
+        self._guide_work = self.guide.updating((x_m, y_m), surroundings.boxes)
         self._guide_revision, self._guide_s = surroundings.revision, now_s
-        self._version = -1  # the plan begins in the next tick
         return True

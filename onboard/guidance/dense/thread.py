@@ -24,12 +24,12 @@ from onboard.guidance.dense.way_to_rest import WayToRest, moves
 from onboard.guidance.phases import FlightState, Trigger
 from onboard.monitoring.assumptions import Assumption, Violation
 from onboard.planning.corridor.guide import Guide
+from onboard.planning.corridor.horizon import PIECE_S
 from onboard.planning.corridor.look import (
     TURN_MAX_RADPS,
     Outlook,
     first_looks_rad,
     heading_in_flight_rad,
-    looks_at_rest_rad,
 )
 
 if TYPE_CHECKING:
@@ -50,6 +50,7 @@ _WITHOUT_PROGRESS_S: Final = 5.0
 _NEARER_M: Final = 0.2
 # After a turn the nose of a vehicle follows its command within this.
 _STEADY_S: Final = 1.0
+_STEADY_RADPS: Final = math.radians(0.5)
 # The guide has changed: the way left is longer by this than it was.
 _LONGER_M: Final = 2.0
 
@@ -87,6 +88,9 @@ class Thread:
         self._confirming = False
         self.nose_steady = False
         self._turned_s = -math.inf
+        self._turn_radps = 0.0
+        # Frames that had counted when the look, or the way since, began.
+        self._frames_before = 0
         self._idle_since_s: float | None = None
         self._nearest_m, self._nearest_s = math.inf, -math.inf
 
@@ -125,12 +129,10 @@ class Thread:
         outlook = replace(self._outlook(), heading_rad=0.0)
         if self._confirming:
             self.way.certified = None  # not before the look all round
-        looks_rad = first_looks_rad(0.0, outlook.half_view_rad)
-        if self._confirming:
-            looks_rad = looks_at_rest_rad(outlook, all_round=True)
+        looks_rad = first_looks_rad(0.0, outlook.half_view_rad) if self._confirming else (0.0,)
         self._leg.pause.look_round(looks_rad, seen.frames_needed)
         self._nearest_m = math.inf
-        self._turned_s = now_s
+        self._turned_s, self._turn_radps = now_s, 0.0
         self.nose_steady = False
         self._restart_clock(now_s)
 
@@ -170,7 +172,9 @@ class Thread:
         if self._situation.state is FlightState.LOOKING:
             self._look(pose, now_s)
         else:
-            self._follow_guide(now_s)
+            if passed:
+                self._follow_guide()
+            self._turn_nose(now_s)
             if passed and self._is_at_end():
                 return self.way.ended
             if passed and self._stands(now_s):
@@ -216,8 +220,9 @@ class Thread:
     def _may_plan(self, pose: Pose) -> bool:
         """Tell whether what a plan may ask for holds where the nose points now.
 
-        In a pause nothing is planned before the vehicle is at rest and has looked; where W is
-        meant along the leg, not before the nose is back.
+        In a pause nothing is planned before the vehicle is at rest and has seen something, so that
+        it waits for a sensor that is silent; where W is meant along the leg, not before the nose
+        is back.
         """
         if self._situation.state is FlightState.THREADING:
             return True
@@ -225,7 +230,8 @@ class Thread:
         aside = not points_at(heading_rad, 0.0) and math.isinf(
             self._leg.limits.acceleration_disc_mps2
         )
-        return not (self._confirming or aside) and self.way.still
+        seen = self._seen.frames_counted - self._frames_before >= self._seen.frames_needed
+        return seen and not (self._confirming or aside) and self.way.still
 
     def _plan(self, now_s: float) -> None:
         situation, way, leg = self._situation, self.way, self._leg
@@ -251,16 +257,20 @@ class Thread:
         x_m, y_m = (plan.nodes[-1, 0] - plan.nodes[0, 0]).tolist()
         return moves(plan) and math.hypot(x_m, y_m) >= _NEARER_M
 
-    def _follow_guide(self, now_s: float) -> None:
-        """Turn the nose along the guide, or back along the leg, slowly, so that frames count."""
-        reference, step_rad = self._situation.reference, TURN_MAX_RADPS * TICK_S
-        before_rad = reference.heading_rad
+    def _follow_guide(self) -> None:
+        """Choose the heading of the next node: along the guide, or back along the leg."""
+        heading_rad = self._situation.reference.heading_rad
         if self._situation.route.mission.heading == "path":
-            reference.heading_rad = heading_in_flight_rad(self._outlook(), step_rad)
+            wanted_rad = heading_in_flight_rad(self._outlook(), PIECE_S)
+            self._turn_radps = (wanted_rad - heading_rad) / PIECE_S
         else:
-            turn_rad = wrap_angle(-reference.heading_rad)
-            reference.heading_rad += max(-step_rad, min(step_rad, turn_rad))
-        if reference.heading_rad != before_rad:
+            turn_rad, most_rad = wrap_angle(-heading_rad), TURN_MAX_RADPS * PIECE_S
+            self._turn_radps = max(-most_rad, min(most_rad, turn_rad)) / PIECE_S
+
+    def _turn_nose(self, now_s: float) -> None:
+        """Turn the nose by a tick's worth."""
+        self._situation.reference.heading_rad += self._turn_radps * TICK_S
+        if abs(self._turn_radps) > _STEADY_RADPS:
             self._turned_s = now_s
         self.nose_steady = now_s - self._turned_s >= _STEADY_S
 
@@ -288,6 +298,8 @@ class Thread:
         return idle or now_s - self._nearest_s > _WITHOUT_PROGRESS_S
 
     def _restart_clock(self, now_s: float) -> None:
+        self._frames_before = self._seen.frames_counted
+        self._turn_radps = 0.0
         self._idle_since_s, self._nearest_s = None, now_s
 
     def _here(self) -> Vector:

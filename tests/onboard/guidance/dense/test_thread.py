@@ -176,8 +176,8 @@ def test_a_silent_sensor_stops_the_vehicle_which_goes_on_by_itself(flight_over: 
     assert flight.state is FlightState.LOOKING
     assert speed_mps(flight) < STILL_MPS
     pauses = flight.thread.pauses
-    flight.run(5.0)
-    assert flight.thread.pauses == pauses, "a pause is over only once frames have counted"
+    flight.run(20.0)
+    assert (flight.state, flight.thread.pauses) == (FlightState.LOOKING, pauses)
     flight.blind = False
     flight.run_until(FlightState.ARRIVED)
     assert blind_at_m < 23.0
@@ -268,7 +268,9 @@ def test_the_pilot_takes_over_and_hands_back(flight_over: FlightOver) -> None:
 
 
 @pytest.mark.parametrize("heading", ["leg", "path"])
-def test_the_nose_turns_slowly_in_flight(flight_over: FlightOver, heading: str) -> None:
+def test_the_nose_turns_in_flight_no_faster_than_frames_allow_or_a_look_needs(
+    flight_over: FlightOver, heading: str
+) -> None:
     stems = random_field(3, 500.0, length_m=20.0)
     flight = flight_over(*stems, heading=heading)
     flight.depart()
@@ -282,6 +284,6 @@ def test_the_nose_turns_slowly_in_flight(flight_over: FlightOver, heading: str) 
             yaws_rad.append(math.nan)
     steps = [abs(b - a) for a, b in pairwise(yaws_rad)]
     fastest = max(step for step in steps if not math.isnan(step))
-    assert fastest <= math.radians(20.0) * TICK_S + 1e-9
+    assert fastest <= math.radians(20.0 if heading == "leg" else 60.0) * TICK_S + 1e-9
     if heading == "leg":
-        assert yaws_rad[-2] == pytest.approx(0.0)
+        assert yaws_rad[-2] == pytest.approx(0.0, abs=1e-9)
