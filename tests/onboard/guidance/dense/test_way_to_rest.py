@@ -84,7 +84,7 @@ def test_a_plan_from_another_plan_than_the_one_flown_is_dropped(
     assert way.adopt(plan, version, PIECE_S, LIMITS, grid) is None
 
 
-def test_a_plan_into_space_that_nobody_saw_is_not_flown(way: WayToRest) -> None:
+def test_a_plan_into_unseen_space_is_not_flown(way: WayToRest) -> None:
     seen = SeenFree()
     seen.confirm(0.0, 0.0, 1.0)
     assert not adopted(way, seen.grid())
