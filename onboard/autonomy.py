@@ -88,6 +88,7 @@ class Autonomy:
             telemetry_timeout_s=telemetry_timeout_s,
             counters=self._intake.counters,
         )
+        self.navigator.see_by(self.supervisor.seen)
         self.authority = ControlAuthority(
             self.link,
             self.navigator,

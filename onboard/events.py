@@ -24,6 +24,7 @@ class EventName(StrEnum):
 
     ADAPTED = "adapted"
     CERTIFICATE = "certificate"
+    DELAYED = "delayed"
     CLOCK_STEP = "clock_step"
     ESTIMATOR_RESET = "estimator_reset"
     FAILSAFE = "failsafe"

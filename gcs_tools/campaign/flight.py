@@ -236,7 +236,7 @@ def _row(
         roll_max_deg=vehicle.roll_max_deg,
         pitch_max_deg=vehicle.pitch_max_deg,
         obstacle_size_max_m=environment.obstacle_size_max_m,
-        separation_m=environment.obstacle_separation_min_m,
+        separation_m=environment.separation_any_way_m,
         passive_safety=case.scenario.contract.requirements.passive_safety,
         virtual_s=time_s[0],
         wall_s=time_s[1],

@@ -53,6 +53,7 @@ def clause_document(clause: Clause[float]) -> dict[str, Any]:
         "margin": clause.margin,
         "unit": clause.unit,
         "holds": bool(clause.holds),
+        "concerns": clause.concerns,
         "reason": clause.reason,
     }
 

@@ -53,10 +53,16 @@ class ContractKey:
         return math.radians(1.0) if self.unit == "°" else 1.0
 
     def value_in(self, contract: Contract) -> float | None:
-        """Return the value that a contract states; None if it states none."""
+        """Return the value that a contract states; None if it states none.
+
+        Where a pair stands for the number, that is the distance that keeps to the pair in any
+        direction.
+        """
         value: Any = contract.model_dump()
         for part in self.path.split("."):
             value = value[int(part)] if part.isdecimal() else value[part]
+        if isinstance(value, tuple):
+            return math.hypot(*value)
         return None if value is None else float(value)
 
     def changed(self, contract: Contract, value: float) -> Contract:
@@ -129,5 +135,7 @@ def _numbers(path: str, described: dict[str, Any]) -> Iterator[tuple[str, dict[s
         yield path, described
     for index, item in enumerate(described.get("prefixItems", ())):
         yield from _numbers(f"{path}.{index}", item)
-    for alternative in described.get("anyOf", ()):
+    alternatives = described.get("anyOf", ())
+    numbers = [each for each in alternatives if each.get("type") == "number"]
+    for alternative in numbers or alternatives:
         yield from _numbers(path, alternative)

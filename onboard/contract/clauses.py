@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
-from typing import Any, Generic
+from dataclasses import dataclass, replace
+from typing import Any, Final, Generic, Literal
 
 from onboard.contract.agility import thrust_to_weight_at_corner, tilt_limits
 from onboard.contract.arithmetic import Arithmetic
@@ -13,19 +13,39 @@ from onboard.contract.recentring import Drift, drift_of, required_view
 from onboard.contract.terms import Terms
 from onboard.geometry.frames import Q
 
+Concern = Literal["safety", "progress"]
+
+# Clauses that decide whether an obstacle is passed, not whether it is touched, wherever only what
+# was seen free is flown into (`requirements.stop`).
+PROGRESS_CLAUSES: Final = frozenset(
+    {
+        "detection_range",
+        "edge_visibility",
+        "field_of_view",
+        "sensor_silence",
+        "recentring",
+        "separation",
+    }
+)
+
 # The daemon decides at this period; a silent sensor is noticed up to one tick late.
 TICK_S = 0.02
 
 
 @dataclass(frozen=True)
 class Clause(Generic[Q]):
-    """One requirement; the declared value must exceed it strictly (erratum 13)."""
+    """One requirement; the declared value must exceed it strictly (erratum 13).
+
+    Attributes:
+        concerns: ``"safety"``, or ``"progress"`` where breaking it costs time, never a contact.
+    """
 
     name: str
     required: Q
     declared: Q
     unit: str
     reason: str
+    concerns: Concern = "safety"
 
     @property
     def margin(self) -> Q:
@@ -47,7 +67,7 @@ def clauses(terms: Terms[Q], derived: Derived[Q], ops: Arithmetic[Q]) -> tuple[C
         "m",
         "regions of influence of any two obstacles must not intersect",
     )
-    return (
+    found = (
         _agility_clauses(terms, ops)
         + _wind_clauses(terms, ops)
         + _sensor_clauses(terms, derived, ops)
@@ -57,6 +77,14 @@ def clauses(terms: Terms[Q], derived: Derived[Q], ops: Arithmetic[Q]) -> tuple[C
         + _height_clauses(terms)
         + (separation,)
     )
+    return tuple(_concerning(clause, terms) for clause in found)
+
+
+def _concerning(clause: Clause[Q], terms: Terms[Q]) -> Clause[Q]:
+    """Return a clause with what it concerns (`PROGRESS_CLAUSES`)."""
+    if not terms.stop or clause.name not in PROGRESS_CLAUSES:
+        return clause
+    return replace(clause, concerns="progress")
 
 
 def _agility_clauses(terms: Terms[Q], ops: Arithmetic[Q]) -> tuple[Clause[Q], ...]:

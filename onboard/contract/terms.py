@@ -84,7 +84,7 @@ class Terms(Generic[Q]):
             position_error_m=sensor.position_error_m,
             obstacle_size_max_m=environment.obstacle_size_max_m,
             obstacle_size_min_m=environment.obstacle_size_min_m,
-            obstacle_separation_min_m=environment.obstacle_separation_min_m,
+            obstacle_separation_min_m=environment.separation_any_way_m,
             stop=contract.requirements.stop,
             passive_safety=contract.requirements.passive_safety,
             mission_altitude_m=mission_altitude_m,

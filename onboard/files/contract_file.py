@@ -29,6 +29,7 @@ NonNegative = Annotated[float, Field(ge=0.0)]
 AcuteAngle = Annotated[float, Field(gt=0.0, lt=90.0)]
 # YAML has lists only; the numbers inside stay strict.
 NonNegativePair = Annotated[tuple[NonNegative, NonNegative], Field(strict=False)]
+PositivePair = Annotated[tuple[Positive, Positive], Field(strict=False)]
 
 
 # Keys added after the first version: absent from a contract's canonical form at their default.
@@ -39,7 +40,9 @@ LATER_KEYS: Final[dict[str, tuple[str, ...]]] = {
         "heading_error_deg",
         "estimator_reset_max_m",
         "drag_per_s",
+        "setpoint_loss",
     ),
+    "requirements": ("progress",),
     "environment": ("wind_max_mps",),
 }
 
@@ -51,6 +54,24 @@ def pinned_run_on_speed(vehicle: dict[str, Any], speed_mps: Any) -> dict[str, An
     usable = isinstance(speed_mps, int | float) and math.isfinite(speed_mps) and speed_mps > 0.0
     stated = vehicle.get(key) is not None
     return vehicle if stated or not usable else vehicle | {key: float(speed_mps)}
+
+
+class FrozenSetpoint(FileModel):
+    """The autopilot keeps flying to the last setpoint when the stream stops (PX4)."""
+
+    model: Literal["frozen"]
+    gain_per_s: Positive = Field(description="Kp of the position controller: MPC_XY_P")
+    velocity_gain_per_s: Positive = Field(description="Kv of the velocity controller")
+
+
+class CoastingSetpoint(FileModel):
+    """The autopilot integrates the last setpoint until its timeout, then brakes (ArduPilot)."""
+
+    model: Literal["coast"]
+    timeout_s: NonNegative = Field(description="until the autopilot brakes: GUID_TIMEOUT")
+
+
+SetpointLoss = Annotated[FrozenSetpoint | CoastingSetpoint, Field(discriminator="model")]
 
 
 class VehicleTerms(FileModel):
@@ -74,6 +95,10 @@ class VehicleTerms(FileModel):
     setpoint_loss_run_on_speed_mps: Positive | None = Field(
         None,
         description="speed at which the run-on was measured; null: the file's cruise speed",
+    )
+    setpoint_loss: SetpointLoss | None = Field(
+        None,
+        description="how the autopilot runs on; with a measured run as well the larger counts",
     )
     recentring_speed_mps: NonNegative = Field(
         0.0, description="lateral speed of the way back to the leg line after an avoidance; 0: none"
@@ -105,6 +130,10 @@ class Requirements(FileModel):
 
     stop: bool = Field(True, description="braking to hover is always available")
     passive_safety: bool = Field(True, description="no collision even if the daemon dies")
+    progress: Literal["guaranteed", "best_effort"] = Field(
+        "guaranteed",
+        description="best_effort: fly where passing every obstacle is not guaranteed, safely",
+    )
 
 
 class SensorTerms(FileModel):
@@ -123,7 +152,9 @@ class EnvironmentTerms(FileModel):
 
     obstacle_size_max_m: Positive = Field(description="S_max, both extents, in the leg frame")
     obstacle_size_min_m: NonNegative = Field(description="smallest extent along the leg, or 0")
-    obstacle_separation_min_m: Positive = Field(description="D_sep, centre to centre")
+    obstacle_separation_min_m: Positive | PositivePair = Field(
+        description="D_sep, centre to centre; or [along, across] the leg: apart by one of the two"
+    )
     wind_max_mps: NonNegative | None = Field(
         None, description="steady wind, horizontally; null: not declared, and not monitored"
     )
@@ -136,6 +167,18 @@ class EnvironmentTerms(FileModel):
                 f"obstacle_size_max_m = {self.obstacle_size_max_m} m"
             )
         return self
+
+    @property
+    def separation_box_m(self) -> tuple[float, float] | None:
+        """The pair [along, across] in metres; None where one number holds in every direction."""
+        stated = self.obstacle_separation_min_m
+        return stated if isinstance(stated, tuple) else None
+
+    @property
+    def separation_any_way_m(self) -> float:
+        """Distance in metres at which two obstacles keep to what is assumed, in any direction."""
+        stated = self.obstacle_separation_min_m
+        return math.hypot(*stated) if isinstance(stated, tuple) else stated
 
 
 class Contract(FileModel):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from itertools import pairwise
-from typing import Annotated, Final, Self
+from typing import Annotated, Final, Literal, Self
 
 from pydantic import Field, model_validator
 
@@ -26,6 +26,16 @@ class Leg(FileModel):
     target_half_width_m: Positive = Field(
         5.0, description="how far beside the end the vehicle may arrive (P_D)"
     )
+    corridor_half_width_m: Positive | None = Field(
+        None,
+        description="how far beside the leg line the vehicle may fly; null: as far as it has to, or"
+        " target_half_width_m where passing is not guaranteed",
+    )
+
+    @property
+    def threading_half_width_m(self) -> float:
+        """How far beside its line the leg may be flown with best effort."""
+        return self.corridor_half_width_m or self.target_half_width_m
 
 
 class Mission(FileModel):
@@ -35,6 +45,10 @@ class Mission(FileModel):
     altitude_m: Positive = Field(description="cruise height above the local origin")
     climb_max_m: NonNegative = Field(
         0.0, description="how far avoidance may climb above that to gain agility; 0: planar"
+    )
+    heading: Literal["leg", "path"] = Field(
+        "leg",
+        description="where the nose points with best effort: along the leg, or where it flies",
     )
     legs: Annotated[tuple[Leg, ...], Field(strict=False, min_length=1)]
 

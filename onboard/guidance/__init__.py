@@ -2,6 +2,6 @@
 
 `phases` is the automaton.  `navigator` dispatches to the parts: `leg_progress` starts and ends
 legs, `cruise` flies along them, `avoidance_step` plans around obstacles, `adaptation_ladder` and
-`fallback` respond where an assumption fails.  They share one `situation`, which holds the
-`reference` that is flown and the `route`.
+`fallback` respond where an assumption fails.  `dense` flies with best effort.  They share one
+`situation`, which holds the `reference` that is flown and the `route`.
 """

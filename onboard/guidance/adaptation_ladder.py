@@ -10,7 +10,13 @@ from onboard.guidance.envelope import peak_speed_mps
 from onboard.guidance.fallback import Fallback
 from onboard.guidance.phases import Phase
 from onboard.guidance.situation import Situation
-from onboard.monitoring.adaptation import Adaptation, adapt, slowing_distance, slows_in_time
+from onboard.monitoring.adaptation import (
+    Adaptation,
+    adapt,
+    costs_progress_only,
+    slowing_distance,
+    slows_in_time,
+)
 from onboard.monitoring.assumptions import Violation
 from onboard.motion.trajectory import State
 from onboard.vehicle_state import Pose
@@ -40,6 +46,11 @@ class AdaptationLadder:
         """Respond to a failed assumption, if flying; the arguments are those of `Fallback.hold`."""
         situation = self._situation
         if not situation.state.flying:
+            return
+        if situation.state.in_seen_space:
+            # What the set and the way held were built with is never adapted in flight.
+            if not costs_progress_only(violation.assumption):
+                self._fallback.hold(violation, now_s, measured)
             return
         adaptation = adapt(situation.assessment, violation) if situation.adaptive else None
         if adaptation is None or not self._adopt(adaptation, violation, now_s):

@@ -15,6 +15,7 @@ from typing import Final
 
 from onboard.events import Event, EventName, Severity
 from onboard.guidance.departure import Refusal, RefusalKind, RefusalReport
+from onboard.guidance.envelope import broken_clauses
 from onboard.guidance.navigator import Navigator
 from onboard.guidance.phases import Phase
 from onboard.mavlink.endpoint import MavlinkEndpoint
@@ -128,8 +129,8 @@ class ControlAuthority:
         if self._hold_stands:
             text = "holding: the pilot has to take over first"
             found.append(Refusal(RefusalKind.HOLDING, text))
-        if not (assessment.compliant or self._fly_outside_contract):
-            broken = [clause.name for clause in assessment.clauses if not clause.holds]
+        broken = broken_clauses(assessment)
+        if broken and not self._fly_outside_contract:
             text = f"the contract does not comply ({', '.join(broken)})"
             found.append(Refusal(RefusalKind.CONTRACT, text))
         unauthorized = self._authorization.refusal(now_unix_s)

@@ -61,6 +61,8 @@ def departure_refusals(situation: Situation, pose: Pose) -> list[Refusal]:
     refusals = [
         Refusal(kind, text) for kind, passed, text in _checks(situation, pose) if not passed
     ]
+    if situation.best_effort:  # no region matters where only the space seen free is flown into
+        return refusals
     refusals += [
         Refusal(
             RefusalKind.INSIDE_REGION,

@@ -61,3 +61,19 @@ def at_rest_speed_mps(assessment: Assessment) -> float:
         math.sqrt(lag_s**2 + 2.0 * terms.tracking_error_m / brake_mps2) - lag_s
     )
     return min(max(AT_REST_MPS, stops_mps), AT_REST_MAX_MPS)
+
+
+def has_best_effort(assessment: Assessment) -> bool:
+    """Tell whether to fly where passing obstacles is not guaranteed, in seen-free space only."""
+    requirements = assessment.contract.requirements
+    return requirements.progress == "best_effort" and requirements.stop
+
+
+def broken_clauses(assessment: Assessment) -> list[str]:
+    """Return which clauses keep the service in STANDBY; with best effort, those of safety."""
+    best_effort = has_best_effort(assessment)
+    return [
+        clause.name
+        for clause in assessment.clauses
+        if not clause.holds and not (best_effort and clause.concerns == "progress")
+    ]

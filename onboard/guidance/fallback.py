@@ -40,12 +40,15 @@ class Fallback:
         situation = self._situation
         if not situation.state.flying:
             return
-        if measured is None:
-            braking, how = self._way_to_hover(now_s)
-        else:
+        how = "going on to rest in the space seen free"
+        if measured is not None:
             braking = situation.braking_from(situation.measured_state(measured), now_s)
             how = "braking to hover where the vehicle is now"
-        situation.reference.fly(braking)
+            situation.reference.fly(braking)
+            situation.rest_held = False
+        elif not situation.rest_held:
+            braking, how = self._way_to_hover(now_s)
+            situation.reference.fly(braking)
         text = f"holding: {violation}; {how}"
         situation.fire(Trigger.ASSUMPTION_FAILED, now_s, text=text)
 
@@ -57,7 +60,7 @@ class Fallback:
     def recheck_way_to_hover(self, obstacle: Obstacle, now_s: float) -> None:
         """Choose the way to hover again if an obstacle that is new or has grown blocks it."""
         current = self._situation.reference.current
-        if current is None or now_s >= current.end_s:
+        if current is None or now_s >= current.end_s or self._situation.rest_held:
             return
         if not self._clear_check.is_clear(current.from_time(now_s), [obstacle]):
             braking, how = self._way_to_hover(now_s)

@@ -9,6 +9,7 @@ from onboard.events import Event, EventData, EventName, Severity
 from onboard.files.mission_file import Mission
 from onboard.geometry.frames import wrap_angle
 from onboard.guidance.cruise import Cruise
+from onboard.guidance.dense.thread import Thread
 from onboard.guidance.envelope import at_rest_speed_mps
 from onboard.guidance.fallback import Fallback
 from onboard.guidance.phases import FlightState, Trigger
@@ -28,16 +29,21 @@ class LegProgress:
         situation: what is flown, and what is known.
         fallback: what is left if a leg ends away from its target.
         cruise: flies the leg once the nose is aligned.
+        thread: flies it with best effort instead; None where passing is guaranteed.
     """
 
-    def __init__(self, situation: Situation, fallback: Fallback, cruise: Cruise) -> None:
+    def __init__(
+        self, situation: Situation, fallback: Fallback, cruise: Cruise, thread: Thread | None
+    ) -> None:
         self._situation, self._fallback, self._cruise = situation, fallback, cruise
+        self._thread = thread
         self._aligned_since_s: float | None = None
 
     def take_control(self, pose: Pose, now_s: float) -> None:
         """Come to a hover and start, or resume, the current leg (CONTROL_GRANTED)."""
-        self._situation.fire(Trigger.CONTROL_GRANTED, now_s)
-        self._align(self._situation.measured_state(pose), now_s)
+        granted = Trigger.CONTROL_GRANTED if self._thread is None else Trigger.BEST_EFFORT_GRANTED
+        self._situation.fire(granted, now_s)
+        self._begin_leg(self._situation.measured_state(pose), pose, now_s)
 
     def release_control(self, now_s: float) -> None:
         """Stop flying, since another commander flies now (CONTROL_TAKEN)."""
@@ -45,6 +51,9 @@ class LegProgress:
         if situation.state is not FlightState.STANDBY:
             situation.fire(Trigger.CONTROL_TAKEN, now_s)
         situation.reference.clear()
+        situation.rest_held = False
+        if self._thread is not None:
+            self._thread.release()
         situation.avoidance = None
         situation.obstacles.rejoin()
         self._restart_route()
@@ -89,11 +98,24 @@ class LegProgress:
         if current is None:
             return True
         if state is not FlightState.ALIGNING and now_s >= current.end_s:
-            self._finish_leg(current.final, now_s)
+            self._finish_leg(current.final, pose, now_s)
             return True
         if state is FlightState.ALIGNING and now_s >= current.end_s:
             self._await_alignment(pose, now_s)
         return not state.cruising_freely
+
+    def end_leg(self, pose: Pose, now_s: float) -> None:
+        """End a leg where the vehicle has come to rest."""
+        state = self._situation.reference.sample(now_s)
+        assert state is not None  # noqa: S101  what threads has a reference
+        self._finish_leg(state, pose, now_s)
+
+    def _begin_leg(self, state: State, pose: Pose, now_s: float) -> None:
+        if self._thread is None:
+            self._align(state, now_s)
+        else:
+            self._thread.begin_leg(state, pose.yaw_rad, now_s)
+            self._situation.rest_held = True
 
     def _align(self, state: State, now_s: float) -> None:
         """Hover and turn the nose, and with it the sensor, along the leg."""
@@ -117,7 +139,7 @@ class LegProgress:
             situation.fire(Trigger.ALIGNED, now_s)
             self._cruise.fly_from(state, now_s)
 
-    def _finish_leg(self, final: State, now_s: float) -> None:
+    def _finish_leg(self, final: State, pose: Pose, now_s: float) -> None:
         """Begin the next leg from where the vehicle is at rest, or arrive."""
         situation = self._situation
         x_m, y_m, z_m = final.position_leg_m
@@ -133,7 +155,7 @@ class LegProgress:
             situation.rebuild_map()
             situation.fire(Trigger.LEG_FLOWN, now_s)
             # After a climb the vehicle may still be a little above the cruise height.
-            self._align(State((0.0, 0.0, z_m), (0.0, 0.0, 0.0)), now_s)
+            self._begin_leg(State((0.0, 0.0, z_m), (0.0, 0.0, 0.0)), pose, now_s)
         else:
             situation.fire(Trigger.MISSION_FLOWN, now_s)
 

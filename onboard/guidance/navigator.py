@@ -10,11 +10,13 @@ from collections.abc import Callable
 
 from onboard.contract.assessment import Assessment
 from onboard.files.mission_file import Mission
-from onboard.geometry.frames import LegFrame
+from onboard.geometry.frames import LegFrame, Vector, wrap_angle
 from onboard.guidance.adaptation_ladder import AdaptationLadder
 from onboard.guidance.avoidance_step import AvoidanceStep, InductionPlanner
 from onboard.guidance.clear_check import ClearCheck
 from onboard.guidance.cruise import Cruise
+from onboard.guidance.dense.seen_space import SeenSpace
+from onboard.guidance.dense.thread import Thread
 from onboard.guidance.departure import Refusal, departure_refusals
 from onboard.guidance.fallback import Fallback
 from onboard.guidance.leg_progress import LegProgress
@@ -36,6 +38,9 @@ class Navigator:
         planner: Eq. 17.
         stopwatch: reads a clock in seconds, only to report how long plans took.
         adaptive: respond to a failed assumption by solving the contract again where that helps.
+
+    Attributes:
+        thread: flies with best effort; None where the contract guarantees to pass obstacles.
     """
 
     def __init__(
@@ -54,7 +59,8 @@ class Navigator:
         self.plan_times_s = induction_planner.plan_times_s
         self._fallback = fallback = Fallback(situation, clear_check)
         self._cruise = cruise = Cruise(situation, fallback)
-        self._leg_progress = LegProgress(situation, fallback, cruise)
+        self.thread = Thread(situation, fallback) if situation.best_effort else None
+        self._leg_progress = LegProgress(situation, fallback, cruise, self.thread)
         self._avoidance_step = AvoidanceStep(
             situation, clear_check, fallback, cruise, induction_planner
         )
@@ -66,7 +72,7 @@ class Navigator:
         self.respond_to = ladder.respond_to
         self.hold, self.hover_at = fallback.hold, fallback.hover_at
         self.take_planned = self._avoidance_step.take_planned
-        self.shift, self.obstacles_to_meet = situation.shift, situation.obstacles_to_meet
+        self.obstacles_to_meet = situation.obstacles_to_meet
 
     @property
     def assessment(self) -> Assessment:
@@ -104,9 +110,22 @@ class Navigator:
         return self.state.cruising_freely
 
     @property
+    def in_seen_space(self) -> bool:
+        """Whether the vehicle holds a certified way to rest in the space seen free."""
+        return self.state.in_seen_space
+
+    @property
+    def pointing_rad(self) -> float | None:
+        """Where the nose is told to point, clockwise from north; None while it turns."""
+        turning = self.thread is not None and not self.thread.nose_steady
+        if turning or not self.moving:
+            return None
+        return wrap_angle(self.leg.heading_rad + self.situation.reference.heading_rad)
+
+    @property
     def moving(self) -> bool:
         """Whether the vehicle is on its way along a leg, its nose aligned."""
-        return self.cruising_freely or self.phase is Phase.AVOID
+        return self.cruising_freely or self.phase in (Phase.AVOID, Phase.THREAD)
 
     def reference(self, time_s: float) -> State | None:
         """Return the reference at a time, leg frame; None in STANDBY."""
@@ -116,9 +135,20 @@ class Navigator:
         """Return the reference at a time as a setpoint in NED; None in STANDBY."""
         return self.situation.reference.setpoint(time_s, self.leg)
 
+    def see_by(self, seen: SeenSpace) -> None:
+        """Fly, with best effort, in the space that this set says was seen free."""
+        if self.thread is not None:
+            self.thread.see_by(seen)
+
     def departure_refusals(self, pose: Pose) -> list[Refusal]:
         """Return why the leg may not be started or resumed from here; empty if it may."""
         return departure_refusals(self.situation, pose)
+
+    def shift(self, shift_ned_m: Vector) -> None:
+        """Move everything remembered into the present local frame, which a reset has moved."""
+        self.situation.shift(shift_ned_m)
+        if self.thread is not None:
+            self.thread.shift(self.leg.vector_leg(shift_ned_m))
 
     def fly_on_after_shift(self, violation: Violation, now_s: float) -> None:
         """Certify again what is flown after a `shift`; hold for the violation if that fails."""
@@ -136,6 +166,10 @@ class Navigator:
 
     def advance(self, pose: Pose, now_s: float) -> None:
         """Decide what is flown until the next tick."""
+        if self.thread is not None and self.state.in_seen_space:
+            if self.thread.advance(pose, now_s):
+                self._leg_progress.end_leg(pose, now_s)
+            return
         if self.phase is Phase.AVOID:
             self._avoidance_step.advance(now_s)
         if self.phase is Phase.CRUISE and not self._leg_progress.advance(pose, now_s):

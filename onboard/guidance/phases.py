@@ -26,6 +26,8 @@ class Phase(StrEnum):
     STANDBY = "standby"
     CRUISE = "cruise"
     AVOID = "avoid"
+    THREAD = "thread"
+    PAUSE = "pause"
     ARRIVED = "arrived"
     HOLD = "hold"
 
@@ -42,6 +44,9 @@ class FlightState(StrEnum):
     STOPPING_UNALIGNED = "stopping_unaligned"
     STOPPING = "stopping"
     AVOIDING_THEN_STOPPING = "avoiding_then_stopping"
+    THREADING = "threading"
+    LOOKING = "looking"
+    RESTING = "resting"
     ARRIVED = "arrived"
     HOLDING = "holding"
 
@@ -53,7 +58,12 @@ class FlightState(StrEnum):
     @property
     def flying(self) -> bool:
         """Whether the vehicle flies its mission, so that the guarantee applies."""
-        return self.phase in (Phase.CRUISE, Phase.AVOID)
+        return self.phase in (Phase.CRUISE, Phase.AVOID, Phase.THREAD, Phase.PAUSE)
+
+    @property
+    def in_seen_space(self) -> bool:
+        """Whether the vehicle holds a way to rest in the space that was seen free."""
+        return self.phase in (Phase.THREAD, Phase.PAUSE)
 
     @property
     def cruising_freely(self) -> bool:
@@ -67,6 +77,7 @@ class FlightState(StrEnum):
             FlightState.STOPPING_UNALIGNED,
             FlightState.STOPPING,
             FlightState.AVOIDING_THEN_STOPPING,
+            FlightState.RESTING,
         )
 
 
@@ -75,6 +86,7 @@ class Trigger(StrEnum):
     """What may end a state."""
 
     CONTROL_GRANTED = "control granted"
+    BEST_EFFORT_GRANTED = "best effort granted"
     CONTROL_TAKEN = "control taken"
     ALIGNED = "aligned"
     CORRIDOR_FREE = "corridor free"
@@ -82,6 +94,8 @@ class Trigger(StrEnum):
     CRUISE_REPLANNED = "cruise replanned"
     PRE_CONDITION = "pre-condition"
     POST_CONDITION = "post-condition"
+    WAY_FOUND = "way found"
+    NO_WAY = "no way"
     MISSION_CHANGED = "mission changed"
     LEG_FLOWN = "leg flown"
     MISSION_FLOWN = "mission flown"
@@ -111,6 +125,13 @@ STATES: Final = MappingProxyType(
         _S.AVOIDING_THEN_STOPPING: StateFacts(
             _P.AVOID, "finish the avoidance, then stop for another mission"
         ),
+        _S.THREADING: StateFacts(
+            _P.THREAD, "fly the newest way to rest that certifies in the space seen free"
+        ),
+        _S.LOOKING: StateFacts(
+            _P.PAUSE, "stay on the way to rest, turn the nose and look until a better one certifies"
+        ),
+        _S.RESTING: StateFacts(_P.THREAD, "come to rest on the way held, for another mission"),
         _S.ARRIVED: StateFacts(_P.ARRIVED, "hover at the end of the mission"),
         _S.HOLDING: StateFacts(_P.HOLD, "brake to hover and stay until the pilot takes over"),
     }
@@ -119,6 +140,7 @@ STATES: Final = MappingProxyType(
 TRIGGERS: Final = MappingProxyType(
     {
         _T.CONTROL_GRANTED: "the pilot hands over and every departure check passes",
+        _T.BEST_EFFORT_GRANTED: "the same, where the contract does not guarantee to pass obstacles",
         _T.CONTROL_TAKEN: "the pilot, a failsafe or a silent autopilot ends our control",
         _T.ALIGNED: "at rest with the nose along the leg for as long as the sensor needs to look",
         _T.CORRIDOR_FREE: "beside the leg line, and no known obstacle in the corridor towards it",
@@ -126,6 +148,8 @@ TRIGGERS: Final = MappingProxyType(
         _T.CRUISE_REPLANNED: "an estimator reset or an adapted contract asks for a new cruise",
         _T.PRE_CONDITION: "at the region of an obstacle of interest, with a certified plan",
         _T.POST_CONDITION: "the avoidance has ended at the post-obstacle border",
+        _T.WAY_FOUND: "a way to rest certifies that leads on from where the vehicle is",
+        _T.NO_WAY: "at rest, or for long without progress, and nothing better certifies",
         _T.MISSION_CHANGED: "the operator has sent another mission",
         _T.LEG_FLOWN: "at rest at the leg's end, or stopped for another mission; a leg follows",
         _T.MISSION_FLOWN: "the same, and no leg follows",
@@ -137,6 +161,7 @@ TRIGGERS: Final = MappingProxyType(
 TRANSITIONS: Final = MappingProxyType(
     {
         (_S.STANDBY, _T.CONTROL_GRANTED): _S.ALIGNING,
+        (_S.STANDBY, _T.BEST_EFFORT_GRANTED): _S.LOOKING,
         (_S.STANDBY, _T.MISSION_CHANGED): _S.STANDBY,
 
         (_S.ALIGNING, _T.ALIGNED): _S.CRUISING,
@@ -185,6 +210,25 @@ TRANSITIONS: Final = MappingProxyType(
         (_S.AVOIDING_THEN_STOPPING, _T.MISSION_CHANGED): _S.AVOIDING_THEN_STOPPING,
         (_S.AVOIDING_THEN_STOPPING, _T.ASSUMPTION_FAILED): _S.HOLDING,
         (_S.AVOIDING_THEN_STOPPING, _T.CONTROL_TAKEN): _S.STANDBY,
+
+        (_S.THREADING, _T.NO_WAY): _S.LOOKING,
+        (_S.THREADING, _T.MISSION_CHANGED): _S.RESTING,
+        (_S.THREADING, _T.LEG_FLOWN): _S.LOOKING,
+        (_S.THREADING, _T.MISSION_FLOWN): _S.ARRIVED,
+        (_S.THREADING, _T.ASSUMPTION_FAILED): _S.HOLDING,
+        (_S.THREADING, _T.CONTROL_TAKEN): _S.STANDBY,
+
+        (_S.LOOKING, _T.WAY_FOUND): _S.THREADING,
+        (_S.LOOKING, _T.NO_WAY): _S.LOOKING,
+        (_S.LOOKING, _T.MISSION_CHANGED): _S.RESTING,
+        (_S.LOOKING, _T.ASSUMPTION_FAILED): _S.HOLDING,
+        (_S.LOOKING, _T.CONTROL_TAKEN): _S.STANDBY,
+
+        (_S.RESTING, _T.MISSION_CHANGED): _S.RESTING,
+        (_S.RESTING, _T.LEG_FLOWN): _S.LOOKING,
+        (_S.RESTING, _T.MISSION_FLOWN): _S.ARRIVED,
+        (_S.RESTING, _T.ASSUMPTION_FAILED): _S.HOLDING,
+        (_S.RESTING, _T.CONTROL_TAKEN): _S.STANDBY,
 
         (_S.ARRIVED, _T.MISSION_CHANGED): _S.ARRIVED,
         (_S.ARRIVED, _T.CONTROL_TAKEN): _S.STANDBY,

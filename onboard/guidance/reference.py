@@ -6,7 +6,7 @@ measured state.  The contract allows for the tracking error.
 
 from __future__ import annotations
 
-from onboard.geometry.frames import LegFrame
+from onboard.geometry.frames import LegFrame, wrap_angle
 from onboard.motion.trajectory import State, Trajectory, Vector
 from onboard.vehicle_state import Setpoint
 
@@ -18,11 +18,13 @@ class Reference:
         current: the trajectory that is flown; None while nothing is.
         upcoming: the trajectory that takes over at its own start, between this tick and the next,
             or has done so since the last `hand_over`; None if there is none.
+        heading_rad: of the nose, from the leg towards its right.
     """
 
     def __init__(self) -> None:
         self.current: Trajectory | None = None
         self.upcoming: Trajectory | None = None
+        self.heading_rad = 0.0
 
     def fly(self, trajectory: Trajectory) -> None:
         """Fly a trajectory from now on, and drop the one that was to take over."""
@@ -41,6 +43,7 @@ class Reference:
     def clear(self) -> None:
         """Fly nothing."""
         self.current = self.upcoming = None
+        self.heading_rad = 0.0
 
     def sample(self, time_s: float) -> State | None:
         """Return the reference at a time, leg frame; None while nothing is flown."""
@@ -54,11 +57,14 @@ class Reference:
         state = self.sample(time_s)
         if state is None:
             return None
+        yaw_rad = leg.heading_rad
+        if self.heading_rad != 0.0:
+            yaw_rad = wrap_angle(yaw_rad + self.heading_rad)
         return Setpoint(
             leg.position_ned(state.position_leg_m),
             leg.vector_ned(state.velocity_leg_mps),
             leg.vector_ned(state.acceleration_leg_mps2),
-            leg.heading_rad,
+            yaw_rad,
         )
 
     def shift(self, shift_leg_m: Vector) -> None:

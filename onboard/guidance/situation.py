@@ -12,7 +12,7 @@ from onboard.event_limiter import EventLimiter
 from onboard.events import Event, EventName, Severity
 from onboard.files.mission_file import Mission
 from onboard.geometry.frames import LegFrame
-from onboard.guidance.envelope import envelope_of
+from onboard.guidance.envelope import envelope_of, has_best_effort
 from onboard.guidance.phases import FlightState, Trigger, next_state
 from onboard.guidance.reference import Reference
 from onboard.guidance.route import Route
@@ -71,6 +71,7 @@ class Situation:
             of the step which braking has ended.
         obstacles: what has been seen.
         events: what has happened, for the caller to take and clear.
+        rest_held: whether what is flown is a way to rest in the space seen free, also in HOLDING.
     """
 
     def __init__(self, assessment: Assessment, mission: Mission, *, adaptive: bool) -> None:
@@ -83,12 +84,18 @@ class Situation:
         self.avoidance: Avoidance | None = None
         self.obstacles = ObstacleMap(self.leg, assessment.region_around, self._merged_size_max_m)
         self.events: list[Event] = []
+        self.rest_held = False
         self._limiter = EventLimiter()
 
     @property
     def leg(self) -> LegFrame:
         """Frame of the leg that is flown."""
         return self.route.frame
+
+    @property
+    def best_effort(self) -> bool:
+        """Whether the mission is flown where passing obstacles is not guaranteed, and safely so."""
+        return has_best_effort(self.assessment)
 
     # ------------------------------------------------------------------ what changes
 
@@ -164,8 +171,11 @@ class Situation:
         """Return the obstacles whose properties matter now: the one avoided, and the next ahead.
 
         Ahead means on the line that the vehicle is on, or will be on after its avoidance; in
-        STANDBY, on the line from the start of the leg.
+        STANDBY, on the line from the start of the leg.  None where the vehicle flies in the space
+        seen free only: there no size and no distance is assumed of any obstacle.
         """
+        if self.best_effort:
+            return []
         state = self.reference.sample(now_s)
         x_m, y_m = (0.0, 0.0) if state is None else state.position_leg_m[:2]
         met = []
@@ -181,4 +191,6 @@ class Situation:
 
     @property
     def _merged_size_max_m(self) -> float:
-        return measured_size_max(self.assessment.terms) if self.adaptive else 0.0
+        # Gaps in a dense field must not be merged away: nothing there depends on regions.
+        merging = self.adaptive and not self.best_effort
+        return measured_size_max(self.assessment.terms) if merging else 0.0

@@ -24,6 +24,27 @@ ERROR_FACTOR_MAX: Final = 2.0
 SPEED_MIN_MPS: Final = 0.3
 SPEED_STEP_MPS: Final = 0.05
 
+# Where the vehicle always holds a certified way to rest in the space seen free, these cost time
+# only: it slows down or stops, and goes on by itself once they hold again.
+PROGRESS_ASSUMPTIONS: Final = frozenset(
+    {
+        Assumption.DETECTION_AGE,
+        Assumption.REACTION_TIME,
+        Assumption.DETECTION_RANGE,
+        Assumption.FIELD_OF_VIEW,
+        Assumption.OBSTACLE_SIZE,
+        Assumption.ROI_INTERSECTION,
+        Assumption.LATE_FIRST_SIGHT,
+        Assumption.PLAN_EXISTS,
+        Assumption.TICK_OVERRUN,
+    }
+)
+
+
+def costs_progress_only(assumption: Assumption) -> bool:
+    """Tell whether breaking an assumption costs time only, in the space seen free."""
+    return assumption in PROGRESS_ASSUMPTIONS
+
 
 @dataclass(frozen=True)
 class Adaptation:

@@ -14,6 +14,7 @@ from onboard.monitoring.detection_consistency import (
 )
 from onboard.monitoring.detections import CLOCK_TOLERANCE_S, DetectionMonitor
 from onboard.monitoring.estimator.heading import HeadingMonitor
+from onboard.monitoring.seen_space import DOUBTS, SeenSpace
 from onboard.monitoring.supervised_flight import SupervisedFlight, in_control
 from onboard.perception.bearings import TRACKS_PER_FRAME, BearingMemory
 from onboard.perception.detection import Detection, DetectionFrame, corners_ned
@@ -50,11 +51,14 @@ class DetectionEvaluator:
         self._flight, self._poses = flight, poses
         self._placements_m = placements_m
         self._counters = counters
+        self.seen = SeenSpace(flight, poses)
 
     def evaluate(
         self, frame: DetectionFrame, stamp_s: float, now_s: float, heading: HeadingMonitor
     ) -> Iterator[Violation]:
         """Take one frame, and yield what it violates, each before what follows from it.
+
+        What nothing speaks against also tells what is free.
 
         Args:
             frame: what a sensor saw.
@@ -62,6 +66,18 @@ class DetectionEvaluator:
             now_s: the time.
             heading: learns of tracks that are seen from the body once more.
         """
+        doubted = False
+        for violation in self._evaluate(frame, stamp_s, now_s, heading):
+            doubted |= violation.assumption in DOUBTS
+            yield violation
+        if doubted:
+            self.seen.skip(frame)
+        else:
+            self.seen.take(frame, stamp_s, now_s, self._placements_m(stamp_s))
+
+    def _evaluate(
+        self, frame: DetectionFrame, stamp_s: float, now_s: float, heading: HeadingMonitor
+    ) -> Iterator[Violation]:
         fault = self.monitor.on_arrival(frame.source, frame.sequence, stamp_s, now_s)
         if fault is not None:
             yield fault

@@ -41,6 +41,16 @@ class SupervisedFlight(Protocol):
         ...
 
     @property
+    def in_seen_space(self) -> bool:
+        """Whether the vehicle holds a certified way to rest in the space seen free."""
+        ...
+
+    @property
+    def pointing_rad(self) -> float | None:
+        """Where the nose is told to point, clockwise from north; None while it turns."""
+        ...
+
+    @property
     def cruising_freely(self) -> bool:
         """Whether the vehicle cruises outside every Region of Influence."""
         ...

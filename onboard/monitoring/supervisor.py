@@ -10,6 +10,7 @@ from collections.abc import Callable, Iterable
 
 from onboard.events import Event
 from onboard.mavlink.endpoint import MavlinkEndpoint
+from onboard.monitoring.adaptation import costs_progress_only
 from onboard.monitoring.assumptions import Assumption, Violation, check_obstacle
 from onboard.monitoring.detection_evaluation import DetectionEvaluator
 from onboard.monitoring.estimator.heading import HeadingMonitor
@@ -17,6 +18,7 @@ from onboard.monitoring.estimator.position_quality import PositionQualityMonitor
 from onboard.monitoring.estimator.resets import EstimatorReset, PoseMonitor, ResetLedger
 from onboard.monitoring.loop_overrun import LoopOverrunMonitor
 from onboard.monitoring.response.vehicle_response import VehicleResponse
+from onboard.monitoring.seen_space import DOUBTS
 from onboard.monitoring.supervised_flight import SupervisedFlight, in_control
 from onboard.monitoring.violation_log import ViolationLog
 from onboard.perception.detection import DetectionFrame
@@ -39,6 +41,7 @@ class MonitorSupervisor:
         position_sign: the sign that the position is not to be believed, of this tick; None without.
         wind_violation: more wind than the contract declares, of this tick; None without.
         detections: what every sensor saw, and when.
+        seen: the space around the vehicle that has been seen free.
         response: how the vehicle responds to what is sent to it.
     """
 
@@ -59,6 +62,7 @@ class MonitorSupervisor:
         self.detections = DetectionEvaluator(
             flight, self._poses, self._resets.placements_m, counters
         )
+        self.seen = self.detections.seen
         self.position_quality = PositionQualityMonitor(link.position_reports)
         self.position_sign: Sign | None = None
         self.wind_violation: Violation | None = None
@@ -97,7 +101,7 @@ class MonitorSupervisor:
     def take_frames(
         self, frames: Iterable[DetectionFrame], now_s: float, epoch_unix_s: float
     ) -> None:
-        """Evaluate detection frames.
+        """Evaluate the detection frames of a tick, and see what is free.
 
         Args:
             frames: in the order of their arrival.
@@ -108,6 +112,9 @@ class MonitorSupervisor:
             stamp_s = frame.stamp_unix_s - epoch_unix_s
             for violation in self.detections.evaluate(frame, stamp_s, now_s, self._heading_monitor):
                 self.report_and_respond(violation, now_s)
+        contradiction = self.seen.advance(self._link.pose, trusted=self.position_sign is None)
+        if contradiction is not None and self.seen.relied_on:
+            self.report_and_respond(contradiction, now_s)
 
     # ------------------------------------------------------------------ one tick
 
@@ -145,6 +152,7 @@ class MonitorSupervisor:
         if reset.measured:
             flight.shift(reset.shift_ned_m)
         if not flight.flying:
+            self.seen.void("the estimator was reset")
             if not reset.measured:
                 flight.hover_at(pose, now_s)
             if in_control(flight, now_s):
@@ -152,8 +160,10 @@ class MonitorSupervisor:
             return
         ended = self._resets.count(reset, flight.assessment.terms.estimator_reset_max_m)
         if ended is not None:
+            self.seen.void("the estimator was reset")
             self.report_and_respond(ended, now_s, measured=None if reset.measured else pose)
             return
+        self.seen.shift(reset.shift_ned_m)
         self._emit(self._resets.event(reset, len(flight.obstacles), now_s))
         flight.fly_on_after_shift(reset.violation(), now_s)
 
@@ -218,9 +228,14 @@ class MonitorSupervisor:
             now_s: when.
             measured: respond from this pose, where the reference itself cannot be believed.
         """
-        if self._flight.flying:
+        if violation.assumption in DOUBTS:
+            self.seen.void(str(violation))
+        flight = self._flight
+        if flight.in_seen_space and costs_progress_only(violation.assumption):
+            self._log.report_delay(violation, now_s)
+        elif flight.flying:
             self._log.report(violation, now_s)
-            self._flight.respond_to(violation, now_s, measured)
+            flight.respond_to(violation, now_s, measured)
 
     # ------------------------------------------------------------------ single checks
 
@@ -246,8 +261,7 @@ class MonitorSupervisor:
         monitor, flight = self._heading_monitor, self._flight
         drift = monitor.check_drift(self._link.heading_drift, now_s, flight.assessment.terms)
         compass = monitor.check_compass(self._link.compass_ratio, now_s)
-        pointed_at_rad = flight.leg.heading_rad if flight.moving else None
-        return [compass, drift, monitor.check_pointing(pose, pointed_at_rad)]
+        return [compass, drift, monitor.check_pointing(pose, flight.pointing_rad)]
 
     def _check_tracking(self, pose: Pose, tilt: Violation | None, now_s: float) -> None:
         """Respond to tracking errors, as far as the autopilot follows us.

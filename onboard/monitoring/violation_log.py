@@ -30,6 +30,12 @@ class ViolationLog:
         if self._is_new(violation.assumption, violation.subject):
             self._emit(violation.event(now_s))
 
+    def report_delay(self, violation: Violation, now_s: float) -> None:
+        """Say, once for each subject in a flight, what slows the vehicle or stops it for a time."""
+        if self._is_new(violation.assumption, violation.subject):
+            text = f"{violation}; going on by itself when that is over"
+            self._emit(Event(now_s, EventName.DELAYED, Severity.NOTICE, text))
+
     def report_suspicion(self, violation: Violation, now_s: float) -> None:
         """Say, once in a flight, that the vehicle deviates but may follow another commander."""
         if self._is_new(Assumption.SECOND_COMMANDER, "suspected"):

@@ -78,7 +78,7 @@ class DetectionFrame(_Message):
         obstacles: its boxes.
         free_range_m: how far it saw free space, for equal bins of bearing across the field of
             view, from left to right, before position error is taken off; 0 where unknown, and None
-            if it does not say. What is unseen is not free. Carried, not used yet.
+            if it does not say. What is unseen is not free.
     """
 
     version: Literal[1]

@@ -256,6 +256,11 @@ class ObstacleMap:
         """Obstacles whose regions reach into [x_min_m, x_max_m], in the order of their fronts."""
         return self._reaching(self._order, x_min_m, x_max_m)
 
+    def boxes_between(self, x_min_m: float, x_max_m: float) -> Iterator[Box]:
+        """Boxes around all measurements of each track, unmerged, of the obstacles of `between`."""
+        for obstacle in self.between(x_min_m, x_max_m):
+            yield from (self._tracks[member].measured for member in obstacle.members)
+
     def _reaching(
         self, order: list[tuple[float, str]], x_min_m: float, x_max_m: float
     ) -> Iterator[Obstacle]:

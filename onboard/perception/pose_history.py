@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import bisect
+import math
 from collections import deque
+from itertools import pairwise
 
 from onboard.geometry.frames import wrap_angle
 from onboard.vehicle_state import Pose
@@ -63,6 +65,27 @@ class PoseHistory:
         lasting_s = end.time_s - begin.time_s
         return wrap_angle(end.yaw_rad - begin.yaw_rad) / lasting_s if lasting_s > 0.0 else 0.0
 
+    def fastest_turn_radps(self, time_s: float, around_s: float) -> float:
+        """Return how fast the body turned at most around a time, in magnitude.
+
+        Infinite unless one pose at least is older than the time and two are near: a turn that
+        nothing tells of is not slow.
+        """
+        poses = self._poses
+        first = bisect.bisect_left(poses, time_s - around_s, key=_time_of)
+        last = bisect.bisect_right(poses, time_s + around_s, key=_time_of)
+        near = [poses[index] for index in range(max(first - 1, 0), last)]
+        if len(near) < 2 or near[0].time_s > time_s:
+            return math.inf
+        return max(_turn_radps(begin, end) for begin, end in pairwise(near))
+
 
 def _time_of(pose: Pose) -> float:
     return pose.time_s
+
+
+def _turn_radps(begin: Pose, end: Pose) -> float:
+    turn_rad, lasting_s = abs(wrap_angle(end.yaw_rad - begin.yaw_rad)), end.time_s - begin.time_s
+    if lasting_s > 0.0:
+        return turn_rad / lasting_s
+    return math.inf if turn_rad > 0.0 else 0.0

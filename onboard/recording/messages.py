@@ -82,6 +82,11 @@ class StateRecord:
         cleared: whether a valid flight authorization is present, or none is required.
         log_ended: whether the service flies on without a log.
         obstacles_known: size of the map.
+        free_cells: number of cells around the vehicle that have been seen free.
+        rest_certified: whether the way to rest that is held is certified in the space seen free;
+            None where none is held.
+        rest_margin_m: by how much, in steps, the body could be larger there.
+        pauses: on this leg.
         dropped: input that was not used.
     """
 
@@ -111,6 +116,10 @@ class StateRecord:
     cleared: bool | None = None
     log_ended: bool = False
     obstacles_known: int = 0
+    free_cells: int = 0
+    rest_certified: bool | None = None
+    rest_margin_m: Number | None = None
+    pauses: int = 0
     dropped: DropCounters = field(default_factory=DropCounters)
 
 

@@ -43,6 +43,10 @@ def state_of(autonomy: Autonomy, now_s: float) -> StateRecord:
         cleared=autonomy.flight_authorization.refusal(autonomy.epoch_unix_s + now_s) is None,
         log_ended=autonomy.log_ended,
         obstacles_known=len(navigator.obstacles),
+        free_cells=supervisor.seen.size,
+        rest_certified=None if navigator.thread is None else navigator.thread.way.certified,
+        rest_margin_m=None if navigator.thread is None else navigator.thread.way.margin_m,
+        pauses=0 if navigator.thread is None else navigator.thread.pauses,
         dropped=_dropped(autonomy),
     )
 

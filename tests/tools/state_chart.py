@@ -95,6 +95,8 @@ _COLOURS: Final = {
     Phase.STANDBY: "fill:#eeeeee,color:#000000",
     Phase.CRUISE: "fill:#d5e8d4,color:#000000",
     Phase.AVOID: "fill:#ffe6cc,color:#000000",
+    Phase.THREAD: "fill:#e1d5e7,color:#000000",
+    Phase.PAUSE: "fill:#fff2cc,color:#000000",
     Phase.ARRIVED: "fill:#dae8fc,color:#000000",
     Phase.HOLD: "fill:#f8cecc,color:#000000",
 }

@@ -22,7 +22,7 @@ def obstacles_along_leg(
 ) -> ObstacleField:
     """Draw obstacles one after another, each about as near to the last as the contract allows."""
     derived = assess(contract).inflated
-    separation_m = contract.environment.obstacle_separation_min_m
+    separation_m = contract.environment.separation_any_way_m
     half_m = contract.environment.obstacle_size_max_m / 2.0
     along_m = derived.region.front_m + half_m + derived.margin_m + draw.uniform(0.5, 4.0)
     last_m = length_m - (derived.roi_length_m - derived.region.front_m) - 0.5
@@ -94,7 +94,7 @@ def with_breaching_field(draw: random.Random, scenario: Scenario, breach: Breach
         center_ned_m[0] *= 1.0 + side_m / math.hypot(*center_ned_m[0])
         field = replace(field, half_size_m=half_size_m, center_ned_m=center_ned_m)
     else:
-        apart_m = draw.uniform(0.3, 0.7) * scenario.contract.environment.obstacle_separation_min_m
+        apart_m = draw.uniform(0.3, 0.7) * scenario.contract.environment.separation_any_way_m
         north_m, east_m = field.center_ned_m[0].tolist()
         end_north_m, end_east_m = scenario.mission.legs[0].end_ned_m
         turn_rad = draw.uniform(-math.pi / 3.0, math.pi / 3.0)

@@ -107,7 +107,7 @@ def test_clauses_and_verdict(clearway: Clearway, config: Path) -> None:
         assert clause["margin"] == pytest.approx(clause["declared"] - clause["required"])
         assert clause["holds"] is (clause["margin"] > 0.0)
         assert set(clause) == {
-            "name", "required", "declared", "margin", "unit", "holds", "reason",
+            "name", "required", "declared", "margin", "unit", "holds", "concerns", "reason",
         }  # fmt: skip
     assert document["binding"] == "separation"
     assert clauses["separation"]["declared"] == 28.0

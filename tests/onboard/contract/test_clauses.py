@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from onboard.contract.arithmetic import ARRAY, SCALAR
-from onboard.contract.clauses import TICK_S, Clause, clauses, recentring_drift
+from onboard.contract.clauses import PROGRESS_CLAUSES, TICK_S, Clause, clauses, recentring_drift
 from onboard.contract.derivation import Derived, derive
 from onboard.contract.terms import Terms
 from onboard.geometry.frames import FloatArray
@@ -102,6 +102,17 @@ def test_a_heading_error_is_needed_on_both_sides_of_the_view() -> None:
     without = {c.name: c for c in clauses(TERMS, derived(), SCALAR)}
     difference = with_error["field_of_view"].required - without["field_of_view"].required
     assert difference == pytest.approx(math.degrees(0.1))
+
+
+def test_what_costs_time_only_concerns_progress_where_only_seen_space_is_flown_into() -> None:
+    every = {"wind_max_mps": 1.0, "mission_altitude_m": 4.0, "recentring_speed_mps": 0.2}
+    concern = {name: clause.concerns for name, clause in found(**every).items()}
+    progress = {name for name, each in concern.items() if each == "progress"}
+    assert progress == PROGRESS_CLAUSES
+    assert concern.keys() - progress == {
+        "thrust", "wind", "ground_clearance", "stop", "passive_safety"
+    }  # fmt: skip
+    assert {clause.concerns for clause in found(**every, stop=False).values()} == {"safety"}
 
 
 def test_every_reason_is_one_sentence_for_operators() -> None:

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from onboard.files.mission_file import LEG_LENGTH_MIN_M, Mission
+from onboard.files.mission_file import LEG_LENGTH_MIN_M, Leg, Mission
 from onboard.files.yaml_file import FileError, load_yaml, validate
 
 
@@ -85,3 +85,9 @@ def test_the_first_leg_begins_at_the_start() -> None:
     with pytest.raises(FileError, match=r"legs\.0\.end_ned_m"):
         mission([5.0, 6.0], start_ned_m=[5.0, 6.0])
     assert mission([5.0, 6.0]).start_ned_m == (0.0, 0.0)
+
+
+def test_with_best_effort_the_corridor_is_as_wide_as_the_target_by_default() -> None:
+    leg = Leg(end_ned_m=(10.0, 0.0), target_half_width_m=4.0)
+    assert (leg.corridor_half_width_m, leg.threading_half_width_m) == (None, 4.0)
+    assert leg.model_copy(update={"corridor_half_width_m": 7.0}).threading_half_width_m == 7.0

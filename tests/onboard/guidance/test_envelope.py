@@ -13,8 +13,10 @@ from onboard.guidance.envelope import (
     AT_REST_MAX_MPS,
     AT_REST_MPS,
     at_rest_speed_mps,
+    broken_clauses,
     envelope_from,
     envelope_of,
+    has_best_effort,
     peak_speed_mps,
 )
 from onboard.motion.trajectory import State
@@ -88,3 +90,27 @@ def test_braking_from_what_counts_as_at_rest_is_short(assessment: Assessment) ->
     stop = brake_to_hover(state, 0.0, envelope_of(assessment))
     assert stop.final.position_leg_m[0] <= assessment.terms.tracking_error_m
     assert math.hypot(*stop.final.velocity_leg_mps) == pytest.approx(0.0, abs=1e-9)
+
+
+def required(assessment: Assessment, **requirements: object) -> Assessment:
+    """Return a contract for obstacles too near to each other, with other requirements."""
+    contract = assessment.contract
+    environment = contract.environment.model_copy(update={"obstacle_separation_min_m": 1.0})
+    changed = contract.requirements.model_copy(update=requirements)
+    update = {"requirements": changed, "environment": environment}
+    return assess(contract.model_copy(update=update), mission_altitude_m=4.0)
+
+
+def test_with_best_effort_only_clauses_of_safety_keep_the_vehicle_from_flying(
+    assessment: Assessment,
+) -> None:
+    assert broken_clauses(required(assessment)) == ["separation"]
+    best_effort = required(assessment, progress="best_effort")
+    assert has_best_effort(best_effort)
+    assert broken_clauses(best_effort) == []
+
+
+def test_without_a_way_to_rest_there_is_no_best_effort(assessment: Assessment) -> None:
+    unstopped = required(assessment, progress="best_effort", stop=False)
+    assert not has_best_effort(unstopped)
+    assert "separation" in broken_clauses(unstopped)

@@ -94,6 +94,9 @@ def test_every_phase_is_published_under_its_name_of_before() -> None:
         "stopping_unaligned": "cruise",
         "stopping": "cruise",
         "avoiding_then_stopping": "avoid",
+        "threading": "thread",
+        "looking": "pause",
+        "resting": "thread",
         "arrived": "arrived",
         "holding": "hold",
     }
@@ -101,7 +104,8 @@ def test_every_phase_is_published_under_its_name_of_before() -> None:
 
 @pytest.mark.parametrize("state", FlightState)
 def test_properties_agree_with_the_phase(state: FlightState) -> None:
-    assert state.flying is (state.phase in (Phase.CRUISE, Phase.AVOID))
+    assert state.in_seen_space is (state.phase in (Phase.THREAD, Phase.PAUSE))
+    assert state.flying is (state.phase in (Phase.CRUISE, Phase.AVOID) or state.in_seen_space)
     if state.cruising_freely:
         assert state.phase is Phase.CRUISE
     if state.changes_mission:
@@ -152,7 +156,7 @@ def test_a_hold_is_left_only_by_the_pilot() -> None:
 @pytest.mark.parametrize("state", FlightState)
 def test_a_mission_can_change_in_every_state(state: FlightState) -> None:
     changed = next_state(state, Trigger.MISSION_CHANGED)
-    assert changed.phase is state.phase
+    assert changed.phase is state.phase or (changed.in_seen_space and state.in_seen_space)
     assert changed.changes_mission is state.flying
     # Another one on top of it changes nothing more.
     assert next_state(changed, Trigger.MISSION_CHANGED) is changed
@@ -165,9 +169,10 @@ def test_a_leg_ends_only_outside_regions_and_at_rest_with_the_nose_known(
 ) -> None:
     ends = {Trigger.LEG_FLOWN, Trigger.MISSION_FLOWN} & triggers_of(state)
     ready = state.phase is Phase.CRUISE and state is not FlightState.ALIGNING
-    assert bool(ends) is ready
-    if ready:
-        assert next_state(state, Trigger.LEG_FLOWN) is FlightState.ALIGNING
+    assert bool(ends) is (ready or state.phase is Phase.THREAD)
+    if ends:
+        looks = FlightState.LOOKING if state.in_seen_space else FlightState.ALIGNING
+        assert next_state(state, Trigger.LEG_FLOWN) is looks
         assert next_state(state, Trigger.MISSION_FLOWN) is FlightState.ARRIVED
 
 
@@ -175,6 +180,23 @@ def test_a_leg_ends_only_outside_regions_and_at_rest_with_the_nose_known(
 def test_avoidances_begin_only_in_a_free_cruise(state: FlightState) -> None:
     assert (Trigger.PRE_CONDITION in triggers_of(state)) is state.cruising_freely
     assert (Trigger.CRUISE_REPLANNED in triggers_of(state)) is state.cruising_freely
+
+
+def test_a_flight_in_seen_space_never_leaves_it_but_for_rest_or_the_pilot() -> None:
+    ends = {FlightState.ARRIVED, FlightState.HOLDING, FlightState.STANDBY}
+    for (state, _), target in TRANSITIONS.items():
+        if state.in_seen_space:
+            assert target.in_seen_space or target in ends
+        elif target.in_seen_space:
+            assert state is FlightState.STANDBY
+
+
+def test_threading_pauses_and_goes_on() -> None:
+    looking = next_state(FlightState.STANDBY, Trigger.BEST_EFFORT_GRANTED)
+    assert looking is FlightState.LOOKING
+    assert next_state(looking, Trigger.WAY_FOUND) is FlightState.THREADING
+    assert next_state(FlightState.THREADING, Trigger.NO_WAY) is looking
+    assert next_state(looking, Trigger.NO_WAY) is looking
 
 
 def test_a_drift_begins_and_ends_in_cruise() -> None:

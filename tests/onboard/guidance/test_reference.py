@@ -126,3 +126,14 @@ def test_setpoints_are_in_ned_and_point_along_the_leg() -> None:
     assert setpoint.velocity_ned_mps == pytest.approx((0.0, 2.0, 0.0))
     assert setpoint.acceleration_ned_mps2 == pytest.approx((0.0, 0.0, 0.0))
     assert setpoint.yaw_ned_rad == math.pi / 2.0
+
+
+def test_the_nose_is_turned_from_the_leg() -> None:
+    reference = Reference()
+    reference.fly(moving(0.0, 0.0, 2.0))
+    reference.heading_rad = math.radians(150.0)
+    setpoint = reference.setpoint(1.0, LegFrame((10.0, 20.0, -4.0), math.pi / 2.0))
+    assert setpoint is not None
+    assert setpoint.yaw_ned_rad == pytest.approx(math.radians(-120.0))
+    reference.clear()
+    assert reference.heading_rad == 0.0

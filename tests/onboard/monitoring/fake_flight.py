@@ -31,6 +31,7 @@ class FakeFlight:
     flying: bool = True
     moving: bool = True
     cruising_freely: bool = True
+    in_seen_space: bool = False
     state: State | None = AT_START
     stops: bool = False
     to_meet: list[str] = field(default_factory=list)
@@ -52,6 +53,10 @@ class FakeFlight:
     def stand_by(self) -> None:
         self.hover()
         self.state = None
+
+    @property
+    def pointing_rad(self) -> float | None:
+        return self.leg.heading_rad if self.moving else None
 
     @property
     def answered(self) -> list[Assumption]:

@@ -11,7 +11,7 @@ from onboard.contract.assessment import TICK_S
 from onboard.events import Event
 from onboard.files.contract_file import Contract
 from onboard.mavlink.endpoint import MavlinkEndpoint
-from onboard.monitoring.assumptions import Assumption
+from onboard.monitoring.assumptions import Assumption, Violation
 from onboard.monitoring.estimator.heading import POINTING_CONFIRMATION_S
 from onboard.monitoring.estimator.position_quality import PositionQualityMonitor, Sign, Worth
 from onboard.monitoring.loop_overrun import TICK_OVERRUN_S
@@ -501,3 +501,79 @@ def test_after_a_departure_no_earlier_suspicion_is_left(bench: Bench) -> None:
     bench.run(CONFIRMATIONS * TICK_S, position_ned_m=(0.0, 1.0, -4.0))
     assert Assumption.TRACKING_ERROR in bench.flight.answered
     assert "suspicion" not in bench.names()
+
+
+def test_in_seen_space_what_costs_time_only_is_a_delay(bench: Bench) -> None:
+    bench.flight.in_seen_space = True
+    blind = Violation(Assumption.DETECTION_AGE, 0.5, 0.3, "s", "front")
+    bench.supervisor.report_and_respond(blind, 0.0)
+    assert bench.flight.answers == []
+    defect = Violation(Assumption.SELF_CHECK, 1.0, 0.0, "exceptions")
+    bench.supervisor.report_and_respond(defect, 0.0)
+    assert bench.flight.answered == [Assumption.SELF_CHECK]
+
+
+# ------------------------------------------------------------------ seen space
+
+
+def look(bench: Bench, *obstacles: dict[str, Any]) -> None:
+    """Hand over enough frames for cells to be free, each with its pose."""
+    for _ in range(5):
+        bench.now_s += 0.05
+        bench.move(pose_at(bench.now_s - 0.02))
+        bench.move(pose_at(bench.now_s))
+        bench.see(*obstacles)
+
+
+def free_at(bench: Bench, x_m: float, y_m: float) -> bool:
+    return bench.supervisor.seen.grid().is_free(x_m, x_m, y_m, y_m)
+
+
+def test_frames_say_what_is_free(bench: Bench) -> None:
+    look(bench)
+    assert free_at(bench, 6.0, 0.0)
+    assert bench.flight.answers == []
+
+
+def test_a_doubted_position_stops_the_seeing(bench: Bench) -> None:
+    bench.supervisor.position_sign = DOUBT
+    look(bench)
+    assert bench.supervisor.seen.size == 0
+
+
+@pytest.mark.parametrize("relied_on", [True, False])
+def test_a_contradiction_voids_the_set_and_is_a_violation_where_it_is_relied_on(
+    bench: Bench, *, relied_on: bool
+) -> None:
+    bench.supervisor.seen.relied_on = relied_on
+    look(bench)
+    bench.now_s += 0.05
+    bench.move(pose_at(bench.now_s))
+    bench.see(obstacle(center_m=[6.0, 0.0]))
+    assert bench.supervisor.seen.size == 0
+    assert bench.reported == (["sensor_contradiction"] if relied_on else [])
+    assert bench.flight.answered == [Assumption.SENSOR_CONTRADICTION] * relied_on
+
+
+def test_frames_with_more_than_the_declared_error_say_nothing(bench: Bench) -> None:
+    look(bench)
+    assert bench.supervisor.seen.size > 0
+    look(bench, obstacle(center_m=[6.0, 9.0], uncertainty_m=0.5))
+    assert bench.supervisor.seen.size == 0
+    assert "detection_uncertainty" in bench.supervisor.seen.void_reason
+
+
+@pytest.mark.parametrize(
+    ("bound_m", "flying", "kept"), [(1.5, True, True), (0.0, True, False), (1.5, False, False)]
+)
+def test_a_reset_shifts_what_was_seen_if_it_is_declared_and_voids_it_otherwise(
+    bench: Bench, bound_m: float, *, flying: bool, kept: bool
+) -> None:
+    declared(bench, bound_m)
+    look(bench)
+    assert free_at(bench, 4.0, 1.0)
+    if not flying:
+        bench.flight.hover()
+    assert reset(bench, (0.0, 1.0, 0.0))
+    assert free_at(bench, 4.0, 2.0) == kept
+    assert (bench.supervisor.seen.size > 0) == kept

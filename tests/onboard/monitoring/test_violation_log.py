@@ -1,7 +1,7 @@
 import pytest
 
 from onboard.event_limiter import EVENT_PERIOD_S
-from onboard.events import Event
+from onboard.events import Event, EventName, Severity
 from onboard.monitoring.assumptions import Assumption, Violation
 from onboard.monitoring.violation_log import ViolationLog
 
@@ -71,3 +71,12 @@ def test_mergers_are_said_once_each_and_rarely(log: ViolationLog, events: list[E
     texts = [event.text for event in events]
     assert texts[1::2] == ["avoiding a+b as one", "avoiding c+d as one"]
     assert texts[0] == "roi_intersection (a+b): 0.00, limit 16.00 m"
+
+
+def test_a_delay_is_no_violation_and_said_once(log: ViolationLog, events: list[Event]) -> None:
+    silent = Violation(Assumption.DETECTION_AGE, 0.5, 0.3, "s", "front")
+    log.report_delay(silent, 0.0)
+    log.report_delay(silent, 1.0)
+    (event,) = events
+    assert (event.name, event.severity) == (EventName.DELAYED, Severity.NOTICE)
+    assert event.text.endswith("; going on by itself when that is over")

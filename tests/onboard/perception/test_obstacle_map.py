@@ -153,6 +153,16 @@ def test_new_leg_sees_what_was_remembered(obstacle_map: ObstacleMap) -> None:
     assert obstacle_map.obstacle_of_interest(0.0, 0.0, horizon_m=5.0) is known
 
 
+def test_boxes_of_tracks_are_not_those_of_what_they_merge_into() -> None:
+    known = merging_map(6.0)
+    known.add("front/1", square((20.0, 0.0), side_m=1.0), 0.1)
+    known.add("front/2", square((22.0, 0.5), side_m=1.0), 0.1)
+    known.add("front/3", square((90.0, 0.0), side_m=1.0), 0.1)
+    assert len(known) == 2
+    boxes = sorted(known.boxes_between(0.0, 40.0), key=lambda box: box.x_min_m)
+    assert boxes == [Box(19.5, 20.5, -0.5, 0.5), Box(21.5, 22.5, 0.0, 1.0)]
+
+
 def merging_map(merged_size_max_m: float) -> ObstacleMap:
     return ObstacleMap(NORTH_LEG, region_around, merged_size_max_m)
 

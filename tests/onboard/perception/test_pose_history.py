@@ -64,3 +64,30 @@ def test_a_reset_moves_every_pose() -> None:
         found = history.at(time_s)
         assert found is not None
         assert found.position_ned_m == pytest.approx((50.0 * time_s + 1.0, -2.0, 0.5))
+
+
+def turning(*yaws_rad: float, period_s: float = 0.02) -> PoseHistory:
+    history = PoseHistory()
+    for step, yaw_rad in enumerate(yaws_rad):
+        history.add(Pose(step * period_s, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), 0.0, 0.0, yaw_rad))
+    return history
+
+
+def test_the_fastest_turn_around_a_time_is_found_in_either_direction() -> None:
+    history = turning(0.0, 0.0, 0.0, -0.01, -0.01, -0.01, -0.01, -0.01, -0.01, -0.01)
+    assert history.fastest_turn_radps(0.05, 0.02) == pytest.approx(0.5)
+    assert history.fastest_turn_radps(0.13, 0.02) == 0.0
+    assert history.fastest_turn_radps(0.13, 0.1) == pytest.approx(0.5)
+    past_half_turn = turning(math.pi - 0.001, -math.pi + 0.001)
+    assert past_half_turn.fastest_turn_radps(0.01, 0.1) == pytest.approx(0.1)
+
+
+@pytest.mark.parametrize("time_s", [-0.05, 0.5])
+def test_a_turn_that_no_poses_tell_of_may_be_of_any_speed(time_s: float) -> None:
+    assert turning(0.0, 0.0, 0.0).fastest_turn_radps(time_s, 0.1) == math.inf
+    assert PoseHistory().fastest_turn_radps(time_s, 0.1) == math.inf
+
+
+def test_a_heading_that_jumps_within_one_instant_turns_infinitely_fast() -> None:
+    assert turning(0.0, 1.0, period_s=0.0).fastest_turn_radps(0.0, 0.1) == math.inf
+    assert turning(1.0, 1.0, period_s=0.0).fastest_turn_radps(0.0, 0.1) == 0.0

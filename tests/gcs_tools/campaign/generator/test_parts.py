@@ -59,7 +59,7 @@ def test_a_drawn_contract_complies_with_little_to_spare(seed: int) -> None:
     assessment = assess(contract)
     assert assessment.compliant
     required = {clause.name: clause.required for clause in assessment.clauses}
-    separation_m = contract.environment.obstacle_separation_min_m
+    separation_m = contract.environment.separation_any_way_m
     assert separation_m == pytest.approx(required["separation"], rel=0.02)
     assert FULL.speed_mps[0] <= contract.vehicle.cruise_speed_mps <= FULL.speed_mps[1]
 
@@ -97,7 +97,7 @@ def test_obstacles_are_on_the_leg_and_apart(seed: int, heading_rad: float) -> No
     along_m = field.center_ned_m @ along
     assert np.all((along_m > 0.0) & (along_m < 90.0))
     apart_m = np.diff(along_m)
-    assert np.all(apart_m >= contract.environment.obstacle_separation_min_m)
+    assert np.all(apart_m >= contract.environment.separation_any_way_m)
     sizes_m = np.hypot(*(2.0 * field.half_size_m).T)
     assert np.all(sizes_m <= contract.environment.obstacle_size_max_m * math.sqrt(2.0) + 1e-9)
 
@@ -121,7 +121,7 @@ def test_a_breach_leaves_the_rest_of_the_field(breach: Breach) -> None:
             np.testing.assert_array_equal(after.center_ned_m[1:], before.center_ned_m[1:])
         else:
             apart_m = np.hypot(*(after.center_ned_m[-1] - before.center_ned_m[0]))
-            assert apart_m < 0.71 * SCENARIO.contract.environment.obstacle_separation_min_m
+            assert apart_m < 0.71 * SCENARIO.contract.environment.separation_any_way_m
     # What was drawn before is not changed by it.
     assert len(SCENARIO.obstacles) == len(before)
 

@@ -1,0 +1,89 @@
+"""Where the vehicle may run on to when the setpoint stream stops, for any setpoint.
+
+The run stays in the bounding box of the setpoint's position and of points that are linear in its
+position, velocity and acceleration (two-tier theory, section 6): along a cubic piece each of them
+is a cubic again, so that they are rows of a QP and can be certified like the path itself.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class RunOn:
+    """The points that bound a run, beside the setpoint's own position.
+
+    Attributes:
+        gains: (kappa [s], c [s²]) for each point ``position + kappa velocity + c acceleration``.
+    """
+
+    gains: tuple[tuple[float, float], ...] = ()
+
+    def reach_m(self, speed_mps: float) -> float:
+        """Return how far a setpoint without acceleration may run on at a speed."""
+        return max((kappa_s * speed_mps for kappa_s, _ in self.gains), default=0.0)
+
+
+NO_RUN_ON = RunOn()
+
+
+def frozen_run_on(kappa_s: float, *, gain_per_s: float, velocity_gain_per_s: float) -> RunOn:
+    """Return the run of an autopilot that keeps flying to the last setpoint (PX4).
+
+    The commanded velocity is ``v + Kp (p_setpoint - p)``, so it stops at ``p + v / Kp``, and the
+    acceleration acts as a bias of ``a / Kv``: the run stays in the triangle of p, p + kappa v and
+    p + kappa v + a / (Kp Kv).
+
+    Args:
+        kappa_s: overshoot over Kp, or what a measured run gives if that is longer.
+        gain_per_s: Kp, of the position controller.
+        velocity_gain_per_s: Kv, of the velocity controller.
+    """
+    return RunOn(((kappa_s, 0.0), (kappa_s, 1.0 / (gain_per_s * velocity_gain_per_s))))
+
+
+def coasting_run_on(
+    timeout_s: float,
+    *,
+    lag_s: float,
+    brake_mps2: float,
+    speed_max_mps: float,
+    acceleration_max_mps2: float,
+) -> RunOn:
+    """Return the run of an autopilot that integrates the setpoint, then brakes (ArduPilot).
+
+    The coast ``p + v t + a t²/2`` is a quadratic Bézier curve in the hull of p, p + v t_l and
+    p + v t_l + a t_l²/2; the braking way is part of the segment from there to p + kappa v + c a
+    (correction of C3).
+
+    Args:
+        timeout_s: t_l, until the autopilot stops by itself.
+        lag_s: from a command until the acceleration acts.
+        brake_mps2: with which it stops.
+        speed_max_mps: greatest Euclidean speed of a setpoint.
+        acceleration_max_mps2: greatest Euclidean acceleration of a setpoint.
+    """
+    fastest_mps = speed_max_mps + acceleration_max_mps2 * timeout_s
+    stopping_s = lag_s + fastest_mps / (2.0 * brake_mps2)
+    half_s2 = timeout_s**2 / 2.0
+    return RunOn(
+        (
+            (timeout_s, 0.0),
+            (timeout_s, half_s2),
+            (timeout_s + stopping_s, half_s2 + timeout_s * stopping_s),
+        )
+    )
+
+
+def overshoot(gain_per_s: float, lag_s: float) -> float:
+    """Return how far the loop ``v' = (Kp (target - p) + v_ff - v) / lag`` overshoots its target.
+
+    Starting with the velocity that the feed-forward asks for; 1 where the loop does not overshoot.
+    """
+    damping = 0.5 / math.sqrt(gain_per_s * lag_s)
+    if damping >= 1.0:
+        return 1.0
+    root = math.sqrt(1.0 - damping**2)
+    return 1.0 + math.exp(-damping * math.pi / root)

@@ -1,0 +1,62 @@
+"""A raster that says which cells are free, and answers for rectangles."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from onboard.geometry.frames import FloatArray
+
+    BoolArray = NDArray[np.bool_]
+
+
+@dataclass(frozen=True, eq=False)
+class FreeGrid:
+    """A snapshot of the seen-free set that answers questions about rectangles in O(1).
+
+    Attributes:
+        origin_leg_m: corner of the grid with the least x and y.
+        cell_m: edge of a cell.
+        unknown_sum: (nx + 1, ny + 1), number of unknown cells below and left of each corner.
+    """
+
+    origin_leg_m: tuple[float, float]
+    cell_m: float
+    unknown_sum: NDArray[np.int32]
+
+    @property
+    def free_cells(self) -> int:
+        """Number of cells that are known to be free."""
+        nx, ny = self.unknown_sum.shape
+        return int((nx - 1) * (ny - 1) - self.unknown_sum[-1, -1])
+
+    def is_free(self, x_min_m: float, x_max_m: float, y_min_m: float, y_max_m: float) -> bool:
+        """Tell whether a closed rectangle holds no unknown cell; none is known outside the grid."""
+        faces = (np.array([face]) for face in (x_min_m, x_max_m, y_min_m, y_max_m))
+        return bool(self.are_free(*faces)[0])
+
+    def are_free(
+        self, x_min_m: FloatArray, x_max_m: FloatArray, y_min_m: FloatArray, y_max_m: FloatArray
+    ) -> BoolArray:
+        """Tell for each closed rectangle whether it holds no unknown cell; arrays of any shape."""
+        (x_m, y_m), cell_m, table = self.origin_leg_m, self.cell_m, self.unknown_sum
+        first_i, last_i = np.floor((x_min_m - x_m) / cell_m), np.ceil((x_max_m - x_m) / cell_m)
+        first_j, last_j = np.floor((y_min_m - y_m) / cell_m), np.ceil((y_max_m - y_m) / cell_m)
+        # Compared as floats, so that what is not finite is outside, on every processor.
+        inside = (first_i >= 0) & (first_j >= 0) & (x_min_m <= x_max_m) & (y_min_m <= y_max_m)
+        inside &= (last_i < table.shape[0]) & (last_j < table.shape[1])
+        i0, i1, j0, j1 = (
+            np.where(inside, index, 0.0).astype(int) for index in (first_i, last_i, first_j, last_j)
+        )
+        # A rectangle without extent on the edge of a cell still lies in a cell.
+        i1, j1 = np.maximum(i1, i0 + 1), np.maximum(j1, j0 + 1)
+        inside &= (i1 < table.shape[0]) & (j1 < table.shape[1])
+        i0, i1, j0, j1 = (np.where(inside, index, 0) for index in (i0, i1, j0, j1))
+        unknown = table[i1, j1] - table[i0, j1] - table[i1, j0] + table[i0, j0]
+        free: BoolArray = inside & (unknown == 0)
+        return free

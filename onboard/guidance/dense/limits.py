@@ -1,0 +1,59 @@
+"""What ways to rest may ask of the vehicle under a contract."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Final
+
+from onboard.contract.run_on import NO_RUN_ON, RunOn, coasting_run_on
+from onboard.planning.rest_certifier import RestLimits
+
+if TYPE_CHECKING:
+    from onboard.contract.assessment import Assessment
+
+# A vehicle without lag still has no use for more jerk than this allows for.
+_LAG_MIN_S: Final = 0.05
+
+
+def rest_limits_of(assessment: Assessment, *, any_heading: bool) -> RestLimits:
+    """Return the limits of ways to rest.
+
+    Args:
+        assessment: the contract in force.
+        any_heading: whether the nose may point anywhere: the accelerations of W hold along and
+            across the nose only, the least of them in every direction, and so does the jerk.
+    """
+    terms, limits = assessment.terms, assessment.limits
+    box_mps2 = (limits.brake_mps2, limits.forward_mps2, limits.left_mps2, limits.right_mps2)
+    least_mps2 = min(box_mps2)
+    lag_s = max(terms.attitude_lag_s, _LAG_MIN_S)
+    return RestLimits(
+        body_radius_m=terms.body_m,
+        speed_max_mps=terms.cruise_speed_mps,
+        acceleration_max_mps2=(least_mps2,) * 4 if any_heading else box_mps2,
+        acceleration_disc_mps2=least_mps2 if any_heading else math.inf,
+        jerk_max_mps3=least_mps2 / lag_s / (math.sqrt(2.0) if any_heading else 1.0),
+        run_on=run_on_of(assessment),
+    )
+
+
+def run_on_of(assessment: Assessment) -> RunOn:
+    """Return how the vehicle runs on after a loss of the stream; nothing without the clause."""
+    terms, limits = assessment.terms, assessment.limits
+    if not terms.passive_safety:
+        return NO_RUN_ON
+    run_on = coasting_run_on(
+        terms.setpoint_loss_timeout_s,
+        lag_s=terms.attitude_lag_s,
+        brake_mps2=limits.brake_mps2,
+        speed_max_mps=terms.cruise_speed_mps,
+        acceleration_max_mps2=math.hypot(
+            max(limits.brake_mps2, limits.forward_mps2), max(limits.left_mps2, limits.right_mps2)
+        ),
+    )
+    measured_m, measured_at_mps = terms.setpoint_loss_run_on_m, terms.setpoint_loss_run_on_speed_mps
+    if measured_m is None or measured_at_mps is None:
+        return run_on
+    # What was measured replaces the model where it is longer (two-tier theory, section 6).
+    *first, (kappa_s, c_s2) = run_on.gains
+    return RunOn((*first, (max(kappa_s, measured_m / measured_at_mps), c_s2)))

@@ -1,0 +1,67 @@
+"""What guidance needs of the space that was seen free: the seam to perception."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Protocol
+
+import numpy as np
+
+from onboard.geometry.free_grid import FreeGrid
+
+if TYPE_CHECKING:
+    from onboard.geometry.frames import LegFrame
+
+
+class SeenSpace(Protocol):
+    """The seen-free set in the frame of the leg."""
+
+    @property
+    def frames_needed(self) -> int:
+        """K, frames that have to show a cell free."""
+        ...
+
+    @property
+    def frames_counted(self) -> int:
+        """How many frames have counted so far: complete, placed, and not taken in a fast turn."""
+        ...
+
+    def grid(self) -> FreeGrid:
+        """Return the set as it is now."""
+        ...
+
+    def confirm_start(self, x_m: float, y_m: float) -> bool:
+        """Take the place where the vehicle rests as free: it has looked all round from there.
+
+        Returns:
+            Whether it is: no known obstacle may be there.
+        """
+        ...
+
+    def begin_leg(self, leg: LegFrame) -> None:
+        """State the set in the frame of another leg."""
+        ...
+
+    def limit(self, half_width_m: float) -> None:
+        """Call nothing free that is farther than this from the line of a leg."""
+        ...
+
+
+class NothingSeen:
+    """The set before any sensor feeds it: nothing is free, and nothing certifies."""
+
+    frames_needed = 1
+    frames_counted = 0
+
+    def grid(self) -> FreeGrid:
+        """Return a grid without cells."""
+        return FreeGrid((0.0, 0.0), 1.0, np.zeros((1, 1), np.int32))
+
+    def confirm_start(self, x_m: float, y_m: float) -> bool:  # noqa: ARG002  none is
+        """Confirm no place."""
+        return False
+
+    def begin_leg(self, leg: LegFrame) -> None:
+        """Do nothing."""
+
+    def limit(self, half_width_m: float) -> None:
+        """Do nothing."""

@@ -1,0 +1,132 @@
+"""Guide and plan in bounded slices, so that no tick waits for a whole plan."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Final, NamedTuple
+
+from onboard.planning.corridor.guide import Guide
+from onboard.planning.corridor.receding_horizon import (
+    HorizonPlan,
+    HorizonProblem,
+    RecedingHorizonPlanner,
+)
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Generator, Sequence
+
+    from onboard.geometry.box import Box
+    from onboard.geometry.frames import FloatArray
+    from onboard.geometry.free_grid import FreeGrid
+    from onboard.guidance.dense.way_to_rest import WayToRest
+    from onboard.planning.corridor.horizon import Horizon
+    from onboard.planning.rest_certifier import RestLimits
+
+# A plan takes about ten slices, and has ten ticks.
+SLICES_PER_TICK: Final = 2
+# The guide follows what is new after the first of these, and the vehicle after the second.
+_GUIDE_PERIOD_S: Final = 0.4
+_GUIDE_AGE_MAX_S: Final = 2.0
+# As far ahead the guide matters to where the nose points.
+_PATH_M: Final = 5.0
+
+
+class Surroundings(NamedTuple):
+    """What a plan is made in.
+
+    Attributes:
+        grid: returns the seen-free set as it is.
+        boxes: of what is known, leg frame; for the guide.
+        revision: changes with the boxes.
+    """
+
+    grid: Callable[[], FreeGrid]
+    boxes: Sequence[Box]
+    revision: int
+
+
+class Proposal(NamedTuple):
+    """A plan, and the version of the plan flown that it was computed from."""
+
+    horizon: Horizon
+    version: int
+
+
+class SlicedPlanning:
+    """Plans from the plan flown, a few slices in each tick.
+
+    Args:
+        guide: distances to the leg's end.
+        limits: what a plan may ask for.
+
+    Attributes:
+        guide: as given.
+        slices_max: the most slices that one tick has done.
+    """
+
+    def __init__(self, guide: Guide, limits: RestLimits) -> None:
+        self.guide, self._limits = guide, limits
+        self._planner = RecedingHorizonPlanner(limits)
+        self._work: Generator[None, None, HorizonPlan] | None = None
+        self._guide_work: Generator[None] | None = None
+        self._version = -1
+        self._guide_revision, self._guide_s = -1, -math.inf
+        self.slices_max = 0
+
+    def advance(self, way: WayToRest, surroundings: Surroundings, now_s: float) -> Proposal | None:
+        """Work for one tick on the plan of the next node; return it once it is complete.
+
+        Only a plan that leads elsewhere is returned: the one that is kept needs no decision.
+        """
+        if way.flown is None or way.decided:
+            return None
+        if self._guide_work is None and self._version != way.version:
+            # The work is on another plan than the one flown.
+            self._version, self._work = way.version, None
+            if not self._begin_guide(way.flown, surroundings, now_s):
+                self._begin_plan(way, surroundings)
+        if self._guide_work is not None:
+            if next(self._guide_work, True):
+                self._guide_work = None
+                self._version, self._work = way.version, None
+                self._begin_plan(way, surroundings)
+            return None
+        return None if self._work is None else self._slices(way)
+
+    def path_leg_m(self, position_leg_m: tuple[float, float]) -> FloatArray | None:
+        """Return the guide's path from a position; None where none leads on, or is known yet."""
+        return self.guide.path_leg_m(position_leg_m, _PATH_M)
+
+    def forget_guide(self) -> None:
+        """Compute the guide anew with the next plan: a place has become dearer."""
+        self._guide_revision = -1
+
+    def _slices(self, way: WayToRest) -> Proposal | None:
+        assert self._work is not None  # noqa: S101  the caller checked
+        for count in range(1, SLICES_PER_TICK + 1):
+            self.slices_max = max(self.slices_max, count)
+            try:
+                next(self._work)
+            except StopIteration as done:
+                self._work = None
+                plan: HorizonPlan = done.value
+                return None if plan.kind == "kept" else Proposal(plan.horizon, way.version)
+        return None
+
+    def _begin_plan(self, way: WayToRest, surroundings: Surroundings) -> None:
+        assert way.flown is not None  # noqa: S101  the caller checked
+        problem = HorizonProblem(
+            way.flown, surroundings.grid(), self.guide, self._limits, way.height_m
+        )
+        self._work = self._planner.plan(problem)
+
+    def _begin_guide(self, flown: Horizon, surroundings: Surroundings, now_s: float) -> bool:
+        """Begin to compute the guide anew, where it is due: a slice a tick; tell whether it is."""
+        age_s = now_s - self._guide_s
+        news = surroundings.revision != self._guide_revision
+        if not (age_s > _GUIDE_AGE_MAX_S or (news and age_s >= _GUIDE_PERIOD_S)):
+            return False
+        x_m, y_m = flown.nodes[0, 0].tolist()
+        self._guide_work = self.guide.updating((x_m, y_m), surroundings.boxes)
+        self._guide_revision, self._guide_s = surroundings.revision, now_s
+        return True

@@ -1,0 +1,361 @@
+"""Feeds the seen-free set of the vehicle: which frames count, and what takes the set away.
+
+Everything that is flown in seen-free space rests on frames that report *no* obstacle, so that a
+frame counts only if all that it may be wrong about is within the contract (two-tier theory,
+A1-sensor).  A frame that does not count also breaks its sensor's row of successive frames.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from collections.abc import Sequence
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from onboard.geometry.box import Box
+from onboard.geometry.frames import FloatArray, LegFrame, Vector, wrap_angle
+from onboard.geometry.free_grid import FreeGrid
+from onboard.monitoring.assumptions import Assumption, Violation
+from onboard.monitoring.supervised_flight import SupervisedFlight
+from onboard.perception.detection import Corners, DetectionFrame, corners_ned, shifted_corners
+from onboard.perception.line_of_sight import BOXES_MAX, View
+from onboard.perception.placement import POSE_TIMING_S
+from onboard.perception.pose_history import PoseHistory
+from onboard.perception.seen_free import CELL_M, SeenFree
+from onboard.vehicle_state import Pose
+
+# Frames of a body that turns faster do not count: 20 ms of 60 deg/s displace by 0.25 m at 12 m.
+TURN_MAX_RADPS: Final = math.radians(20.0)
+_TURN_AROUND_S: Final = 0.1
+# The pose of a frame is moved on by no more than this.
+_POSE_APART_S: Final = 0.05
+# A vehicle that drifts at rest stays on the disc where it began, by this.
+START_MARGIN_M: Final = 0.3
+# More frames than these wait only if a tick has come late: the oldest do not count.
+_PENDING_MAX: Final = 8
+# What makes a frame that shows it, and what has been seen with it, unfit to say what is free.
+DOUBTS: Final = frozenset(
+    {
+        Assumption.SENSOR_CLOCK,
+        Assumption.DETECTION_UNCERTAINTY,
+        Assumption.DETECTION_CONSISTENCY,
+        Assumption.HEADING_ERROR,
+        Assumption.POSITION_QUALITY,
+    }
+)
+# A strip is tested for being free in at most so many pieces.
+_PIECES_MAX: Final = 200
+
+
+class _Sight(NamedTuple):
+    """One frame that counts: its pose, and the boxes in local NED with their yaw there."""
+
+    frame: DetectionFrame
+    pose: Pose
+    turn_radps: float
+    corners_ned_m: list[Corners]
+
+
+class SeenSpace:
+    """The seen-free set in the frame of the leg that is flown, and what is known beside it.
+
+    Args:
+        flight: whose leg, contract and map count.
+        poses: where the body was.
+        frames_needed: K, see `SeenFree`.
+
+    Attributes:
+        relied_on: whether what is flown was certified in the set, so that a contradiction is a
+            violation; guidance says so.  Otherwise it only voids the set.
+        void_reason: why the set was emptied last; empty if it never was.
+        frames_needed: K, as given.
+        frames_counted: how many frames have counted so far.
+    """
+
+    def __init__(
+        self, flight: SupervisedFlight, poses: PoseHistory, *, frames_needed: int = 3
+    ) -> None:
+        self._flight, self._poses = flight, poses
+        self._set = SeenFree(frames_needed=frames_needed)
+        self._leg = flight.leg
+        self._half_width_m = math.inf
+        self._pending: deque[_Sight] = deque()
+        self._stamps_s: dict[str, float] = {}
+        self.relied_on = False
+        self.void_reason = ""
+        self.frames_needed, self.frames_counted = frames_needed, 0
+
+    # ------------------------------------------------------------------ what is asked of it
+
+    @property
+    def version(self) -> int:
+        """Changes whenever the set does."""
+        self.begin_leg(self._flight.leg)
+        return self._set.version
+
+    @property
+    def size(self) -> int:
+        """Number of free cells."""
+        return self._set.size
+
+    def grid(self) -> FreeGrid:
+        """Return what is free, in the frame of the leg; the same snapshot until it changes."""
+        self.begin_leg(self._flight.leg)
+        return self._set.grid()
+
+    def boxes(self) -> list[Box]:
+        """Return every known obstacle near the vehicle, in the frame of the leg, as measured."""
+        self.begin_leg(self._flight.leg)
+        x_m, y_m = self._set.centre_leg_m
+        return self._known_boxes(x_m, y_m, self._set.reach_m)
+
+    # ------------------------------------------------------------------ what guidance tells it
+
+    def confirm_start(self, x_m: float, y_m: float) -> bool:
+        """Take the place where the vehicle rests for free, body and margin included (A0).
+
+        The caller answers for it: the operator has said so.
+
+        Returns:
+            Whether it is: no known obstacle may be there.
+        """
+        self.begin_leg(self._flight.leg)
+        terms = self._flight.assessment.terms
+        radius_m = math.sqrt(2.0) * (terms.body_m + CELL_M) + START_MARGIN_M
+        for box in self._known_boxes(x_m, y_m, radius_m + terms.position_error_m):
+            nearest_m = math.hypot(
+                max(box.x_min_m - x_m, 0.0, x_m - box.x_max_m),
+                max(box.y_min_m - y_m, 0.0, y_m - box.y_max_m),
+            )
+            if nearest_m <= radius_m + math.sqrt(2.0) * terms.position_error_m:
+                return False
+        self._set.centre_on(x_m, y_m)
+        self._set.confirm(x_m, y_m, radius_m)
+        return True
+
+    def limit(self, half_width_m: float) -> None:
+        """Call nothing free that is farther than this from the line of a leg; stays in force."""
+        self._half_width_m = half_width_m
+        self._set.limit(half_width_m)
+
+    def begin_leg(self, leg: LegFrame) -> None:
+        """State the set in the frame of another leg; one at another height has not been seen."""
+        before = self._leg
+        if leg == before:
+            return
+        self._leg = leg
+        self._pending.clear()
+        origin_m = before.position_leg(leg.origin_ned_m)
+        turn_rad = wrap_angle(leg.heading_rad - before.heading_rad)
+        self._set = self._set.turned((origin_m[0], origin_m[1]), turn_rad)
+        self._set.limit(self._half_width_m)
+        if abs(origin_m[2]) > self._flight.assessment.terms.tracking_error_z_m:
+            self.void("the leg is at another height")
+
+    def shift(self, shift_ned_m: Vector) -> None:
+        """Move the set into the present local frame, which a declared reset has moved."""
+        self.begin_leg(self._flight.leg)
+        x_m, y_m, z_m = self._leg.vector_leg(shift_ned_m)
+        self._pending.clear()
+        if abs(z_m) > self._flight.assessment.terms.tracking_error_z_m:
+            self.void("the estimate of the height was reset")
+        else:
+            self._set.shift(x_m, y_m)
+
+    def void(self, reason: str) -> None:
+        """Take nothing for free any more."""
+        self._pending.clear()
+        self._set.void()
+        self.void_reason = reason
+
+    # ------------------------------------------------------------------ frames
+
+    def take(
+        self,
+        frame: DetectionFrame,
+        stamp_s: float,
+        now_s: float,
+        shifts_m: Sequence[Sequence[float]],
+    ) -> None:
+        """Take a frame that nothing speaks against, to be counted in one of the next ticks.
+
+        Args:
+            frame: what a sensor saw.
+            stamp_s: when, on the service's clock.
+            now_s: the time.
+            shifts_m: what moves boxes in local NED of that time into the frame of now; several if
+                that is open.
+        """
+        terms = self._flight.assessment.terms
+        pose = self._poses.at(stamp_s, _POSE_APART_S)
+        turn_radps = self._poses.fastest_turn_radps(stamp_s, _TURN_AROUND_S)
+        counts = (
+            pose is not None
+            and turn_radps <= TURN_MAX_RADPS
+            and now_s - stamp_s <= terms.frame_age_max_s
+            and stamp_s > self._stamps_s.get(frame.source, -math.inf)
+            and len(frame.obstacles) <= BOXES_MAX
+            and (frame.frame == "body_frd" or len(shifts_m) == 1)
+        )
+        if pose is None or not counts or self._is_off_height(pose):
+            self.skip(frame)
+            return
+        self._stamps_s[frame.source] = stamp_s
+        if frame.frame == "body_frd":
+            placed_ned_m = [corners_ned(seen, pose) for seen in frame.obstacles]
+        else:
+            north_m, east_m = shifts_m[0]
+            placed_ned_m = [
+                shifted_corners(corners_ned(seen, None), (north_m, east_m))
+                for seen in frame.obstacles
+            ]
+        self._pending.append(_Sight(frame, pose, turn_radps, placed_ned_m))
+        if len(self._pending) > _PENDING_MAX:
+            self.skip(self._pending.popleft().frame)
+
+    def skip(self, frame: DetectionFrame) -> None:
+        """Take note of a frame that does not count: its sensor's row of frames begins again."""
+        self._set.break_row(frame.source)
+
+    def advance(self, pose: Pose | None, *, trusted: bool) -> Violation | None:
+        """Count a frame that waits, at most one a tick unless more sensors than ticks see.
+
+        Args:
+            pose: the newest.
+            trusted: whether nothing speaks against the position.
+
+        Returns:
+            The contradiction between a report and what has been seen, which voids the set.
+        """
+        self.begin_leg(self._flight.leg)
+        if not trusted:
+            while self._pending:
+                self.skip(self._pending.popleft().frame)
+        if self._set.size and pose is not None and self._is_off_height(pose):
+            self.void("the vehicle has left the height of the leg")
+        for _ in range(1 if len(self._pending) <= 2 else 2):
+            if not self._pending:
+                return None
+            violation = self._see(self._pending.popleft())
+            if violation is not None:
+                return violation
+        return None
+
+    def _see(self, sight: _Sight) -> Violation | None:
+        frame, pose, terms = sight.frame, sight.pose, self._flight.assessment.terms
+        x_m, y_m, _ = self._leg.position_leg(pose.position_ned_m)
+        # What stamp and pose may be apart displaces and turns the frame besides.
+        heading_error_rad = terms.heading_error_rad + sight.turn_radps * POSE_TIMING_S
+        clock_error_m = math.hypot(*pose.velocity_ned_mps[:2]) * POSE_TIMING_S
+        seen_leg_m = self._in_leg_m(sight.corners_ned_m)
+        e = terms.position_error_m
+        far_m = np.hypot(seen_leg_m[..., 0] - x_m, seen_leg_m[..., 1] - y_m).max(axis=1)
+        margins_m = e + clock_error_m + heading_error_rad * far_m
+        contradicting = self._contradicting(seen_leg_m, margins_m)
+        if contradicting is not None:
+            track_id = frame.track_id(frame.obstacles[contradicting])
+            self.void(f"{track_id} is reported where all was seen free")
+            return _contradiction(track_id)
+        # A scan is placed by the pose as a whole; boxes carry that error in their faces already.
+        scan, view_rad = frame.free_range_m or (), math.radians(frame.field_of_view_deg)
+        view = View(
+            position_leg_m=(x_m, y_m),
+            heading_leg_rad=wrap_angle(pose.yaw_rad - self._leg.heading_rad),
+            half_view_rad=min(view_rad, terms.field_of_view_rad) / 2.0,
+            range_m=min(frame.range_m, terms.detection_range_m),
+            boxes=[
+                *_enclosing(seen_leg_m, e),
+                *self._known_boxes(x_m, y_m, terms.detection_range_m),
+            ],
+            # A face that is turned by the error of the heading is off by as much more.
+            face_error_m=e * (1.0 + heading_error_rad),
+            pose_error_m=clock_error_m + (e if scan else 0.0),
+            placing_error_m=math.sqrt(2.0) * e,
+            heading_error_rad=heading_error_rad,
+            free_range_m=scan,
+            scan_half_view_rad=view_rad / 2.0,
+        )
+        self._set.centre_on(x_m, y_m)
+        self._set.see(view, frame.source)
+        self.frames_counted += 1
+        return None
+
+    def _contradicting(self, seen_leg_m: FloatArray, margins_m: FloatArray) -> int | None:
+        """Return the index of a box of which a face lies where all has been seen free.
+
+        A face is within the strip ``face +- margin``, its ends within ``+- margin`` of theirs, and
+        touches its obstacle: a strip that is wholly free cannot hold it.
+        """
+        begins_m, ends_m = seen_leg_m, np.roll(seen_leg_m, -1, axis=1)
+        middles_m = (begins_m + ends_m) / 2.0
+        suspects = self._set.holds(middles_m[..., 0], middles_m[..., 1])
+        for box, side in np.argwhere(suspects).tolist():
+            begin_m, end_m = begins_m[box, side], ends_m[box, side]
+            pieces = _strip(begin_m, end_m, float(margins_m[box]))
+            if self._set.are_free(*pieces):
+                return int(box)
+        return None
+
+    def _in_leg_m(self, corners_ned_m: Sequence[Corners]) -> FloatArray:
+        """Return boxes, (n, 4, 2) corners, in the frame of the leg."""
+        points_m = np.zeros((len(corners_ned_m), 4, 3))
+        if corners_ned_m:
+            points_m[..., :2] = corners_ned_m
+        return self._leg.position_leg_from_ned(points_m)[..., :2]
+
+    def _known_boxes(self, x_m: float, y_m: float, reach_m: float) -> list[Box]:
+        """Return what is known within reach, each obstacle as the union of its measurements."""
+        return [
+            box
+            for box in self._flight.obstacles.boxes_between(x_m - reach_m, x_m + reach_m)
+            if box.y_min_m <= y_m + reach_m and box.y_max_m >= y_m - reach_m
+        ]
+
+    def _is_off_height(self, pose: Pose) -> bool:
+        off_m = abs(pose.position_ned_m[2] - self._leg.origin_ned_m[2])
+        return off_m > self._flight.assessment.terms.tracking_error_z_m
+
+
+def _contradiction(track_id: str) -> Violation:
+    sentence = f"{track_id} is reported where all was seen free"
+    return Violation(
+        Assumption.SENSOR_CONTRADICTION, 1.0, 0.0, "boxes", track_id, sentence=sentence
+    )
+
+
+def _enclosing(seen_leg_m: FloatArray, face_error_m: float) -> list[Box]:
+    """Return boxes along the leg that hold all within an error of the faces of turned ones.
+
+    The error that the caller adds to the faces along the leg is left out.
+    """
+    boxes = []
+    for corners_m in seen_leg_m:
+        (x_min_m, y_min_m), (x_max_m, y_max_m) = corners_m.min(axis=0), corners_m.max(axis=0)
+        sides_m = np.abs(corners_m[1:3] - corners_m[0:2])
+        lengths_m = np.hypot(sides_m[:, 0], sides_m[:, 1])
+        side = int(lengths_m.argmax())
+        # A box without extent may be turned by any angle.
+        turned = math.sqrt(2.0)
+        if lengths_m[side] > CELL_M:
+            turned = float(sides_m[side].sum() / lengths_m[side])
+        box = Box(float(x_min_m), float(x_max_m), float(y_min_m), float(y_max_m))
+        boxes.append(box.inflated(max(turned - 1.0, 0.0) * face_error_m))
+    return boxes
+
+
+def _strip(
+    begin_m: FloatArray, end_m: FloatArray, margin_m: float
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Return rectangles along the leg that cover all within a margin of a line (box norm)."""
+    along_m = end_m - begin_m
+    length_m = float(np.hypot(along_m[0], along_m[1]))
+    unit = along_m / length_m if length_m > 0.0 else np.array([1.0, 0.0])
+    whole_m = length_m + 2.0 * margin_m
+    count = min(math.ceil(whole_m / max(2.0 * margin_m, CELL_M)), _PIECES_MAX)
+    steps_m = (np.arange(count) + 0.5) * (whole_m / count) - margin_m
+    middle_m = begin_m + steps_m[:, None] * unit
+    half_m = whole_m / count / 2.0 * np.abs(unit) + margin_m * np.abs(unit[::-1])
+    low_m, high_m = middle_m - half_m, middle_m + half_m
+    return low_m[:, 0], high_m[:, 0], low_m[:, 1], high_m[:, 1]

@@ -1,0 +1,210 @@
+"""What one frame of one sensor shows to be free of obstacles.
+
+With the sensor at p, its face error e, and pose error e_p and heading error eps of the frame
+besides, a point q is seen free if every q' within e_p + eps |q - p| of it (box norm) is within
+range, within the view, and the segment [p, q'] meets no reported box grown by e (two-tier theory,
+C1 as corrected).  The first obstacle point on such a segment would be in range and in view with an
+open line of sight, so it would lie in a grown box: there is none.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from onboard.geometry.box import Box
+from onboard.geometry.frames import FloatArray
+
+BoolArray = NDArray[np.bool_]
+
+# In a crowd of more boxes within range, lines of sight are not computed: the frame shows nothing.
+BOXES_MAX: Final = 256
+# Of single precision at the distances of a sensor.
+_ROUND_OFF_M: Final = 1e-4
+_BIN_RAD: Final = math.radians(0.5)
+
+
+@dataclass(frozen=True)
+class View:
+    """One frame of one sensor, as far as it says what is free.
+
+    Attributes:
+        position_leg_m: of the sensor (x, y) at the stamp of the frame.
+        heading_leg_rad: of the sensor's axis, from the leg towards its right.
+        half_view_rad: half of the field of view, up to pi.
+        range_m: within which the frame shows every obstacle.
+        boxes: of all that the frame reports, in the leg frame.
+        face_error_m: e, the error of a reported face.
+        pose_error_m: e_p, of the position at the stamp, in addition to the faces' error.
+        placing_error_m: how much of the faces' error an error of that position may be, at most: it
+            moves the edges of the view, but not boxes against lines of sight, since both move.
+        heading_error_rad: eps, of the heading at the stamp, likewise.
+        free_range_m: for equal bearing bins from left to right, how far the sensor saw nothing;
+            0 where it does not know; empty if the sensor gives none.
+        scan_half_view_rad: half of the view that these bins divide.
+    """
+
+    position_leg_m: tuple[float, float]
+    heading_leg_rad: float
+    half_view_rad: float
+    range_m: float
+    boxes: Sequence[Box]
+    face_error_m: float
+    pose_error_m: float = 0.0
+    placing_error_m: float = 0.0
+    heading_error_rad: float = 0.0
+    free_range_m: tuple[float, ...] = ()
+    scan_half_view_rad: float = math.pi
+
+
+def seen_free(view: View, x_m: FloatArray, y_m: FloatArray, cell_m: float) -> BoolArray:
+    """Tell for each cell centre whether the frame shows the whole cell, errors included.
+
+    Args:
+        view: the frame.
+        x_m: of the centres, leg frame.
+        y_m: likewise.
+        cell_m: edge of a cell.
+    """
+    # Single precision is off by micrometres here, which `_ROUND_OFF_M` covers, and twice as fast.
+    dx_m = (x_m - view.position_leg_m[0]).astype(np.float32)
+    dy_m = (y_m - view.position_leg_m[1]).astype(np.float32)
+    distance_m = np.sqrt(dx_m * dx_m + dy_m * dy_m)
+    half_cell_m = cell_m / 2.0
+    # Half the diagonal of the cell grown by e_p + eps times its greatest distance, linear in it.
+    grown_m = (
+        half_cell_m + view.pose_error_m + view.heading_error_rad * math.sqrt(2.0) * half_cell_m
+    )
+    radius_m = math.sqrt(2.0) * (grown_m + view.heading_error_rad * distance_m) + _ROUND_OFF_M
+    beyond_m = distance_m + radius_m
+    # Where the sensor is, less where it is said to be.
+    astray_m = view.pose_error_m + view.placing_error_m
+    seen: BoolArray = beyond_m <= view.range_m - max(view.face_error_m, view.placing_error_m)
+    seen &= distance_m - radius_m > astray_m + _ROUND_OFF_M
+    picked = np.flatnonzero(seen)
+    if not picked.size:
+        return seen
+    dx_m, dy_m, distance_m = dx_m[picked], dy_m[picked], distance_m[picked]
+    radius_m, beyond_m = radius_m[picked], beyond_m[picked]
+    cosine, sine = math.cos(view.heading_leg_rad), math.sin(view.heading_leg_rad)
+    angle_rad = np.arctan2(cosine * dy_m - sine * dx_m, cosine * dx_m + sine * dy_m)
+    # The half width that a cell takes of the view is asin(u) <= u / sqrt(1 - u^2), u = radius / d.
+    width_rad = radius_m / np.sqrt((distance_m - radius_m) * (distance_m + radius_m)) + 1e-5
+    # Nearer cells, which would take up more of the view, belong to the vehicle itself.
+    inside = width_rad < math.pi / 2.0
+    width_rad = np.minimum(width_rad, math.pi / 2.0)
+    if view.half_view_rad < math.pi:
+        shy_rad = astray_m / np.sqrt((distance_m - radius_m - astray_m) * (distance_m - radius_m))
+        limit_rad = view.half_view_rad - view.heading_error_rad - shy_rad
+        inside &= np.abs(angle_rad) + width_rad <= limit_rad
+    profile = _depth_profile(view)
+    inside &= beyond_m <= profile.least(angle_rad - width_rad, angle_rad + width_rad)
+    seen[picked] = inside
+    return seen
+
+
+class _Profile:
+    """Least open distance over intervals of bearing; bins over the full circle, wrapped."""
+
+    def __init__(self, depth_m: FloatArray) -> None:
+        self._count = depth_m.size
+        levels = [np.concatenate((depth_m, depth_m, depth_m))]
+        width = 1
+        while 2 * width <= self._count:
+            last = levels[-1]
+            level = last.copy()
+            level[:-width] = np.minimum(last[:-width], last[width:])
+            levels.append(level)
+            width *= 2
+        self._levels = np.stack(levels)
+
+    def least(self, from_rad: FloatArray, to_rad: FloatArray) -> FloatArray:
+        """Return the least depth between bearings, both within [-2 pi, 2 pi]."""
+        scale = self._count / (2.0 * math.pi)
+        first = np.floor((from_rad + math.pi) * scale).astype(int) + self._count
+        last = np.floor((to_rad + math.pi) * scale).astype(int) + self._count
+        level = np.log2(np.maximum(last - first + 1, 1)).astype(int)
+        level = np.minimum(level, len(self._levels) - 1)
+        one, other = self._levels[level, first], self._levels[level, last - (1 << level) + 1]
+        least: FloatArray = np.minimum(one, other)
+        return least
+
+
+def _depth_profile(view: View) -> _Profile:
+    """How far the line of sight is open at least, per bin of bearing from the sensor's axis."""
+    count = math.ceil(2.0 * math.pi / _BIN_RAD)
+    edges_rad = np.linspace(-math.pi, math.pi, count + 1)
+    depth_m = np.full(count, math.inf)
+    if view.boxes:
+        _shade(depth_m, edges_rad, view)
+    if view.free_range_m:
+        _limit_to_scan(depth_m, edges_rad, view)
+    return _Profile(depth_m)
+
+
+def _shade(depth_m: FloatArray, edges_rad: FloatArray, view: View) -> None:
+    """Lower the depth to every box grown by the face error, at every bearing that it covers."""
+    (x_m, y_m), e = view.position_leg_m, view.face_error_m
+    faces = np.array([(b.x_min_m, b.y_min_m, b.x_max_m, b.y_max_m) for b in view.boxes])
+    low = faces[:, :2] - (x_m + e, y_m + e)
+    high = faces[:, 2:] - (x_m - e, y_m - e)
+    nearest = np.clip(0.0, low, high)
+    nearest_m = np.hypot(nearest[:, 0], nearest[:, 1])
+    near = nearest_m <= view.range_m
+    if not near.any():
+        return
+    # A sensor inside a grown box, or one in a crowd, shows nothing.
+    if nearest_m.min() <= 0.0 or np.count_nonzero(near) > BOXES_MAX:
+        depth_m[:] = 0.0
+        return
+    low, high, nearest = low[near], high[near], nearest[near]
+    used = np.flatnonzero(np.abs(edges_rad) <= view.half_view_rad + 2.0 * _BIN_RAD)
+    ray_m = _ray_distance(edges_rad[used] + view.heading_leg_rad, low, high).min(axis=0)
+    # Along one face the distance is least at an end of the interval or at the face's foot point:
+    # the corners and the nearest point are given to the bins around them.  A corner behind the
+    # faces lowers its bin too, which is on the safe side.
+    np.minimum(depth_m[used[:-1]], np.minimum(ray_m[:-1], ray_m[1:]), out=ray_m[:-1])
+    depth_m[used[:-1]] = ray_m[:-1]
+    corners = [
+        np.stack((x, y), axis=1) for x in (low[:, 0], high[:, 0]) for y in (low[:, 1], high[:, 1])
+    ]
+    points = np.concatenate((*corners, nearest))
+    angle_rad = np.arctan2(points[:, 1], points[:, 0]) - view.heading_leg_rad
+    at = np.floor((angle_rad + math.pi) / (2.0 * math.pi) * depth_m.size).astype(int)
+    points_m = np.hypot(points[:, 0], points[:, 1])
+    for offset in (-1, 0, 1):
+        np.minimum.at(depth_m, (at + offset) % depth_m.size, points_m)
+
+
+def _ray_distance(rays_rad: FloatArray, low: FloatArray, high: FloatArray) -> FloatArray:
+    """Distance along rays from the origin to boxes, (boxes, rays); infinite for a miss."""
+    # A ray along an axis is turned by far less than a cell, so that no division is by zero.
+    directions = [np.where(np.abs(d) < 1e-9, 1e-9, d) for d in (np.cos(rays_rad), np.sin(rays_rad))]
+    near, far = [], []
+    for axis, direction in enumerate(directions):
+        one, other = low[:, axis, None] / direction, high[:, axis, None] / direction
+        near.append(np.minimum(one, other))
+        far.append(np.maximum(one, other))
+    enter, leave = np.maximum(*near), np.minimum(*far)
+    distance_m: FloatArray = np.where(
+        (enter <= leave) & (leave >= 0.0), np.maximum(enter, 0.0), math.inf
+    )
+    return distance_m
+
+
+def _limit_to_scan(depth_m: FloatArray, edges_rad: FloatArray, view: View) -> None:
+    """Take a bin for open only as far as the scan says so, at every bearing in it."""
+    free_m = np.maximum(np.asarray(view.free_range_m) - view.face_error_m, 0.0)
+    count, half_rad = free_m.size, view.scan_half_view_rad
+    scale = count / (2.0 * half_rad)
+    first = np.floor((edges_rad[:-1] + half_rad) * scale + 1e-9).astype(int)
+    last = np.ceil((edges_rad[1:] + half_rad) * scale - 1e-9).astype(int) - 1
+    padded = np.concatenate(([0.0], free_m, [0.0]))  # outside the view nothing is known
+    for index in range(int((last - first).max()) + 1):
+        within = np.minimum(first + index, last)
+        np.minimum(depth_m, padded[np.clip(within, -1, count) + 1], out=depth_m)

@@ -1,0 +1,252 @@
+"""The space that has been seen free: the one set that every certified way to rest lies in.
+
+A bounded grid of cells around the vehicle, in the leg frame and at one altitude.  A cell counts as
+free only after several successive frames of one sensor each showed that no obstacle can be in it
+(`onboard.perception.line_of_sight`); it never expires, since obstacles stand still.  What no frame
+has shown is not free.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Final, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from onboard.geometry.free_grid import FreeGrid
+from onboard.perception.line_of_sight import BoolArray, View, seen_free
+
+if TYPE_CHECKING:
+    from onboard.geometry.frames import FloatArray
+
+Counts = NDArray[np.uint8]
+IntArray = NDArray[np.int32]
+Cell = TypeVar("Cell", np.bool_, np.uint8)
+
+CELL_M: Final = 0.1
+# The grid reaches this far from the vehicle on each side, at least.
+REACH_M: Final = 16.0
+# The grid follows the vehicle in steps of this, so that it moves seldom.
+_STEP_CELLS: Final = 40
+_ROUND_OFF_M: Final = 1e-6
+
+
+class SeenFree:
+    """The seen-free set around one vehicle.
+
+    Args:
+        frames_needed: K, successive frames of one sensor that have to show a cell free; more than
+            a tracker in the sensor needs to confirm an obstacle, and at most 255.
+        reach_m: the grid reaches this far from the vehicle on each side, at least.
+        cell_m: edge of a cell.
+
+    Attributes:
+        version: changes whenever the set does.
+    """
+
+    def __init__(
+        self, *, frames_needed: int = 3, reach_m: float = REACH_M, cell_m: float = CELL_M
+    ) -> None:
+        self._needed, self._cell_m = frames_needed, cell_m
+        self._half = math.ceil(reach_m / cell_m) + _STEP_CELLS
+        self._corner = (-self._half, -self._half)
+        self._free = np.zeros((2 * self._half, 2 * self._half), np.bool_)
+        # By sensor: how many successive frames of it have shown a cell free so far.
+        self._rows: dict[str, Counts] = {}
+        self._half_width_m = math.inf
+        self._snapshot: FreeGrid | None = None
+        self.version = 0
+
+    @property
+    def centre_leg_m(self) -> tuple[float, float]:
+        """Middle of the grid, which is near the vehicle."""
+        i, j = self._corner
+        return (i + self._half) * self._cell_m, (j + self._half) * self._cell_m
+
+    @property
+    def reach_m(self) -> float:
+        """How far the grid reaches from its middle."""
+        return self._half * self._cell_m
+
+    @property
+    def size(self) -> int:
+        """Number of free cells."""
+        return int(np.count_nonzero(self._free))
+
+    def limit(self, half_width_m: float) -> None:
+        """Call nothing free that is farther than this from the leg line: the mission's corridor."""
+        if half_width_m != self._half_width_m:
+            self._half_width_m = half_width_m
+            self._has_changed()
+
+    def void(self) -> None:
+        """Forget everything: after an estimator reset, a change of altitude, a contradiction."""
+        self._rows.clear()
+        self._free[:] = False
+        self._has_changed()
+
+    def break_row(self, source: str) -> None:
+        """Start to count the frames of a sensor again: one of them was missed or did not count."""
+        self._rows.pop(source, None)
+
+    def centre_on(self, x_m: float, y_m: float) -> None:
+        """Move the grid along with the vehicle; what leaves the grid is forgotten."""
+        wanted = [
+            round(value / self._cell_m / _STEP_CELLS) * _STEP_CELLS - self._half
+            for value in (x_m, y_m)
+        ]
+        di, dj = wanted[0] - self._corner[0], wanted[1] - self._corner[1]
+        if di or dj:
+            self._free = _shifted(self._free, di, dj)
+            self._rows = {source: _shifted(row, di, dj) for source, row in self._rows.items()}
+            self._corner = (wanted[0], wanted[1])
+            self._has_changed()
+
+    def confirm(self, x_m: float, y_m: float, radius_m: float) -> None:
+        """Mark the cells in a disc as free: where the vehicle rests, as the operator says (A0)."""
+        xs_m, ys_m = self._centres(slice(None), slice(None))
+        whole_m = radius_m - self._cell_m / math.sqrt(2.0)
+        self._free |= np.hypot(xs_m[:, None] - x_m, ys_m[None, :] - y_m) <= whole_m
+        self._has_changed()
+
+    def shift(self, x_m: float, y_m: float) -> None:
+        """Shift the set with the map after a declared reset: by whole cells, then eroded by one."""
+        cells = (round(x_m / self._cell_m), round(y_m / self._cell_m))
+        self._free = _eroded(_shifted(self._free, -cells[0], -cells[1]))
+        self._rows.clear()
+        self._has_changed()
+
+    def see(self, view: View, source: str = "") -> None:
+        """Count a frame of a sensor for each cell that it shows to be free."""
+        row = np.zeros(self._free.shape, np.uint8)
+        before, self._rows[source] = self._rows.get(source), row
+        window = self._window(view)
+        if window is None:
+            return
+        rows, columns = window
+        i, j = np.nonzero(~self._free[rows, columns])
+        xs_m, ys_m = self._centres(rows, columns)
+        seen = seen_free(view, xs_m[i], ys_m[j], self._cell_m)
+        i, j = i[seen] + rows.start, j[seen] + columns.start
+        row[i, j] = 1 if before is None else before[i, j] + 1
+        new = row[i, j] >= self._needed
+        if new.any():
+            self._free[i[new], j[new]] = True
+            self._has_changed()
+
+    def holds(self, x_m: FloatArray, y_m: FloatArray) -> BoolArray:
+        """Tell of each point whether the cell around it has been seen free."""
+        i = np.floor(x_m / self._cell_m) - self._corner[0]
+        j = np.floor(y_m / self._cell_m) - self._corner[1]
+        size = 2 * self._half
+        inside = (i >= 0) & (j >= 0) & (i < size) & (j < size)
+        at = [np.where(inside, index, 0.0).astype(int) for index in (i, j)]
+        held: BoolArray = inside & self._free[at[0], at[1]]
+        return held
+
+    def are_free(
+        self, x_min_m: FloatArray, x_max_m: FloatArray, y_min_m: FloatArray, y_max_m: FloatArray
+    ) -> bool:
+        """Tell whether some closed rectangles, few and small, hold no unknown cell."""
+        cell_m, (corner_i, corner_j), size = self._cell_m, self._corner, 2 * self._half
+        for x0_m, x1_m, y0_m, y1_m in zip(x_min_m, x_max_m, y_min_m, y_max_m, strict=True):
+            i0, j0 = math.floor(x0_m / cell_m) - corner_i, math.floor(y0_m / cell_m) - corner_j
+            i1, j1 = math.ceil(x1_m / cell_m) - corner_i, math.ceil(y1_m / cell_m) - corner_j
+            if min(i0, j0) < 0 or max(i1, j1) > size or not self._free[i0:i1, j0:j1].all():
+                return False
+        return True
+
+    def grid(self) -> FreeGrid:
+        """Return a snapshot for the certifier and the planner; the same until the set changes."""
+        if self._snapshot is None:
+            self._snapshot = self._grid(self._half_width_m)
+        return self._snapshot
+
+    def turned(self, origin_leg_m: tuple[float, float], turn_rad: float) -> SeenFree:
+        """Return the set in the frame of another leg, around its origin, without a corridor.
+
+        Args:
+            origin_leg_m: origin of the new leg, in this frame.
+            turn_rad: heading of the new leg less that of this one.
+
+        A cell is free there only if every cell here that its circumscribed square meets is.
+        """
+        new = SeenFree(
+            frames_needed=self._needed,
+            reach_m=(self._half - _STEP_CELLS) * self._cell_m,
+            cell_m=self._cell_m,
+        )
+        new.version = self.version + 1
+        cosine, sine = math.cos(turn_rad), math.sin(turn_rad)
+        xs_m, ys_m = new._centres(slice(None), slice(None))
+        x_m = origin_leg_m[0] + cosine * xs_m[:, None] - sine * ys_m[None, :]
+        y_m = origin_leg_m[1] + sine * xs_m[:, None] + cosine * ys_m[None, :]
+        i, j = np.nonzero(self.holds(x_m, y_m))
+        x_m, y_m = x_m[i, j], y_m[i, j]
+        half_m = self._cell_m / 2.0 * (abs(cosine) + abs(sine)) + _ROUND_OFF_M
+        free = self._grid(math.inf).are_free(x_m - half_m, x_m + half_m, y_m - half_m, y_m + half_m)
+        new._free[i[free], j[free]] = True
+        return new
+
+    def _grid(self, half_width_m: float) -> FreeGrid:
+        unknown = ~self._free
+        if math.isfinite(half_width_m):
+            _, ys_m = self._centres(slice(None), slice(None))
+            unknown |= np.abs(ys_m)[None, :] + self._cell_m / 2.0 > half_width_m
+        table: IntArray = np.zeros((unknown.shape[0] + 1, unknown.shape[1] + 1), np.int32)
+        np.cumsum(unknown, axis=0, dtype=np.int32, out=table[1:, 1:])
+        np.cumsum(table[1:, 1:], axis=1, out=table[1:, 1:])
+        corner_m = (self._corner[0] * self._cell_m, self._corner[1] * self._cell_m)
+        return FreeGrid(corner_m, self._cell_m, table)
+
+    def _has_changed(self) -> None:
+        self._snapshot = None
+        self.version += 1
+
+    def _centres(self, rows: slice, columns: slice) -> tuple[FloatArray, FloatArray]:
+        size = 2 * self._half
+        middles = np.arange(size, dtype=np.float64) + 0.5
+        xs = (middles[rows] + self._corner[0]) * self._cell_m
+        ys = (middles[columns] + self._corner[1]) * self._cell_m
+        return xs, ys
+
+    def _window(self, view: View) -> tuple[slice, slice] | None:
+        """Return the part of the grid that a frame may show; None if there is none."""
+        x_m, y_m = view.position_leg_m
+        reach = view.range_m
+        corners = [(x_m, y_m)]
+        turns = np.linspace(-view.half_view_rad, view.half_view_rad, 9)
+        for turn_rad in (view.heading_leg_rad + turns).tolist():
+            # The chord between two of these rays lies inside the arc by less than 2 %.
+            far = 1.02 * reach if view.half_view_rad < math.pi / 2.0 else 1.1 * reach
+            corners.append((x_m + far * math.cos(turn_rad), y_m + far * math.sin(turn_rad)))
+        slices = []
+        for axis in (0, 1):
+            values = [corner[axis] for corner in corners]
+            first = math.floor(min(values) / self._cell_m) - self._corner[axis]
+            last = math.ceil(max(values) / self._cell_m) - self._corner[axis]
+            first, last = max(first, 0), min(last, 2 * self._half)
+            if first >= last:
+                return None
+            slices.append(slice(first, last))
+        return slices[0], slices[1]
+
+
+def _shifted(cells: NDArray[Cell], di: int, dj: int) -> NDArray[Cell]:
+    """Return the window moved by whole cells; new cells are unknown."""
+    moved = np.zeros_like(cells)
+    size = cells.shape[0]
+    if abs(di) >= size or abs(dj) >= size:
+        return moved
+    source = cells[max(di, 0) : size + min(di, 0), max(dj, 0) : size + min(dj, 0)]
+    moved[max(-di, 0) : size + min(-di, 0), max(-dj, 0) : size + min(-dj, 0)] = source
+    return moved
+
+
+def _eroded(free: BoolArray) -> BoolArray:
+    """Return the cells that are free along with all eight neighbours."""
+    padded = np.pad(free, 1)
+    rows = padded[:-2] & padded[1:-1] & padded[2:]
+    eroded: BoolArray = rows[:, :-2] & rows[:, 1:-1] & rows[:, 2:]
+    return eroded

@@ -1,0 +1,122 @@
+"""Free rectangles: as far as each piece of a plan may move inside the space that was seen free."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Final, NamedTuple
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from onboard.geometry.frames import FloatArray
+    from onboard.geometry.free_grid import FreeGrid
+
+# A rectangle grows no farther than this at once.
+_GROWTH_MAX_M: Final = 6.0
+
+
+class Rectangle(NamedTuple):
+    """A rectangle in the leg frame that the path and its run-on may use; the body adds to it."""
+
+    x_min_m: float
+    x_max_m: float
+    y_min_m: float
+    y_max_m: float
+
+    def contains(self, other: Rectangle) -> bool:
+        """Tell whether another rectangle lies inside this one."""
+        return (
+            self.x_min_m <= other.x_min_m
+            and other.x_max_m <= self.x_max_m
+            and self.y_min_m <= other.y_min_m
+            and other.y_max_m <= self.y_max_m
+        )
+
+
+class Corridor:
+    """Grows rectangles in a grid for a body of one radius."""
+
+    def __init__(self, grid: FreeGrid, body_radius_m: float) -> None:
+        self._grid, self._radius_m = grid, body_radius_m
+        self._x_m, self._y_m = grid.origin_leg_m
+        self._table = grid.unknown_sum
+
+    def is_free(self, r: Rectangle) -> bool:
+        """Tell whether the body may be anywhere in a rectangle."""
+        i0, i1, j0, j1 = self._cells(r)
+        table = self._table
+        if i0 < 0 or j0 < 0 or i1 >= table.shape[0] or j1 >= table.shape[1]:
+            return False
+        return bool(table[i1, j1] - table[i0, j1] - table[i1, j0] + table[i0, j0] == 0)
+
+    def grown(self, rectangle: Rectangle, direction: tuple[float, float]) -> Rectangle:
+        """Move each face out to the first unknown cell in its strip, the leading one first.
+
+        Args:
+            rectangle: free.
+            direction: (x, y) towards which the plan should get on.
+        """
+        faces = list(rectangle)
+        for face in _order(*direction):
+            faces[face] = self._moved(Rectangle(*faces), face)
+        return Rectangle(*faces)
+
+    def _moved(self, r: Rectangle, face: int) -> float:
+        i0, i1, j0, j1 = self._cells(r)
+        table, cell_m, radius_m = self._table, self._grid.cell_m, self._radius_m
+        if face == 1:
+            strip = table[i1:, j1] - table[i1:, j0]
+            last = i1 + int(np.searchsorted(strip, strip[0], side="right")) - 1
+            return max(r[face], min(self._x_m + last * cell_m - radius_m, r[face] + _GROWTH_MAX_M))
+        if face == 0:
+            strip = table[: i0 + 1, j1] - table[: i0 + 1, j0]
+            last = int(np.searchsorted(strip, strip[-1], side="left"))
+            return min(r[face], max(self._x_m + last * cell_m + radius_m, r[face] - _GROWTH_MAX_M))
+        if face == 3:
+            strip = table[i1, j1:] - table[i0, j1:]
+            last = j1 + int(np.searchsorted(strip, strip[0], side="right")) - 1
+            return max(r[face], min(self._y_m + last * cell_m - radius_m, r[face] + _GROWTH_MAX_M))
+        strip = table[i1, : j0 + 1] - table[i0, : j0 + 1]
+        last = int(np.searchsorted(strip, strip[-1], side="left"))
+        return min(r[face], max(self._y_m + last * cell_m + radius_m, r[face] - _GROWTH_MAX_M))
+
+    def _cells(self, r: Rectangle) -> tuple[int, int, int, int]:
+        """Index ranges of the cells that the grown rectangle touches."""
+        cell_m, radius_m = self._grid.cell_m, self._radius_m
+        return (
+            math.floor((r.x_min_m - radius_m - self._x_m) / cell_m + 1e-9),
+            math.ceil((r.x_max_m + radius_m - self._x_m) / cell_m - 1e-9),
+            math.floor((r.y_min_m - radius_m - self._y_m) / cell_m + 1e-9),
+            math.ceil((r.y_max_m + radius_m - self._y_m) / cell_m - 1e-9),
+        )
+
+
+def _order(x: float, y: float) -> tuple[int, int, int, int]:
+    """Return the faces (x min, x max, y min, y max) by index, ahead first and behind last."""
+    along = (1, 0) if x >= 0.0 else (0, 1)
+    across = (3, 2) if y >= 0.0 else (2, 3)
+    if abs(x) >= abs(y):
+        return along[0], across[0], across[1], along[1]
+    return across[0], along[0], along[1], across[1]
+
+
+def unbroken_m(
+    path: FloatArray, lengths_m: FloatArray, r: Rectangle, near_leg_m: FloatArray
+) -> float:
+    """Return how far along the path a rectangle holds it without a break, from near a point on."""
+    x, y = path[:, 0], path[:, 1]
+    inside = (
+        (x >= r.x_min_m - 0.05)
+        & (x <= r.x_max_m + 0.05)
+        & (y >= r.y_min_m - 0.05)
+        & (y <= r.y_max_m + 0.05)
+    )
+    within = np.flatnonzero(inside)
+    if not within.size:
+        beside = np.maximum(np.maximum(r.x_min_m - x, x - r.x_max_m), 0.0) ** 2
+        beside += np.maximum(np.maximum(r.y_min_m - y, y - r.y_max_m), 0.0) ** 2
+        return float(lengths_m[int(beside.argmin())])
+    first = within[((path[within] - near_leg_m) ** 2).sum(axis=1).argmin()]
+    beyond = np.flatnonzero(~inside[first:])
+    last = first + int(beyond[0]) - 1 if beyond.size else len(path) - 1
+    return float(lengths_m[min(last + 1, len(path) - 1)])

@@ -1,0 +1,205 @@
+"""Certifies a way to rest: a trajectory that ends at rest inside the space that was seen free.
+
+Shares nothing with the planner but the trajectory.  Exact in continuous time: a cubic piece lies in
+the bounding box of its Bernstein points, and so does its run-on (`onboard.contract.run_on`); where
+that box is not free, the piece is split by de Casteljau's algorithm, a few times.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+
+from onboard.motion.trajectory import X, Y, Z
+from onboard.planning.certifier import (
+    ACCELERATION_TOLERANCE_MPS2,
+    JERK_TOLERANCE_MPS3,
+    POSITION_TOLERANCE_M,
+    TIME_TOLERANCE_S,
+    VELOCITY_TOLERANCE_MPS,
+    Certificate,
+)
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from onboard.contract.run_on import RunOn
+    from onboard.geometry.frames import FloatArray
+    from onboard.geometry.free_grid import FreeGrid
+    from onboard.motion.trajectory import State, Trajectory
+
+# The body is taken to be larger by twice this, so that no round-off of the grid matters.
+GRID_TOLERANCE_M: Final = 1e-3
+_SPLITS_MAX: Final = 4
+
+
+@dataclass(frozen=True)
+class RestLimits:
+    """What a way to rest may ask of the vehicle.
+
+    Attributes:
+        body_radius_m: rho_b, radius of the vehicle plus its tracking error.
+        speed_max_mps: greatest Euclidean speed.
+        acceleration_max_mps2: (brake, forward, left, right) in the leg frame, as W.
+        acceleration_disc_mps2: greatest Euclidean acceleration; infinite where W is enough, since
+            the nose points along the leg.
+        jerk_max_mps3: greatest jerk on each axis.
+        run_on: how the vehicle runs on after a loss of the stream; without points: not asked.
+    """
+
+    body_radius_m: float
+    speed_max_mps: float
+    acceleration_max_mps2: tuple[float, float, float, float]
+    acceleration_disc_mps2: float
+    jerk_max_mps3: float
+    run_on: RunOn
+
+
+def certify_rest(
+    trajectory: Trajectory, start: State, start_s: float, limits: RestLimits, grid: FreeGrid
+) -> Certificate:
+    """Check that a trajectory continues ``start``, can be flown, and rests in seen-free space.
+
+    Args:
+        trajectory: at one height.
+        start: state of the reference at ``start_s``.
+        start_s: when the trajectory takes over.
+        limits: what it may ask of the vehicle.
+        grid: the seen-free set as it is now.
+    """
+    failures = [
+        *_start_failures(trajectory, start, start_s),
+        *_motion_failures(trajectory, limits),
+        *_rest_failures(trajectory),
+    ]
+    if not failures:
+        failures = _space_failures(trajectory, limits, grid)
+    return Certificate(tuple(failures))
+
+
+def _start_failures(trajectory: Trajectory, start: State, start_s: float) -> list[str]:
+    first = [array[0] for array in trajectory.motion[:3]]
+    failures = []
+    if not abs(trajectory.start_s - start_s) <= TIME_TOLERANCE_S:
+        failures.append(f"start: {trajectory.start_s - start_s:+.3g} s late")
+    for name, have, want, tolerance, unit in zip(
+        ("position", "velocity", "acceleration"),
+        first,
+        start,
+        (POSITION_TOLERANCE_M, VELOCITY_TOLERANCE_MPS, ACCELERATION_TOLERANCE_MPS2),
+        ("m", "m/s", "m/s²"),
+        strict=True,
+    ):
+        gap = float(np.abs(have - want).max())
+        if not gap <= tolerance:
+            failures.append(f"start: {name} jumps by {gap:.3g} {unit}")
+    return failures
+
+
+def _motion_failures(trajectory: Trajectory, limits: RestLimits) -> list[str]:
+    """Pieces join; speed, acceleration and jerk keep their limits at every time."""
+    failures = []
+    for name, ends, starts, tolerance in zip(
+        ("position", "velocity", "acceleration"),
+        trajectory.ends,
+        trajectory.motion,
+        (POSITION_TOLERANCE_M, VELOCITY_TOLERANCE_MPS, ACCELERATION_TOLERANCE_MPS2),
+        strict=False,
+    ):
+        gap = float(np.abs(ends[:-1] - starts[1:]).max(initial=0.0))
+        if not gap <= tolerance:
+            failures.append(f"{name} jumps by {gap:.3g} between two pieces")
+    brake, forward, left, right = limits.acceleration_max_mps2
+    acceleration = np.concatenate((trajectory.acceleration_leg_mps2, trajectory.ends[2]))
+    ax, ay = acceleration[:, X], acceleration[:, Y]
+    jerk = np.abs(trajectory.jerk_leg_mps3)
+    speed = np.hypot(*velocity_points_mps(trajectory)[:, :, :2].reshape(-1, 2).T)
+    for clause, excess, tolerance, unit in (
+        ("braking limit exceeded", -ax - brake, ACCELERATION_TOLERANCE_MPS2, "m/s²"),
+        ("forward limit exceeded", ax - forward, ACCELERATION_TOLERANCE_MPS2, "m/s²"),
+        ("leftward limit exceeded", -ay - left, ACCELERATION_TOLERANCE_MPS2, "m/s²"),
+        ("rightward limit exceeded", ay - right, ACCELERATION_TOLERANCE_MPS2, "m/s²"),
+        (
+            "tilt limit exceeded",
+            np.hypot(ax, ay) - limits.acceleration_disc_mps2,
+            ACCELERATION_TOLERANCE_MPS2,
+            "m/s²",
+        ),
+        ("jerk limit exceeded", jerk - limits.jerk_max_mps3, JERK_TOLERANCE_MPS3, "m/s³"),
+        ("speed limit exceeded", speed - limits.speed_max_mps, VELOCITY_TOLERANCE_MPS, "m/s"),
+        (
+            "height changes",
+            np.abs(trajectory.control_points_m[:, :, Z] - trajectory.position_leg_m[0, Z]),
+            POSITION_TOLERANCE_M,
+            "m",
+        ),
+    ):
+        worst = float(excess.max())
+        if not worst <= tolerance:
+            failures.append(f"{clause} by {worst:.3g} {unit}")
+    return failures
+
+
+def _rest_failures(trajectory: Trajectory) -> list[str]:
+    _, velocity, acceleration = trajectory.final
+    speed, pull = max(map(abs, velocity)), max(map(abs, acceleration))
+    if speed <= VELOCITY_TOLERANCE_MPS and pull <= ACCELERATION_TOLERANCE_MPS2:
+        return []
+    return [f"ends at {speed:.3g} m/s and {pull:.3g} m/s², not at rest"]
+
+
+def velocity_points_mps(trajectory: Trajectory) -> FloatArray:
+    """Bernstein points of velocity (n, 3, 3): quadratics, degree 2."""
+    _, v, a, _ = trajectory.motion
+    t = trajectory.durations_s[:, None]
+    return np.stack((v, v + a * t / 2.0, trajectory.ends[1]), axis=1)
+
+
+def swept_points_m(trajectory: Trajectory, run_on: RunOn) -> FloatArray:
+    """Bernstein points (points, n, 4, 2) of the path and of each point that bounds its run-on."""
+    position = trajectory.control_points_m[:, :, :2]
+    if not run_on.gains:
+        return position[None]
+    first, middle, last = np.moveaxis(velocity_points_mps(trajectory)[:, :, :2], 1, 0)
+    velocity = np.stack(
+        (first, (first + 2.0 * middle) / 3.0, (2.0 * middle + last) / 3.0, last), axis=1
+    )
+    begin, end = trajectory.acceleration_leg_mps2[:, :2], trajectory.ends[2][:, :2]
+    acceleration = np.stack(
+        (begin, (2.0 * begin + end) / 3.0, (begin + 2.0 * end) / 3.0, end), axis=1
+    )
+    runs = [position + kappa * velocity + c * acceleration for kappa, c in run_on.gains]
+    return np.stack((position, *runs))
+
+
+def _space_failures(trajectory: Trajectory, limits: RestLimits, grid: FreeGrid) -> list[str]:
+    points = swept_points_m(trajectory, limits.run_on)
+    grown_m = limits.body_radius_m + 2.0 * GRID_TOLERANCE_M
+    pieces = np.arange(points.shape[1])
+    for _ in range(_SPLITS_MAX + 1):
+        occupied = ~_are_free(points, grown_m, grid)
+        if not occupied.any():
+            return []
+        points, pieces = _halves(points[:, occupied]), np.repeat(pieces[occupied], 2)
+    time_s = trajectory.knots_s[int(pieces.min())]
+    return [f"leaves the seen-free space in the piece from {time_s:.3f} s"]
+
+
+def _are_free(points: FloatArray, grown_m: float, grid: FreeGrid) -> NDArray[np.bool_]:
+    """Tell for each piece whether the bounding box of its points, grown, is seen free."""
+    low = points.min(axis=(0, 2)) - grown_m
+    high = points.max(axis=(0, 2)) + grown_m
+    return grid.are_free(low[:, 0], high[:, 0], low[:, 1], high[:, 1])
+
+
+def _halves(points: FloatArray) -> FloatArray:
+    """Split every piece in the middle (de Casteljau): (m, n, 4, 2) -> (m, 2 n, 4, 2)."""
+    a, b, c, d = np.moveaxis(points, 2, 0)
+    ab, bc, cd = (a + b) / 2.0, (b + c) / 2.0, (c + d) / 2.0
+    abc, bcd = (ab + bc) / 2.0, (bc + cd) / 2.0
+    middle = (abc + bcd) / 2.0
+    one, other = np.stack((a, ab, abc, middle), axis=2), np.stack((middle, bcd, cd, d), axis=2)
+    count, pieces = points.shape[:2]
+    return np.stack((one, other), axis=2).reshape(count, 2 * pieces, 4, 2)

@@ -1,0 +1,45 @@
+"""Speed of the planner for dense fields: CPU time of plans, of the guide, and of their slices."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from tests.benchmarks.measurement import Measurement, sized
+from tests.tools.dense_fields.flight import Flight, Outcome
+from tests.tools.dense_fields.scenes import scenes_of
+from tests.tools.dense_fields.vehicles import vehicles
+
+# What one core of the reference machine may take.
+_PLAN_MS, _SLICE_MS = 10.0, 3.0
+_FLOWN: list[Outcome] = []
+
+
+def _outcomes() -> list[Outcome]:
+    """Legs through a forest of 1000 stems/ha, flown once."""
+    if not _FLOWN:
+        for number, scene in enumerate(scenes_of("1000", sized(4, 1), 1)):
+            flight = Flight(scene, vehicles()["default"], number)
+            _FLOWN.append(flight.fly(sized(300, 2)))
+    return _FLOWN
+
+
+def _percentile_ms(seconds: list[float], percentile: float) -> float:
+    return float(np.percentile(seconds, percentile)) * 1e3
+
+
+def bench_corridor_plan() -> Measurement:
+    """The 99th percentile of one plan, all its slices together; against its budget."""
+    used_s = [one for outcome in _outcomes() for one in outcome.plan_s]
+    return Measurement(_percentile_ms(used_s, 99), "ms", peer=_PLAN_MS, peer_name="budget")
+
+
+def bench_corridor_slice() -> Measurement:
+    """The 99th percentile of one slice of a plan; against its budget."""
+    used_s = [one for outcome in _outcomes() for one in outcome.slice_s]
+    return Measurement(_percentile_ms(used_s, 99), "ms", peer=_SLICE_MS, peer_name="budget")
+
+
+def bench_corridor_guide_slice() -> Measurement:
+    """The 99th percentile of one slice of the guide; against its budget."""
+    used_s = [one for outcome in _outcomes() for one in outcome.guide_s]
+    return Measurement(_percentile_ms(used_s, 99), "ms", peer=_SLICE_MS, peer_name="budget")

@@ -1,0 +1,54 @@
+import math
+
+import pytest
+
+from onboard.contract.assessment import assess
+from onboard.contract.run_on import NO_RUN_ON
+from onboard.files.contract_file import Contract
+from onboard.guidance.dense.limits import rest_limits_of, run_on_of
+
+
+def test_along_the_leg_the_box_of_accelerations_holds(best_effort: Contract) -> None:
+    assessment = assess(best_effort)
+    limits = rest_limits_of(assessment, any_heading=False)
+    w = assessment.limits
+    assert limits.acceleration_max_mps2 == (
+        w.brake_mps2,
+        w.forward_mps2,
+        w.left_mps2,
+        w.right_mps2,
+    )
+    assert limits.acceleration_disc_mps2 == math.inf
+    assert limits.body_radius_m == assessment.terms.radius_m + assessment.terms.tracking_error_m
+    assert limits.speed_max_mps == assessment.terms.cruise_speed_mps
+
+
+def test_with_any_heading_the_disc_lies_in_every_turned_box(best_effort: Contract) -> None:
+    assessment = assess(best_effort)
+    limits = rest_limits_of(assessment, any_heading=True)
+    assert limits.acceleration_disc_mps2 == min(limits.acceleration_max_mps2)
+    fixed = rest_limits_of(assessment, any_heading=False)
+    assert limits.acceleration_disc_mps2 <= min(fixed.acceleration_max_mps2)
+    assert math.hypot(limits.jerk_max_mps3, limits.jerk_max_mps3) == pytest.approx(
+        limits.acceleration_disc_mps2 / assessment.terms.attitude_lag_s
+    )
+
+
+def test_without_lag_the_jerk_stays_finite(best_effort: Contract) -> None:
+    vehicle = best_effort.vehicle.model_copy(update={"attitude_lag_s": 0.0})
+    assessment = assess(best_effort.model_copy(update={"vehicle": vehicle}))
+    assert math.isfinite(rest_limits_of(assessment, any_heading=False).jerk_max_mps3)
+
+
+def test_the_run_on_is_asked_for_only_with_passive_safety(best_effort: Contract) -> None:
+    assert run_on_of(assess(best_effort)).reach_m(2.8) > 2.8 * 0.5
+    requirements = best_effort.requirements.model_copy(update={"passive_safety": False})
+    without = best_effort.model_copy(update={"requirements": requirements})
+    assert run_on_of(assess(without)) is NO_RUN_ON
+
+
+def test_a_measured_run_that_is_longer_than_the_model_counts(best_effort: Contract) -> None:
+    update = {"setpoint_loss_run_on_m": 7.0, "setpoint_loss_run_on_speed_mps": 2.8}
+    vehicle = best_effort.vehicle.model_copy(update=update)
+    assessment = assess(best_effort.model_copy(update={"vehicle": vehicle}))
+    assert run_on_of(assessment).reach_m(2.8) == pytest.approx(7.0)

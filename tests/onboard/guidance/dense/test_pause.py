@@ -1,0 +1,76 @@
+import math
+
+import numpy as np
+import pytest
+
+from onboard.guidance.dense import pause as module
+from onboard.guidance.dense.pause import Pause
+from onboard.guidance.reference import Reference
+from onboard.perception.seen_free import SeenFree
+from onboard.planning.corridor.guide import Guide
+from onboard.planning.corridor.look import Outlook
+
+
+@pytest.fixture(scope="module")
+def outlook() -> Outlook:
+    path_leg_m = np.array([(0.0, 0.0), (3.0, 4.0), (10.0, 4.0)])
+    return Outlook((0.0, 0.0), 0.0, math.radians(60.0), path_leg_m, SeenFree().grid(), 0.5)
+
+
+@pytest.fixture
+def pause() -> Pause:
+    return Pause(Reference(), Guide((20.0, 0.0), 0.5))
+
+
+def headings(pause: Pause) -> list[float]:
+    """Look with a nose that follows at once and frames in every tick; return where it dwelt."""
+    dwelt: list[float] = []
+    reference = pause._reference
+    for tick in range(5000):
+        before = reference.heading_rad
+        pause.advance(before, tick, 0.02 * tick)
+        if not pause.looking:
+            return dwelt
+        if reference.heading_rad == before and (not dwelt or dwelt[-1] != before):
+            dwelt.append(before)
+    pytest.fail("the look is never over")
+
+
+def test_the_first_look_is_along_the_guide_the_second_all_round(
+    pause: Pause, outlook: Outlook
+) -> None:
+    pause.begin(outlook, 2)
+    first = headings(pause)
+    assert pause._guide.penalized_leg_m == []
+    pause.begin(outlook, 2)
+    assert len(headings(pause)) > len(first)
+    # 0.8 m ahead on the guide another gap becomes cheaper.
+    assert pause._guide.penalized_leg_m == [pytest.approx((0.48, 0.64))]
+    assert pause.count == 2
+
+
+def test_progress_begins_with_the_guide_again(pause: Pause, outlook: Outlook) -> None:
+    pause.note_progress(20.0)
+    pause.begin(outlook, 1)
+    pause.note_progress(18.0)
+    pause.begin(outlook, 1)
+    assert pause._guide.penalized_leg_m == []
+    pause.note_progress(17.5)
+    pause.begin(outlook, 1)
+    assert len(pause._guide.penalized_leg_m) == 1
+
+
+def test_after_a_look_planning_has_its_time(pause: Pause) -> None:
+    pause.look_round((), 1)
+    assert not pause.advance(0.0, 0, 10.0)
+    assert not pause.advance(0.0, 0, 10.9)
+    assert pause.advance(0.0, 0, 11.0)
+
+
+def test_looking_is_exhausted_after_so_many_pauses_of_a_leg(pause: Pause, outlook: Outlook) -> None:
+    for _ in range(module.PAUSES_MAX):
+        assert not pause.exhausted
+        pause.begin(outlook, 1)
+    assert pause.exhausted
+    pause.begin_leg()
+    assert not pause.exhausted

@@ -1,0 +1,96 @@
+"""Fly the planner for dense fields through true fields, at the level of references.
+
+``python -m tests.tools.dense_fields FIELD.csv|DENSITY|SCENE… --legs N --seed S``: a file of stems,
+of pillars or of two-box scenes, a density [stems/ha], or slalom, slalom-tight, s:GAP, door:WIDTH,
+trap.  Exits with 1 if something was hit that may not be hit.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from dataclasses import replace
+
+import numpy as np
+
+from tests.tools.dense_fields.flight import Flight, Outcome
+from tests.tools.dense_fields.scenes import Scene, scenes_of
+from tests.tools.dense_fields.vehicles import vehicles
+
+
+def main() -> int:
+    """Fly the chosen fields; return 1 after a collision, unless the ablation provokes it."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("fields", nargs="+", metavar="FIELD", help="file, density or scene")
+    parser.add_argument("--legs", type=int, default=10)
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--vehicle", choices=sorted(vehicles()), default="default")
+    parser.add_argument("--tracking-error", type=float, help="E [m], instead of the vehicle's")
+    parser.add_argument("--first-look", action="store_true", help="turn on the spot first")
+    parser.add_argument("--ablation", choices=("unseen-is-free",))
+    options = parser.parse_args()
+    vehicle = vehicles()[options.vehicle]
+    if options.tracking_error is not None:
+        vehicle = replace(vehicle, tracking_error_m=options.tracking_error)
+    hit = 0
+    for source in options.fields:
+        flown: list[tuple[Scene, bool, Outcome]] = []
+        for number, scene in enumerate(scenes_of(source, options.legs, options.seed)):
+            passable = scene.passable(vehicle.body_radius_m + vehicle.face_error_m)
+            flight = Flight(
+                scene,
+                vehicle,
+                number,
+                unseen_is_free=options.ablation == "unseen-is-free",
+                first_look=options.first_look,
+            )
+            flown.append((scene, passable, flight.fly()))
+            print(f"{source} {scene.name}: {_row(*flown[-1])}", flush=True)
+        print(f"{source}: {_sum(flown)}", flush=True)
+        hit += sum(outcome.end == "collision" for *_, outcome in flown)
+    return int(hit > 0 and options.ablation is None)
+
+
+def _row(scene: Scene, passable: bool, outcome: Outcome) -> str:
+    return (
+        f"{'passable' if passable else 'closed'}, {outcome.end}, "
+        f"{outcome.speed_mps(scene.length_m):.2f} m/s "
+        f"({outcome.speed_mps(scene.length_m, with_first_look=False):.2f} without the first look), "
+        f"{outcome.pauses} pauses, clearance {outcome.clearance_min_m:+.2f} m, "
+        f"certified {outcome.certified_min_m:+.3f} m, {outcome.false_cells} false cells, "
+        f"{outcome.losses_unsafe}/{outcome.losses} losses unsafe, {_times(outcome.plan_s)}"
+    )
+
+
+def _sum(flown: list[tuple[Scene, bool, Outcome]]) -> str:
+    outcomes = [outcome for *_, outcome in flown]
+    passable = [outcome for _, open_way, outcome in flown if open_way]
+    arrived = [(scene, outcome) for scene, _, outcome in flown if outcome.end == "arrived"]
+    first = [outcome.speed_mps(scene.length_m) for scene, outcome in arrived]
+    bare = [o.speed_mps(scene.length_m, with_first_look=False) for scene, o in arrived]
+    slices_ms = 1e3 * np.array([one for o in outcomes for one in o.slice_s])
+    guides_ms = 1e3 * np.array([one for o in outcomes for one in o.guide_s])
+    return (
+        f"{len(flown)} legs, {len(passable)} passable, "
+        f"{sum(o.end == 'arrived' for o in passable)} of these arrived, "
+        f"{sum(o.end == 'collision' for o in outcomes)} collisions, "
+        f"mean {np.mean(first) if first else 0.0:.2f} m/s "
+        f"({np.mean(bare) if bare else 0.0:.2f} without the first look), "
+        f"{sum(o.pauses for o in outcomes) / len(flown):.1f} pauses a leg, "
+        f"clearance {min(o.clearance_min_m for o in outcomes):+.2f} m, "
+        f"certified {min(o.certified_min_m for o in outcomes):+.3f} m, "
+        f"{sum(o.false_cells for o in outcomes)} false cells, "
+        f"{sum(o.losses_unsafe for o in outcomes)}/{sum(o.losses for o in outcomes)} losses "
+        f"unsafe, {_times([one for o in outcomes for one in o.plan_s])}, "
+        f"slice p99 {np.percentile(slices_ms, 99):.1f} max {slices_ms.max():.1f} ms, "
+        f"guide slice p99 {np.percentile(guides_ms, 99):.1f} ms"
+    )
+
+
+def _times(seconds: list[float]) -> str:
+    p50, p99 = np.percentile(seconds, (50, 99)) * 1e3
+    return f"plan p50 {p50:.1f} p99 {p99:.1f} max {max(seconds) * 1e3:.1f} ms"
+
+
+if __name__ == "__main__":
+    sys.exit(main())
