@@ -6,7 +6,7 @@ import itertools
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from pathlib import Path
-from typing import Any, Final, NamedTuple
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 from rich.console import Console
 
@@ -28,6 +28,9 @@ from onboard.files.mission_file import Mission
 from onboard.files.obstacle_field import ObstacleField, load_field
 from onboard.files.yaml_file import load_yaml
 
+if TYPE_CHECKING:
+    from gcs_tools.preflight.rehearsal.prediction import Rehearsal
+
 _SYSTEM_ID_MAX: Final = 255
 
 
@@ -43,6 +46,8 @@ class Preflight:
             speed complies.
         findings: of the live check.
         accept_no_progress: accept for this run that arrival is not guaranteed.
+        rehearsal: of the mission in the known field, where arrival is not guaranteed; a prediction,
+            which no verdict depends on.
     """
 
     assessment: Assessment
@@ -51,6 +56,7 @@ class Preflight:
     fastest_mps: float | None = None
     findings: tuple[Finding, ...] = ()
     accept_no_progress: bool = False
+    rehearsal: Rehearsal | None = None
 
     @property
     def compliant(self) -> bool:
@@ -146,6 +152,7 @@ class Preflight:
             "field": [rule.document() for rule in self.field_rules],
             "safety": [rule.document() for rule in self.safety_rules],
             "fastest_compliant_speed_mps": self.fastest_mps,
+            "rehearsal": None if self.rehearsal is None else self.rehearsal.document(),
             "live": [finding.document() for finding in self.findings],
         }
 
@@ -222,7 +229,8 @@ def run_preflight(
     result = check(contract, obstacles, mission, input_set, accept_no_progress=accept_no_progress)
     if obstacles is not None:
         fastest_mps = fastest_speed_mps(contract, obstacles, mission, input_set)
-        result = replace(result, fastest_mps=fastest_mps)
+        rehearsal = _rehearsed(result, obstacles, mission)
+        result = replace(result, fastest_mps=fastest_mps, rehearsal=rehearsal)
         if files.picture is not None:
             _draw(files.picture, result, obstacles, mission)
     elif files.picture is not None:
@@ -290,13 +298,29 @@ def _check_live(
         )
 
 
+def _rehearsed(
+    result: Preflight, obstacles: ObstacleField, mission: Mission | None
+) -> Rehearsal | None:
+    """Rehearse the mission where it may be flown without a guarantee to arrive."""
+    if mission is None or result.compliant or not result.safe:
+        return None
+    # Loads the planner for dense fields and its solver.
+    from gcs_tools.preflight.rehearsal.rehearse import rehearse  # noqa: PLC0415
+
+    return rehearse(result.assessment, obstacles, mission, confined=True)
+
+
 def _draw(path: Path, result: Preflight, obstacles: ObstacleField, mission: Mission | None) -> None:
     # Matplotlib takes long to load: load it only to draw.
-    from gcs_tools.preflight.picture import draw_field  # noqa: PLC0415
+    from gcs_tools.preflight.picture import draw_field, draw_rehearsal  # noqa: PLC0415
 
+    legs = legs_of(result.assessment, obstacles, mission)
+    if result.rehearsal is not None:
+        draw_rehearsal(legs, result.rehearsal, path)
+        return
     broken = [rule.name for rule in result.field_rules if not rule.holds]
     title = f"{len(obstacles)} obstacles: " + (", ".join(broken) + " broken" if broken else "clear")
-    draw_field(legs_of(result.assessment, obstacles, mission), title, path)
+    draw_field(legs, title, path)
 
 
 def print_preflight(result: Preflight, title: str, console: Console) -> None:
@@ -318,5 +342,7 @@ def print_preflight(result: Preflight, title: str, console: Console) -> None:
         preflight_report.print_field(
             result.field_rules, result.fastest_mps, assessment.terms.cruise_speed_mps, console
         )
+    if result.rehearsal is not None:
+        preflight_report.print_rehearsal(result.rehearsal.sentence(), console)
     if result.findings:
         preflight_report.print_findings(result.findings, console)

@@ -127,6 +127,13 @@ def print_field(
         )
 
 
+def print_rehearsal(sentence: str, console: Console) -> None:
+    """Print how the mission went on the map."""
+    console.print(
+        f"rehearsal, a prediction by the known map alone: {sentence}", markup=False, soft_wrap=True
+    )
+
+
 def print_rules(title: str, rules: tuple[Rule, ...], console: Console) -> None:
     """Print rules as a table."""
     table = Table("rule", "", title=title, title_justify="left")
