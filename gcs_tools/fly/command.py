@@ -135,7 +135,8 @@ def _fly_live(
             report=report,
         )
     flight, truth = _logs(directory)
-    return result_of(flight, truth, seed=seed, aborted=aborted), (flight, truth)
+    progress = scenario.contract.requirements.progress
+    return result_of(flight, truth, seed=seed, aborted=aborted, progress=progress), (flight, truth)
 
 
 def _fly_virtual(
@@ -174,8 +175,14 @@ def _fly_virtual(
         f"({report.virtual_s / report.wall_s:.0f} times real time)"
     )
     flight, truth = _logs(directory)
-    times_s = report.plan_times_s
-    result = result_of(flight, truth, seed=seed, aborted=report.aborted, plan_times_s=times_s)
+    result = result_of(
+        flight,
+        truth,
+        seed=seed,
+        aborted=report.aborted,
+        plan_times_s=report.plan_times_s,
+        progress=scenario.contract.requirements.progress,
+    )
     return result, (flight, truth)
 
 
@@ -242,6 +249,9 @@ def _summary(scenario: Scenario, result: Result) -> Iterator[tuple[str, str]]:
         times = (f"{name} {ms:.1f}" for name, ms in result.plan_time_ms.items() if ms is not None)
         yield "plan time", ", ".join(times) + " ms"
     yield "mission time", f"{result.duration_s:.1f} s"
+    yield "mean speed", f"{result.mean_speed_mps:.2f} m/s"
+    if result.pauses:
+        yield "pauses", str(result.pauses)
     if result.final_position_ned_m is not None:
         place = ", ".join(f"{value:.1f}" for value in result.final_position_ned_m)
         yield "final position", f"{place} m north, east, down"

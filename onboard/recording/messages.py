@@ -81,6 +81,8 @@ class StateRecord:
         position_doubt: why the position is not trusted; None while it is.
         cleared: whether a valid flight authorization is present, or none is required.
         log_ended: whether the service flies on without a log.
+        rest_margin_m: margin of the way to rest that is held: how far the seen-free space reaches
+            beyond what it needs; None while none is held.
         obstacles_known: size of the map.
         dropped: input that was not used.
     """
@@ -110,6 +112,7 @@ class StateRecord:
     position_doubt: str | None = None
     cleared: bool | None = None
     log_ended: bool = False
+    rest_margin_m: Number | None = None
     obstacles_known: int = 0
     dropped: DropCounters = field(default_factory=DropCounters)
 
