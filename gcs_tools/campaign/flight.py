@@ -117,7 +117,7 @@ def fly_numbered(source: Source, campaign_seed: int, number: int) -> FlightRow:
     case = source.case(campaign_seed, number)
     checked = _checked(case.scenario)
     which = {"source": source.name, "campaign_seed": campaign_seed, "number": number}
-    if not (checked.compliant or case.scenario.fly_outside_contract):
+    if not (checked.may_fly or case.scenario.fly_outside_contract):
         return _row(which, case, checked.assessment, _refused(case, checked), time_s=(0.0, 0.0))
     try:
         evidence = fly_case(case)

@@ -13,7 +13,14 @@ from typing import Final
 
 from foxglove import messages as fg
 
-from onboard.recording.messages import KnownObstacle, Obstacles, PlanRecord, Record, StateRecord
+from onboard.recording.messages import (
+    KnownObstacle,
+    Obstacles,
+    PlanRecord,
+    Record,
+    SeenSpace,
+    StateRecord,
+)
 
 MAP_FRAME: Final = "map"
 NED_FRAME: Final = "local_ned"
@@ -33,6 +40,9 @@ _REGION: Final = fg.Color(r=0.69, g=0.23, b=0.28, a=0.9)
 _LANE: Final = fg.Color(r=0.35, g=0.55, b=0.85, a=0.6)
 _BOUNDARY: Final = fg.Color(r=0.85, g=0.10, b=0.10, a=1.0)
 _PLAN: Final = fg.Color(r=0.88, g=0.48, b=0.0, a=1.0)
+_FREE: Final = fg.Color(r=0.40, g=0.75, b=0.45, a=0.25)
+_WAY_TO_REST: Final = fg.Color(r=0.10, g=0.60, b=0.20, a=1.0)
+_GUIDE: Final = fg.Color(r=0.55, g=0.55, b=0.60, a=0.8)
 _NAME: Final = fg.Color(r=0.9, g=0.9, b=0.9, a=1.0)
 # Half a turn about the axis between x and y swaps those two and reverses z.
 _MAP_FROM_NED: Final = (math.sqrt(0.5), math.sqrt(0.5), 0.0, 0.0)
@@ -45,6 +55,7 @@ TOPICS: Final[dict[str, type[SceneMessage]]] = {
     "/path/planned": fg.PosesInFrame,
     "/scene/obstacles": fg.SceneUpdate,
     "/scene/plan": fg.SceneUpdate,
+    "/scene/seen_space": fg.SceneUpdate,
 }
 
 
@@ -73,6 +84,10 @@ class Scene:
             line = _line(record.path_ned_m, _PLAN, 4.0)
             entity = _entity(record.time_s, "plan", lines=[line])
             yield "/scene/plan", _scene_update(record.time_s, [entity])
+        elif isinstance(record, SeenSpace):
+            height_m = self._vehicle_height_m if record.height_m is None else record.height_m
+            entity = _seen_space(record, height_m)
+            yield "/scene/seen_space", _scene_update(record.time_s, [entity])
 
     def _vehicle(self, state: StateRecord) -> Iterator[tuple[str, SceneMessage]]:
         if state.position_ned_m is None:
@@ -138,6 +153,31 @@ def _column(corners_ned_m: Sequence[Vector], height_m: float) -> fg.CubePrimitiv
         size=_vector((math.hypot(*along_m), math.hypot(*aside_m), height_m)),
         color=_OBSTACLE,
     )
+
+
+def _seen_space(seen: SeenSpace, height_m: float) -> fg.SceneEntity:
+    """Return the free runs as flat boxes, the way to rest and the guide as lines."""
+    cosine, sine = math.cos(seen.heading_rad), math.sin(seen.heading_rad)
+    north_m, east_m = seen.corner_ned_m
+    cubes = []
+    for row, first, after in zip(seen.row, seen.column_from, seen.column_to, strict=True):
+        x_m, y_m = (row + 0.5) * seen.cell_m, (first + after) / 2.0 * seen.cell_m
+        center_m = (north_m + cosine * x_m - sine * y_m, east_m + sine * x_m + cosine * y_m)
+        cubes.append(
+            fg.CubePrimitive(
+                pose=fg.Pose(
+                    position=_vector((*center_m, -height_m)),
+                    orientation=quaternion(0.0, 0.0, seen.heading_rad),
+                ),
+                size=_vector((seen.cell_m, (after - first) * seen.cell_m, 0.02)),
+                color=_FREE,
+            )
+        )
+    lines = [
+        _line(_at_height(seen.guide_ned_m, height_m), _GUIDE, 2.0),
+        _line(_at_height(seen.way_to_rest_ned_m, height_m), _WAY_TO_REST, 4.0),
+    ]
+    return _entity(seen.time_s, "seen_space", cubes=cubes, lines=lines)
 
 
 def _at_height(points_ned_m: Iterable[Vector], height_m: float) -> list[Vector]:

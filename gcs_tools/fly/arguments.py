@@ -8,6 +8,7 @@ from typing import Any
 
 from gcs_tools.console.arguments import RenamedOption, natural
 from gcs_tools.console.errors import EXIT_NO
+from gcs_tools.preflight.arguments import add_acceptance
 
 
 def add_parser(commands: Any) -> None:
@@ -28,6 +29,7 @@ def add_parser(commands: Any) -> None:
         action="store_true",
         help="fly even if the pre-flight check refuses",
     )
+    add_acceptance(parser)
     parser.add_argument("--force", action=RenamedOption, const="--fly-outside-contract")
     parser.set_defaults(run=_run)
 
@@ -41,5 +43,6 @@ def _run(options: argparse.Namespace) -> int:
         seed=options.seed,
         out=options.out,
         fly_outside_contract=options.fly_outside_contract,
+        accept_no_progress=options.accept_no_progress,
     )
     return 0 if succeeded else EXIT_NO

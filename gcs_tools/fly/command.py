@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 
 from rich.console import Console
@@ -20,7 +20,9 @@ from gcs_tools.logs.flight_log import FOXGLOVE_SUFFIX, Log, read_log
 from gcs_tools.logs.result import Result, result_of
 from gcs_tools.preflight import command as preflight
 from gcs_tools.preflight.command import Preflight
+from gcs_tools.preflight.tier import Tier
 from gcs_tools.scenario import Scenario, load_scenario
+from onboard.files.contract_file import Contract
 
 DEFAULT_SCENARIO = Path(__file__).parents[2] / "config" / "paper.yaml"
 # Of a flight, and what `clearway export` has made of it.
@@ -37,7 +39,13 @@ _COLOURS = {"arrived": "green", "held": "yellow", "collided": "red", "aborted": 
 
 
 def fly(
-    path: Path | None, *, virtual: bool, seed: int, out: Path | None, fly_outside_contract: bool
+    path: Path | None,
+    *,
+    virtual: bool,
+    seed: int,
+    out: Path | None,
+    fly_outside_contract: bool,
+    accept_no_progress: bool = False,
 ) -> bool:
     """Fly a scenario; return whether the mission succeeded without collision or violation.
 
@@ -51,12 +59,16 @@ def fly(
         seed: of the simulation's random numbers.
         out: output directory; None for ``flights/<scenario>-<seed>``.
         fly_outside_contract: fly even if the pre-flight check refuses.
+        accept_no_progress: fly by ``requirements.progress: best_effort``, whatever the scenario's
+            contract says.
 
     Raises:
         FileError: the scenario or one of its files cannot be used.
         CommandError: the flight could not begin, or was interrupted.
     """
     scenario = load_scenario(path or DEFAULT_SCENARIO)
+    if accept_no_progress:
+        scenario = replace(scenario, contract=best_effort(scenario.contract))
     console = Console(highlight=False)
     known = scenario.obstacles if scenario.field_known else None
     checked = preflight.check(scenario.contract, known, scenario.mission)
@@ -79,19 +91,25 @@ def fly(
     return result.succeeded
 
 
+def best_effort(contract: Contract) -> Contract:
+    """Return a contract that accepts that arrival is not guaranteed."""
+    requirements = contract.requirements.model_copy(update={"progress": "best_effort"})
+    return contract.model_copy(update={"requirements": requirements})
+
+
 def _may_fly(checked: Preflight, fly_outside_contract: bool, console: Console) -> bool:
-    if checked.compliant:
-        console.print("pre-flight check: [green]compliant[/]")
+    if checked.tier is Tier.PROGRESS_GUARANTEED:
+        console.print(f"pre-flight check: [green]{checked.tier.value}[/]")
         return True
-    verdict = (
-        "[yellow]not compliant, flying outside the contract[/]"
-        if fly_outside_contract
-        else "[red]refused[/]"
-    )
+    permitted = checked.may_fly or fly_outside_contract
+    how = "accepted" if checked.may_fly else "flying outside the contract"
+    verdict = f"[yellow]{checked.tier.value}[/], {how if permitted else '[red]refused[/]'}"
     console.print(f"pre-flight check: {verdict}")
     for refusal in checked.refusals:
         console.print(f"  • {refusal}", markup=False, soft_wrap=True)
-    return fly_outside_contract
+    if not permitted and checked.tier is Tier.SAFE:
+        console.print("--accept-no-progress flies it without a guarantee to arrive")
+    return permitted
 
 
 def _prepared(directory: Path) -> Path:
@@ -119,7 +137,8 @@ def _fly_live(
             report=report,
         )
     flight, truth = _logs(directory)
-    return result_of(flight, truth, seed=seed, aborted=aborted), (flight, truth)
+    progress = scenario.contract.requirements.progress
+    return result_of(flight, truth, seed=seed, aborted=aborted, progress=progress), (flight, truth)
 
 
 def _fly_virtual(
@@ -158,8 +177,14 @@ def _fly_virtual(
         f"({report.virtual_s / report.wall_s:.0f} times real time)"
     )
     flight, truth = _logs(directory)
-    times_s = report.plan_times_s
-    result = result_of(flight, truth, seed=seed, aborted=report.aborted, plan_times_s=times_s)
+    result = result_of(
+        flight,
+        truth,
+        seed=seed,
+        aborted=report.aborted,
+        plan_times_s=report.plan_times_s,
+        progress=scenario.contract.requirements.progress,
+    )
     return result, (flight, truth)
 
 
@@ -226,6 +251,9 @@ def _summary(scenario: Scenario, result: Result) -> Iterator[tuple[str, str]]:
         times = (f"{name} {ms:.1f}" for name, ms in result.plan_time_ms.items() if ms is not None)
         yield "plan time", ", ".join(times) + " ms"
     yield "mission time", f"{result.duration_s:.1f} s"
+    yield "mean speed", f"{result.mean_speed_mps:.2f} m/s"
+    if result.pauses:
+        yield "pauses", str(result.pauses)
     if result.final_position_ned_m is not None:
         place = ", ".join(f"{value:.1f}" for value in result.final_position_ned_m)
         yield "final position", f"{place} m north, east, down"

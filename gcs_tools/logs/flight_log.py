@@ -28,6 +28,7 @@ from onboard.recording.messages import (
     Obstacles,
     PlanRecord,
     Record,
+    SeenSpace,
     StateRecord,
 )
 
@@ -45,6 +46,7 @@ _ATTRIBUTES: Final[dict[type[Any], str]] = {
     Monitors: "monitors",
     Obstacles: "obstacles",
     PlanRecord: "plans",
+    SeenSpace: "seen_spaces",
     EventRecord: "events",
     TruthRecord: "truths",
 }
@@ -59,7 +61,7 @@ class Log:
     """A log in memory; the records of each type are in the order of the file.
 
     Attributes:
-        states, margins, monitors, obstacles, plans, events: of the daemon.
+        states, margins, monitors, obstacles, plans, seen_spaces, events: of the daemon.
         truths: of the simulation.
         metadata: strings by name of the metadata record and key.
         complete: whether the file ends as it should.
@@ -72,6 +74,7 @@ class Log:
     monitors: Sequence[Monitors] = ()
     obstacles: Sequence[Obstacles] = ()
     plans: Sequence[PlanRecord] = ()
+    seen_spaces: Sequence[SeenSpace] = ()
     events: Sequence[EventRecord] = ()
     truths: Sequence[TruthRecord] = ()
     metadata: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
@@ -83,7 +86,7 @@ class Log:
         """Yield the daemon's records in the order of time, of one tick the state first."""
         topics: tuple[Sequence[Record], ...] = (
             *(self.states, self.margins, self.monitors),
-            *(self.obstacles, self.plans, self.events),
+            *(self.obstacles, self.plans, self.seen_spaces, self.events),
         )
         yield from heapq.merge(*topics, key=lambda record: record.time_s)
 

@@ -9,19 +9,21 @@ from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from itertools import pairwise
 from pathlib import Path
-from typing import TypeVar
+from typing import Literal, TypeVar
 
 from gcs_tools.console.errors import CommandError
 from gcs_tools.logs.flight_log import Log
 from gcs_tools.scenario import Expectation, Outcome
 from onboard.events import EventName
+from onboard.files.truth_record import TruthRecord
 from onboard.recording.messages import StateRecord
 
-_FLYING = frozenset({"cruise", "avoid"})
+_FLYING = frozenset({"cruise", "avoid", "thread", "pause"})
 _OVER = frozenset({"arrived", "hold"})
 _STILL_MPS = 0.1
 _PLAN_KINDS = ("qp", "vertex", "brake")
 
+Progress = Literal["guaranteed", "best_effort"]
 _Value = TypeVar("_Value")
 
 
@@ -48,6 +50,12 @@ class Result:
         final_position_ned_m: where the mission ended, before landing.
         contract_sha256: of the contract that was flown.
         seed: of the simulation.
+        pauses: how often the vehicle stopped to look for another way.
+        mean_speed_mps: way flown over ``duration_s``, pauses included.
+        progress: ``guaranteed`` or ``best_effort``, as the contract requires it.
+        rest_margin_min_m: least margin of the way to rest that was held; null where none was.
+        speed_at_contact_mps: greatest speed at which contact began; null without contact.
+        contacts_at_rest: how many contacts began at rest.
     """
 
     outcome: Outcome
@@ -64,6 +72,12 @@ class Result:
     final_position_ned_m: tuple[float, float, float] | None
     contract_sha256: str
     seed: int
+    pauses: int = 0
+    mean_speed_mps: float = 0.0
+    progress: Progress = "guaranteed"
+    rest_margin_min_m: float | None = None
+    speed_at_contact_mps: float | None = None
+    contacts_at_rest: int = 0
 
     @property
     def succeeded(self) -> bool:
@@ -100,6 +114,7 @@ def result_of(
     seed: int,
     aborted: str | None = None,
     plan_times_s: Sequence[float] = (),
+    progress: Progress = "guaranteed",
 ) -> Result:
     """Return the result of a flight.
 
@@ -110,6 +125,7 @@ def result_of(
         aborted: why the operator gave the flight up, if so.
         plan_times_s: wall time of each plan; by default that of the log, which has none for a
             flight in virtual time.
+        progress: as the contract requires it.
 
     Raises:
         MissingValueError: a log of another version lacks a value.
@@ -117,6 +133,8 @@ def result_of(
     flown = [state for state in flight.states if state.phase in _FLYING]
     collisions = max((record.collisions for record in truth.truths), default=0)
     outcome, reason = _outcome(flight, collisions, aborted)
+    duration_s = flown[-1].time_s - flown[0].time_s if flown else 0.0
+    contacts_mps = _contact_speeds_mps(truth.truths)
     return Result(
         outcome=outcome,
         reason=reason,
@@ -124,7 +142,7 @@ def result_of(
         clearance_min_m=truth.truths[-1].clearance_min_m if truth.truths else None,
         tracking_error_max_m=_tracking_error_max_m(flown),
         velocity_error_max_mps=_velocity_error_max_mps(flown),
-        duration_s=flown[-1].time_s - flown[0].time_s if flown else 0.0,
+        duration_s=duration_s,
         obstacles_avoided=_avoided(flight.states),
         plans=_plans(flight),
         plan_time_ms=plan_time_ms(plan_times_s or _logged_plan_times_s(flight)),
@@ -132,7 +150,37 @@ def result_of(
         final_position_ned_m=_final_position(flight.states),
         contract_sha256=flight.metadata.get("clearway", {}).get("contract_sha256", ""),
         seed=seed,
+        pauses=_pauses(flight.states),
+        mean_speed_mps=_distance_m(flown) / duration_s if duration_s else 0.0,
+        progress=progress,
+        rest_margin_min_m=min(
+            (margin_m for each in flown if (margin_m := each.rest_margin_m) is not None),
+            default=None,
+        ),
+        speed_at_contact_mps=max(contacts_mps, default=None),
+        contacts_at_rest=sum(speed_mps < _STILL_MPS for speed_mps in contacts_mps),
     )
+
+
+def _pauses(states: Sequence[StateRecord]) -> int:
+    phases = [state.phase for state in states]
+    return sum(after == "pause" != before for before, after in pairwise(phases))
+
+
+def _distance_m(flown: Sequence[StateRecord]) -> float:
+    places_m = [each.position_ned_m[:2] for each in flown if each.position_ned_m is not None]
+    return sum(math.dist(before, after) for before, after in pairwise(places_m))
+
+
+def _contact_speeds_mps(truths: Sequence[TruthRecord]) -> list[float]:
+    """Return the speed at each beginning of a contact; a truth without a velocity has none."""
+    before = 0
+    speeds_mps = []
+    for record in truths:
+        if record.collisions > before and record.velocity_ned_mps is not None:
+            speeds_mps.append(math.hypot(*record.velocity_ned_mps))
+        before = record.collisions
+    return speeds_mps
 
 
 def plan_time_ms(times_s: Sequence[float]) -> dict[str, float | None]:

@@ -26,7 +26,7 @@ class FlightMap {
     // The user has dragged or zoomed: keep the view until a double-click.
     this.held = false;
     this.layers = Object.fromEntries(
-      ["obstacles", "legs", "ahead", "reference", "plan", "flown", "others", "vehicles"].map((name) =>
+      ["seen", "obstacles", "legs", "ahead", "reference", "plan", "flown", "others", "vehicles"].map((name) =>
         [name, svg.appendChild(svgElement("g", { class: `layer-${name}` }))]));
     this.lines = {};
     this.vehicles = {};
@@ -49,6 +49,16 @@ class FlightMap {
       svgElement("path", { class: "boundary", d: polyline(obstacle.boundary_ned_m ?? []) }),
       this.#named(svgElement("path", { class: "obstacle", d: polygon(obstacle.measured_ned_m ?? []) }), obstacle.id),
     ]));
+  }
+
+  // The space that was seen free, as runs of cells; the way to rest and the guide in it.
+  seen({ corner_ned_m, heading_rad, cell_m, row, column_from, column_to, way_to_rest_ned_m, guide_ned_m }) {
+    const runs = row.map((i, k) => `M${i * cell_m} ${column_from[k] * cell_m}h${cell_m}v${(column_to[k] - column_from[k]) * cell_m}h${-cell_m}Z`);
+    this.line("seen", "seen-free", []);
+    this.lines["seen-free"].setAttribute("d", runs.join(""));
+    this.lines["seen-free"].setAttribute("transform", `translate(${corner_ned_m.join(" ")}) rotate(${heading_rad * 180 / Math.PI})`);
+    this.line("plan", "guide", guide_ned_m);
+    this.line("plan", "way-to-rest", way_to_rest_ned_m);
   }
 
   vehicle(north, east, yaw, name = "vehicle") {

@@ -75,6 +75,11 @@ const show = {
     map.obstacles(obstacles);
   },
 
+  seen_space(seen) {
+    map.seen(seen);
+    byId("pause").textContent = seen.pause ? `pausing: ${seen.pause}` : "";
+  },
+
   plan({ path_ned_m }) { map.line("plan", "plan", path_ned_m); },
 
   events({ time_s, severity, text }) {

@@ -37,8 +37,18 @@ def add_parser(commands: Any) -> None:
         help="then answer the vehicle's arm requests with the verdict for S seconds",
     )
     parser.add_argument("--authorise", action=RenamedOption, const="--authorize")
+    add_acceptance(parser)
     add_output_options(parser, "table", "json")
     parser.set_defaults(run=_run)
+
+
+def add_acceptance(parser: argparse.ArgumentParser) -> None:
+    """Add the option to accept for one run that arrival is not guaranteed."""
+    parser.add_argument(
+        "--accept-no-progress",
+        action="store_true",
+        help="accept that arrival is not guaranteed; requirements.progress: best_effort, once",
+    )
 
 
 def _run(options: argparse.Namespace) -> int:
@@ -61,6 +71,7 @@ def _run(options: argparse.Namespace) -> int:
         endurance_s=options.endurance,
         authorize_s=options.authorize,
         input_set=options.input_set,
+        accept_no_progress=options.accept_no_progress,
         form=options.form,
         output=options.output,
     )

@@ -6,7 +6,7 @@ import itertools
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from pathlib import Path
-from typing import Any, Final, NamedTuple
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 from rich.console import Console
 
@@ -15,16 +15,21 @@ from gcs_tools.console.output import Format, write_document
 from gcs_tools.console.progress import progress_bar
 from gcs_tools.contract.document import contract_document
 from gcs_tools.preflight import report as preflight_report
-from gcs_tools.preflight.field_check import FieldRule, check_field, legs_of
+from gcs_tools.preflight.field_check import check_field, legs_of
 from gcs_tools.preflight.field_placement import check_placement
 from gcs_tools.preflight.finding import VEHICLE_IDENTITY, Finding, Verdict
 from gcs_tools.preflight.remedy import Remedy, remedies
+from gcs_tools.preflight.rule import Rule
 from gcs_tools.preflight.speed import fastest_speed_mps
+from gcs_tools.preflight.tier import Tier, seen_free_rules
 from onboard.contract.assessment import Assessment, assess
 from onboard.files.contract_file import Contract, InputSet, load_contract
 from onboard.files.mission_file import Mission
 from onboard.files.obstacle_field import ObstacleField, load_field
 from onboard.files.yaml_file import load_yaml
+
+if TYPE_CHECKING:
+    from gcs_tools.preflight.rehearsal.prediction import Rehearsal
 
 _SYSTEM_ID_MAX: Final = 255
 
@@ -36,26 +41,64 @@ class Preflight:
     Attributes:
         assessment: the contract's clauses.
         field_rules: the obstacle field's, where one was given.
+        safety_rules: what safety needs where a clause about progress fails.
         fastest_mps: fastest cruise that contract and field allow; None without a field, or if no
             speed complies.
         findings: of the live check.
+        accept_no_progress: accept for this run that arrival is not guaranteed.
+        rehearsal: of the mission in the known field, where arrival is not guaranteed; a prediction,
+            which no verdict depends on.
     """
 
     assessment: Assessment
-    field_rules: tuple[FieldRule, ...] = ()
+    field_rules: tuple[Rule, ...] = ()
+    safety_rules: tuple[Rule, ...] = ()
     fastest_mps: float | None = None
     findings: tuple[Finding, ...] = ()
+    accept_no_progress: bool = False
+    rehearsal: Rehearsal | None = None
 
     @property
     def compliant(self) -> bool:
-        """Whether contract and field comply, without regard to live findings."""
+        """Whether contract and field comply in everything, without regard to live findings."""
         return self.assessment.compliant and all(rule.holds for rule in self.field_rules)
 
     @property
-    def verdict(self) -> Verdict:
+    def safe(self) -> bool:
+        """Whether contract and field comply in what safety needs."""
+        if not self.assessment.terms.stop:
+            return self.compliant
+        clauses, rules = self.assessment.clauses, (*self.field_rules, *self.safety_rules)
+        broken = [each.concerns for each in clauses if not each.holds]
+        broken += [each.concerns for each in rules if not each.holds]
+        return "safety" not in broken
+
+    @property
+    def accepted(self) -> bool:
+        """Whether contract or operator accept that arrival is not guaranteed."""
+        requirements = self.assessment.contract.requirements
+        return self.accept_no_progress or requirements.progress == "best_effort"
+
+    @property
+    def may_fly(self) -> bool:
+        """Whether contract and field permit the flight, without regard to live findings."""
+        return self.compliant or (self.safe and self.accepted)
+
+    @property
+    def tier(self) -> Tier:
         """Verdict on contract, field and live findings together."""
+        live = Verdict.worst(each.verdict for each in self.findings)
+        if live is Verdict.BROKEN or not (self.compliant or self.safe):
+            return Tier.DO_NOT_FLY
+        if live is Verdict.UNKNOWN:
+            return Tier.UNKNOWN
+        return Tier.PROGRESS_GUARANTEED if self.compliant else Tier.SAFE
+
+    @property
+    def verdict(self) -> Verdict:
+        """Whether to fly, by contract, field, acceptance and live findings together."""
         return Verdict.worst(
-            [Verdict.of(holds=self.compliant), *(each.verdict for each in self.findings)]
+            [Verdict.of(holds=self.may_fly), *(each.verdict for each in self.findings)]
         )
 
     @property
@@ -70,16 +113,22 @@ class Preflight:
         return remedies(self.assessment)
 
     @property
+    def broken_safety_rules(self) -> tuple[Rule, ...]:
+        """The broken ones of the safety rules; none counts where all clauses hold."""
+        broken = tuple(rule for rule in self.safety_rules if not rule.holds)
+        return () if self.compliant else broken
+
+    @property
     def refusals(self) -> tuple[str, ...]:
-        """Reasons for a verdict other than holds."""
+        """Reasons for a verdict other than that progress is guaranteed."""
         clauses = tuple(
             f"{c.name}: requires {c.required:.2f} {c.unit}, declared {c.declared:.2f} {c.unit}"
             for c in self.assessment.clauses
             if not c.holds
         )
         rules = tuple(
-            f"{rule.name}: {rule.reason} ({preflight_report.some(rule.offenders)})"
-            for rule in self.field_rules
+            f"{rule.name}: {rule.reason}{preflight_report.named(rule.offenders)}"
+            for rule in (*self.field_rules, *self.broken_safety_rules)
             if not rule.holds
         )
         live = tuple(
@@ -92,14 +141,18 @@ class Preflight:
     def document(self) -> dict[str, Any]:
         """Return the result as JSON values."""
         return {
-            "verdict": self.verdict.value,
+            "verdict": self.tier.value,
+            "may_fly": self.verdict is Verdict.HOLDS,
+            "accepted": self.accepted,
             "vehicle": self.vehicle,
             "compliant": self.compliant,
             "refusals": list(self.refusals),
             "contract": contract_document(self.assessment),
             "remedies": [vars(remedy) for remedy in self.remedies],
-            "field": [_rule_document(rule) for rule in self.field_rules],
+            "field": [rule.document() for rule in self.field_rules],
+            "safety": [rule.document() for rule in self.safety_rules],
             "fastest_compliant_speed_mps": self.fastest_mps,
+            "rehearsal": None if self.rehearsal is None else self.rehearsal.document(),
             "live": [finding.document() for finding in self.findings],
         }
 
@@ -109,14 +162,25 @@ def check(
     obstacles: ObstacleField | None,
     mission: Mission | None,
     input_set: InputSet = "inner",
+    *,
+    accept_no_progress: bool = False,
 ) -> Preflight:
-    """Check contract, field and mission; needs no vehicle."""
+    """Check contract, field and mission; needs no vehicle.
+
+    Args:
+        contract: the contract.
+        obstacles: the field as far as it is known; None if it is not.
+        mission: what is to be flown.
+        input_set: ``"inner"`` (sound) or ``"paper"`` (Eq. 7 as printed).
+        accept_no_progress: accept for this run that arrival is not guaranteed.
+    """
     altitude_m = None if mission is None else mission.altitude_m
     assessment = assess(contract, input_set, mission_altitude_m=altitude_m)
     rules = () if obstacles is None else check_field(assessment, obstacles, mission)
     if obstacles is not None and mission is not None:
         rules += (check_placement(obstacles, mission, contract.sensor.detection_range_m),)
-    return Preflight(assessment, rules)
+    safety_rules = seen_free_rules(assessment, obstacles, mission)
+    return Preflight(assessment, rules, safety_rules, accept_no_progress=accept_no_progress)
 
 
 @dataclass(frozen=True)
@@ -145,6 +209,7 @@ def run_preflight(
     endurance_s: float | None,
     authorize_s: float | None,
     input_set: InputSet,
+    accept_no_progress: bool = False,
     form: Format,
     output: Path | None,
 ) -> Verdict:
@@ -161,10 +226,11 @@ def run_preflight(
     contract = load_contract(files.contract, files.overrides)
     obstacles = None if files.field is None else load_field(files.field)
     mission = None if files.mission is None else load_yaml(files.mission, Mission)
-    result = check(contract, obstacles, mission, input_set)
+    result = check(contract, obstacles, mission, input_set, accept_no_progress=accept_no_progress)
     if obstacles is not None:
         fastest_mps = fastest_speed_mps(contract, obstacles, mission, input_set)
-        result = replace(result, fastest_mps=fastest_mps)
+        rehearsal = _rehearsed(result, obstacles, mission)
+        result = replace(result, fastest_mps=fastest_mps, rehearsal=rehearsal)
         if files.picture is not None:
             _draw(files.picture, result, obstacles, mission)
     elif files.picture is not None:
@@ -227,18 +293,34 @@ def _check_live(
             request,
             result.assessment,
             mission,
-            paper_compliant=result.compliant,
+            paper_compliant=result.may_fly,
             report=lambda step: bar.show(next(done), f"checking: {step}"),
         )
 
 
+def _rehearsed(
+    result: Preflight, obstacles: ObstacleField, mission: Mission | None
+) -> Rehearsal | None:
+    """Rehearse the mission where it may be flown without a guarantee to arrive."""
+    if mission is None or result.compliant or not result.safe:
+        return None
+    # Loads the planner for dense fields and its solver.
+    from gcs_tools.preflight.rehearsal.rehearse import rehearse  # noqa: PLC0415
+
+    return rehearse(result.assessment, obstacles, mission, confined=True)
+
+
 def _draw(path: Path, result: Preflight, obstacles: ObstacleField, mission: Mission | None) -> None:
     # Matplotlib takes long to load: load it only to draw.
-    from gcs_tools.preflight.picture import draw_field  # noqa: PLC0415
+    from gcs_tools.preflight.picture import draw_field, draw_rehearsal  # noqa: PLC0415
 
+    legs = legs_of(result.assessment, obstacles, mission)
+    if result.rehearsal is not None:
+        draw_rehearsal(legs, result.rehearsal, path)
+        return
     broken = [rule.name for rule in result.field_rules if not rule.holds]
     title = f"{len(obstacles)} obstacles: " + (", ".join(broken) + " broken" if broken else "clear")
-    draw_field(legs_of(result.assessment, obstacles, mission), title, path)
+    draw_field(legs, title, path)
 
 
 def print_preflight(result: Preflight, title: str, console: Console) -> None:
@@ -246,30 +328,21 @@ def print_preflight(result: Preflight, title: str, console: Console) -> None:
     assessment = result.assessment
     if result.vehicle is not None:
         title = f"{title}, {result.vehicle}"
-    preflight_report.print_title(result.verdict, title, result.refusals, console)
+    preflight_report.print_title(result.tier, title, result.refusals, console)
+    if result.tier is Tier.SAFE:
+        preflight_report.print_acceptance(console, accepted=result.accepted)
+    if not assessment.terms.stop:
+        preflight_report.print_no_way_to_rest(console)
     preflight_report.print_contract(assessment, result.remedies, console)
+    if not result.compliant and result.safety_rules:
+        preflight_report.print_rules(
+            "Safety where arrival is not guaranteed", result.safety_rules, console
+        )
     if result.field_rules:
         preflight_report.print_field(
             result.field_rules, result.fastest_mps, assessment.terms.cruise_speed_mps, console
         )
+    if result.rehearsal is not None:
+        preflight_report.print_rehearsal(result.rehearsal.sentence(), console)
     if result.findings:
         preflight_report.print_findings(result.findings, console)
-
-
-def _rule_document(rule: FieldRule) -> dict[str, Any]:
-    return {
-        "name": rule.name,
-        "required": rule.required,
-        "declared": _finite(rule.declared),
-        "margin": _finite(rule.margin),
-        "unit": rule.unit,
-        "holds": rule.holds,
-        "reason": rule.reason,
-        "offenders": list(rule.offenders),
-        "note": rule.note,
-    }
-
-
-def _finite(value: float) -> float | None:
-    """Return None for infinity, which JSON lacks: a single obstacle has no nearest neighbour."""
-    return value if abs(value) < float("inf") else None

@@ -18,6 +18,7 @@ import numpy as np
 from scipy.spatial import KDTree
 
 from gcs_tools.preflight.field_merging import PAIRS_MAX, intersecting_pairs, merge
+from gcs_tools.preflight.rule import ROUND_OFF, Rule
 from onboard.contract.arithmetic import ARRAY
 from onboard.contract.assessment import Assessment, Terms, worst_encounter
 from onboard.contract.region import dimensions
@@ -30,43 +31,8 @@ from onboard.geometry.frames import FloatArray, LegFrame
 OFFENDERS_MAX = 100
 MERGED_SHOWN = 5
 
-# Sizes and distances that a file states as equal are sums of floats: equal to one in a billion.
-_ROUND_OFF = 1e-9
-
 # The rules about regions, which depend on the cruise speed.
 RULES_OF_SPEED = frozenset({"roi_disjoint", "start_clear", "end_clear"})
-
-
-@dataclass(frozen=True)
-class FieldRule:
-    """One rule, checked on the whole field.
-
-    Attributes:
-        name: of the rule.
-        required, declared: the rule holds while ``declared`` is at least ``required``.
-        unit: of both.
-        reason: the purpose of the rule.
-        offenders: obstacles that break it, at most `OFFENDERS_MAX`.
-        note: a condition of the verdict, or a limit of the check; may be empty.
-    """
-
-    name: str
-    required: float
-    declared: float
-    unit: str
-    reason: str
-    offenders: tuple[str, ...] = ()
-    note: str = ""
-
-    @property
-    def margin(self) -> float:
-        """Declared less required; 0 or more complies."""
-        return self.declared - self.required
-
-    @property
-    def holds(self) -> bool:
-        """Whether the field keeps the rule."""
-        return self.margin >= -_ROUND_OFF * max(1.0, abs(self.required))
 
 
 @dataclass(frozen=True)
@@ -155,7 +121,7 @@ class _Count:
 
 def check_field(
     assessment: Assessment, obstacles: ObstacleField, mission: Mission | None
-) -> tuple[FieldRule, ...]:
+) -> tuple[Rule, ...]:
     """Check a field against the contract's assumptions and the induction's conditions.
 
     Without a mission the one leg runs north from the origin, and its start and end are not checked.
@@ -247,15 +213,15 @@ def region_extents(assessment: Assessment, boxes_m: FloatArray) -> FloatArray:
     )
 
 
-def _largest(legs: tuple[LegField, ...], assessment: Assessment) -> FieldRule:
+def _largest(legs: tuple[LegField, ...], assessment: Assessment) -> Rule:
     allowed_m = assessment.terms.obstacle_size_max_m
     largest_m, count = 0.0, _Count()
     for leg in legs:
         sizes_m = leg.sizes_m.max(axis=1)
         largest_m = max(largest_m, float(sizes_m.max(initial=0.0)))
-        for index in np.flatnonzero(sizes_m > allowed_m * (1.0 + _ROUND_OFF)).tolist():
+        for index in np.flatnonzero(sizes_m > allowed_m * (1.0 + ROUND_OFF)).tolist():
             count.add(f"{leg.called(leg.single_ids[index])}: {sizes_m[index]:.2f} m")
-    return FieldRule(
+    return Rule(
         "obstacle_size_max",
         largest_m,
         allowed_m,
@@ -265,15 +231,15 @@ def _largest(legs: tuple[LegField, ...], assessment: Assessment) -> FieldRule:
     )
 
 
-def _thinnest(legs: tuple[LegField, ...], assessment: Assessment) -> FieldRule:
+def _thinnest(legs: tuple[LegField, ...], assessment: Assessment) -> Rule:
     assumed_m = assessment.terms.obstacle_size_min_m
     thinnest_m, count = math.inf, _Count()
     for leg in legs:
         sizes_m = leg.sizes_m[:, 0]
         thinnest_m = min(thinnest_m, float(sizes_m.min(initial=math.inf)))
-        for index in np.flatnonzero(sizes_m < assumed_m * (1.0 - _ROUND_OFF)).tolist():
+        for index in np.flatnonzero(sizes_m < assumed_m * (1.0 - ROUND_OFF)).tolist():
             count.add(f"{leg.called(leg.single_ids[index])}: {sizes_m[index]:.2f} m")
-    return FieldRule(
+    return Rule(
         "obstacle_size_min",
         assumed_m,
         thinnest_m,
@@ -283,39 +249,49 @@ def _thinnest(legs: tuple[LegField, ...], assessment: Assessment) -> FieldRule:
     )
 
 
-def _nearest(legs: tuple[LegField, ...], assessment: Assessment) -> FieldRule:
+def _nearest(legs: tuple[LegField, ...], assessment: Assessment) -> Rule:
+    """Return the rule about the distance of any two obstacles.
+
+    Where the contract states a pair [along, across] the leg, two obstacles have to be apart by one
+    of the two: their distance is then counted in shares of it.
+    """
+    box_m = assessment.contract.environment.separation_box_m
     assumed_m = assessment.terms.obstacle_separation_min_m
-    nearest_m, pairs = math.inf, {}
+    scale_m = (1.0, 1.0) if box_m is None else box_m
+    assumed, norm = (assumed_m, 2.0) if box_m is None else (1.0, math.inf)
+    nearest, pairs = math.inf, {}
     for leg in legs:
-        distance_m, neighbour = _nearest_neighbours(leg.centers_m)
-        nearest_m = min(nearest_m, float(distance_m.min(initial=math.inf)))
-        near = np.flatnonzero(distance_m < assumed_m * (1.0 - _ROUND_OFF))
+        distance, neighbour = _nearest_neighbours(leg.centers_m / scale_m, norm)
+        nearest = min(nearest, float(distance.min(initial=math.inf)))
+        near = np.flatnonzero(distance < assumed * (1.0 - ROUND_OFF))
         for i, j in zip(near.tolist(), neighbour[near].tolist(), strict=True):
-            pairs[leg.ids[min(i, j)], leg.ids[max(i, j)]] = distance_m[i]
-    return FieldRule(
-        "separation",
-        assumed_m,
-        nearest_m,
-        "m",
-        "no two obstacles may stand closer, centre to centre, than the contract assumes",
-        tuple(
-            f"{one} and {other}: {apart_m:.2f} m"
-            for (one, other), apart_m in list(pairs.items())[:OFFENDERS_MAX]
-        ),
-    )
+            apart_m = np.abs(leg.centers_m[i] - leg.centers_m[j]).tolist()
+            pairs[leg.ids[min(i, j)], leg.ids[max(i, j)]] = apart_m
+    first = list(pairs.items())[:OFFENDERS_MAX]
+    if box_m is None:
+        unit, reason = "m", "no two obstacles may stand closer, centre to centre, than the contract"
+        offenders = [f"{one} and {other}: {math.hypot(*m):.2f} m" for (one, other), m in first]
+    else:
+        unit = f"of {box_m[0]:g} m along or {box_m[1]:g} m across"
+        reason = "any two obstacles must be apart, along or across the leg, as far as the contract"
+        offenders = [
+            f"{one} and {other}: {along_m:.2f} m along, {across_m:.2f} m across"
+            for (one, other), (along_m, across_m) in first
+        ]
+    return Rule("separation", assumed, nearest, unit, f"{reason} assumes", tuple(offenders))
 
 
-def _nearest_neighbours(points_m: FloatArray) -> tuple[FloatArray, FloatArray]:
+def _nearest_neighbours(points_m: FloatArray, norm: float = 2.0) -> tuple[FloatArray, FloatArray]:
     """Return distance and index of each point's nearest neighbour; (N, 2) -> (N,), (N,)."""
     if len(points_m) < 2:
         return np.full(len(points_m), math.inf), np.full(len(points_m), -1)
-    distance_m, index = KDTree(points_m).query(points_m, k=2)
+    distance_m, index = KDTree(points_m).query(points_m, k=2, p=norm)
     # Of two points in one place, the query may list either one first.
     itself_first = index[:, 0] == np.arange(len(points_m))
     return distance_m[:, 1], np.where(itself_first, index[:, 1], index[:, 0])
 
 
-def _disjoint(legs: tuple[LegField, ...]) -> FieldRule:
+def _disjoint(legs: tuple[LegField, ...]) -> Rule:
     count = _Count()
     for leg in legs:
         for i, j in islice(intersecting_pairs(leg.regions_m), PAIRS_MAX - count.total):
@@ -347,7 +323,7 @@ def _merging_note(legs: tuple[LegField, ...], *, counted_all: bool) -> str:
     return ", ".join(notes)
 
 
-def _start_clear(legs: tuple[LegField, ...]) -> FieldRule:
+def _start_clear(legs: tuple[LegField, ...]) -> Rule:
     count = _Count()
     for leg in legs:
         _count_regions_at(leg, leg.stretch.start, count)
@@ -359,7 +335,7 @@ def _start_clear(legs: tuple[LegField, ...]) -> FieldRule:
     )
 
 
-def _end_clear(legs: tuple[LegField, ...]) -> FieldRule:
+def _end_clear(legs: tuple[LegField, ...]) -> Rule:
     count = _Count()
     for leg in legs:
         _count_regions_at(leg, leg.stretch.end, count)
@@ -376,6 +352,6 @@ def _count_regions_at(leg: LegField, place: Box, count: _Count) -> None:
         count.add(leg.called(leg.ids[index]))
 
 
-def _none_of(count: _Count, name: str, unit: str, reason: str) -> FieldRule:
+def _none_of(count: _Count, name: str, unit: str, reason: str) -> Rule:
     """Return a rule that holds only without any offender."""
-    return FieldRule(name, float(count.total), 0.0, unit, reason, tuple(count.offenders))
+    return Rule(name, float(count.total), 0.0, unit, reason, tuple(count.offenders))

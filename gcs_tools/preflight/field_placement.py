@@ -7,7 +7,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from gcs_tools.preflight.field_check import FieldRule
+from gcs_tools.preflight.rule import Rule
 from onboard.files.mission_file import Mission
 from onboard.files.obstacle_field import ObstacleField
 from onboard.geometry.frames import FloatArray
@@ -17,7 +17,7 @@ SITE_M = 1000.0
 AXES = "x_m and center_ned_m begin with metres north, then metres east, of the mission's origin"
 
 
-def check_placement(obstacles: ObstacleField, mission: Mission, range_m: float) -> FieldRule:
+def check_placement(obstacles: ObstacleField, mission: Mission, range_m: float) -> Rule:
     """Return a rule that a field breaks if it is probably not meant for this mission.
 
     It is broken if no obstacle is within sensor range of the mission, and either the nearest one is
@@ -31,7 +31,7 @@ def check_placement(obstacles: ObstacleField, mission: Mission, range_m: float) 
     nearest_m = float(_distances_m(obstacles, obstacles.center_ned_m, mission).min())
     name, reason = "placement", "the field must be where the mission is"
     if nearest_m <= range_m:
-        return FieldRule(name, nearest_m, range_m, "m", reason)
+        return Rule(name, nearest_m, range_m, "m", reason, concerns="safety")
     swapped_m = _distances_m(obstacles, obstacles.center_ned_m[:, ::-1], mission)
     count = int((swapped_m <= range_m).sum())
     if count:
@@ -41,7 +41,7 @@ def check_placement(obstacles: ObstacleField, mission: Mission, range_m: float) 
         reason = f"the nearest obstacle is {nearest_m:,.0f} m from the mission"
         limit_m = SITE_M
     note = f"no obstacle is within sensor range of the mission; {AXES}"
-    return FieldRule(name, nearest_m, limit_m, "m", reason, note=note)
+    return Rule(name, nearest_m, limit_m, "m", reason, note=note, concerns="safety")
 
 
 def _distances_m(

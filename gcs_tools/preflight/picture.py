@@ -1,4 +1,4 @@
-"""Draws an obstacle field: legs, regions of influence, and in red the regions that break a rule."""
+"""Draws an obstacle field, with the regions that break a rule in red, or a rehearsal in it."""
 
 from __future__ import annotations
 
@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from gcs_tools.console.errors import CommandError
 from gcs_tools.preflight.field_check import LegField
 from gcs_tools.preflight.field_merging import PAIRS_MAX, intersecting_pairs
+from gcs_tools.preflight.rehearsal.prediction import Rehearsal
 from onboard.geometry.frames import FloatArray, LegFrame
 
 BoolArray = NDArray[np.bool_]
@@ -37,9 +38,7 @@ def draw_field(legs: tuple[LegField, ...], title: str, path: Path) -> None:
     Raises:
         CommandError: the file cannot be written.
     """
-    figure = Figure(figsize=(11.0, 6.0), layout="constrained")
-    FigureCanvasAgg(figure)
-    axes = figure.subplots()
+    figure, axes = _canvas()
     lines_m = [_line_ned_m(leg) for leg in legs]
     shown_m = [np.vstack(lines_m)]
     for leg, line_m in zip(legs, lines_m, strict=True):
@@ -47,6 +46,51 @@ def draw_field(legs: tuple[LegField, ...], title: str, path: Path) -> None:
         shown_m.append(_draw_leg(axes, leg, near))
         axes.plot(*line_m.T, color=_LEG, marker="o", markersize=4.0, linewidth=1.4, label="leg")
     _frame(axes, np.vstack(shown_m))
+    _save(figure, title, path)
+
+
+def draw_rehearsal(legs: tuple[LegField, ...], rehearsal: Rehearsal, path: Path) -> None:
+    """Draw a rehearsed mission: obstacles, the path coloured by speed, and where it waits.
+
+    Args:
+        legs: the field, leg by leg.
+        rehearsal: the prediction.
+        path: the file to write; its suffix says whether PNG, SVG or PDF.
+
+    Raises:
+        CommandError: the file cannot be written.
+    """
+    figure, axes = _canvas()
+    flown_m = [leg.path_ned_m for leg in rehearsal.legs]
+    shown_m = np.vstack([*(_line_ned_m(leg) for leg in legs), *flown_m])
+    boxes_m = _corners_ned_m(legs[0].stretch.frame, legs[0].single_boxes_m)
+    low_m, high_m = shown_m.min(axis=0) - 3.0 * _MARGIN_M, shown_m.max(axis=0) + 3.0 * _MARGIN_M
+    centers_m = boxes_m.mean(axis=1)
+    near = np.all((centers_m >= low_m) & (centers_m <= high_m), axis=1)
+    axes.add_collection(PolyCollection(list(boxes_m[near]), facecolors=_OBSTACLE, label="obstacle"))
+    for leg in legs:
+        axes.plot(*_line_ned_m(leg).T, color=_LEG, linestyle=":", linewidth=1.0, label="leg")
+    speeds_mps = np.concatenate([leg.speed_mps for leg in rehearsal.legs])
+    points_m = np.vstack(flown_m)
+    north_m, east_m = points_m.T
+    coloured = axes.scatter(
+        north_m, east_m, c=speeds_mps, cmap="viridis", s=9.0, label="predicted way"
+    )
+    figure.colorbar(coloured, ax=axes, label="speed (m/s)", shrink=0.7)
+    waits_m = np.array([wait.position_ned_m for wait in rehearsal.waits]).reshape(-1, 2)
+    if len(waits_m):
+        axes.plot(*waits_m.T, "x", color=_BROKEN, markersize=9.0, label="pause")
+    _frame(axes, shown_m)
+    _save(figure, f"Rehearsal, a prediction: {rehearsal.sentence()}", path)
+
+
+def _canvas() -> tuple[Figure, Axes]:
+    figure = Figure(figsize=(11.0, 6.0), layout="constrained")
+    FigureCanvasAgg(figure)
+    return figure, figure.subplots()
+
+
+def _save(figure: Figure, title: str, path: Path) -> None:
     figure.suptitle(title, fontsize=12, fontweight="bold", ha="left", x=0.01)
     try:
         figure.savefig(path, dpi=120)

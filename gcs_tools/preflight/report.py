@@ -7,9 +7,10 @@ from rich.markup import escape
 from rich.table import Table
 from rich.text import Text
 
-from gcs_tools.preflight.field_check import FieldRule
 from gcs_tools.preflight.finding import Finding, Verdict
 from gcs_tools.preflight.remedy import Remedy
+from gcs_tools.preflight.rule import Rule
+from gcs_tools.preflight.tier import Tier
 from onboard.contract.assessment import Assessment, Clause
 
 _OFFENDERS_SHOWN = 5
@@ -17,23 +18,46 @@ _REMEDIES_SHOWN = 3
 # A bar is full where required equals declared; cells beyond that show what is lacking.
 _BAR_FULL, _BAR_MAX = 16, 22
 
-_TITLES = {
-    Verdict.HOLDS: "[bold green]MAY FLY[/]",
-    Verdict.BROKEN: "[bold red]DO NOT FLY[/]",
-    Verdict.UNKNOWN: "[bold yellow]COULD NOT BE CHECKED[/]",
+_COLOURS = {
+    Tier.PROGRESS_GUARANTEED: "green",
+    Tier.SAFE: "yellow",
+    Tier.DO_NOT_FLY: "red",
+    Tier.UNKNOWN: "yellow",
 }
 _MARKS = {
     Verdict.HOLDS: "[green]holds[/]",
     Verdict.BROKEN: "[red]BROKEN[/]",
     Verdict.UNKNOWN: "[yellow]UNKNOWN[/]",
 }
+# A clause about progress costs no safety where every flown way ends at rest in seen-free space.
+_NOT_KEPT = "[yellow]not kept[/]"
 
 
-def print_title(verdict: Verdict, title: str, reasons: tuple[str, ...], console: Console) -> None:
-    """Print whether the flight may take place, and the reasons if not."""
-    console.print(f"{_TITLES[verdict]}  {escape(title)}")
+def print_title(tier: Tier, title: str, reasons: tuple[str, ...], console: Console) -> None:
+    """Print the verdict, and why it is not the best one."""
+    console.print(f"[bold {_COLOURS[tier]}]{tier.value.upper()}[/]  {escape(title)}")
     for reason in reasons:
-        console.print(f"  • {reason}", style="red", markup=False, soft_wrap=True)
+        console.print(f"  • {reason}", style=_COLOURS[tier], markup=False, soft_wrap=True)
+
+
+def print_acceptance(console: Console, *, accepted: bool) -> None:
+    """Print what a flight without guaranteed arrival does, and whether that was accepted."""
+    console.print(
+        "the vehicle flies only where it has seen free space and can come to rest there; it may "
+        "pause, look for another way, or give up",
+        soft_wrap=True,
+    )
+    how = "--accept-no-progress accepts that once, requirements.progress: best_effort always"
+    console.print("accepted" if accepted else f"not accepted: {how}", markup=False, soft_wrap=True)
+
+
+def print_no_way_to_rest(console: Console) -> None:
+    """Print what a contract without the clause stop lacks."""
+    console.print(
+        "requirements.stop is false: no way to rest is held in flight, and safety rests on every "
+        "clause",
+        soft_wrap=True,
+    )
 
 
 def print_contract(assessment: Assessment, remedies: tuple[Remedy, ...], console: Console) -> None:
@@ -51,12 +75,18 @@ def print_contract(assessment: Assessment, remedies: tuple[Remedy, ...], console
     for each in assessment.clauses:
         name = f"[bold]{each.name}[/] ←" if each is clause else each.name
         numbers = f"{each.required:.2f}", f"{each.declared:.2f}", f"{each.margin:+.2f}"
-        mark = _MARKS[Verdict.of(holds=bool(each.holds))]
-        table.add_row(name, mark, _bar(each), *numbers, each.unit)
+        table.add_row(name, _mark(each), _bar(each), *numbers, each.unit)
     console.print(table)
     for each in assessment.clauses:
         if not each.holds:
-            console.print(f"  to satisfy {each.name}: {advice(each.name, remedies)}", markup=False)
+            aim = "to satisfy" if each.concerns == "safety" else "to guarantee arrival, satisfy"
+            console.print(f"  {aim} {each.name}: {advice(each.name, remedies)}", markup=False)
+
+
+def _mark(checked: Clause[float] | Rule) -> str:
+    if not checked.holds and checked.concerns == "progress":
+        return _NOT_KEPT
+    return _MARKS[Verdict.of(holds=bool(checked.holds))]
 
 
 def advice(clause: str, remedies: tuple[Remedy, ...]) -> str:
@@ -79,21 +109,13 @@ def _bar(clause: Clause[float]) -> Text:
 
 
 def print_field(
-    rules: tuple[FieldRule, ...],
+    rules: tuple[Rule, ...],
     fastest_mps: float | None,
     cruise_mps: float,
     console: Console,
 ) -> None:
     """Print every rule of the field, and the fastest cruise that complies."""
-    table = Table("rule", "", title="Obstacle field", title_justify="left")
-    for column in ("required", "declared", "unit", "offenders"):
-        table.add_column(column, justify="right" if column.endswith("ed") else "left")
-    for rule in rules:
-        numbers = f"{rule.required:.3g}", f"{rule.declared:.3g}"
-        offenders = escape(some(rule.offenders))
-        mark = _MARKS[Verdict.of(holds=rule.holds)]
-        table.add_row(rule.name, mark, *numbers, rule.unit, offenders)
-    console.print(table)
+    print_rules("Obstacle field", rules, console)
     for rule in rules:
         if rule.note:
             console.print(f"{rule.name}: {rule.note}", markup=False, soft_wrap=True)
@@ -105,12 +127,36 @@ def print_field(
         )
 
 
+def print_rehearsal(sentence: str, console: Console) -> None:
+    """Print how the mission went on the map."""
+    console.print(
+        f"rehearsal, a prediction by the known map alone: {sentence}", markup=False, soft_wrap=True
+    )
+
+
+def print_rules(title: str, rules: tuple[Rule, ...], console: Console) -> None:
+    """Print rules as a table."""
+    table = Table("rule", "", title=title, title_justify="left")
+    for column in ("required", "declared", "unit", "offenders"):
+        table.add_column(column, justify="right" if column.endswith("ed") else "left")
+    for rule in rules:
+        numbers = f"{rule.required:.3g}", f"{rule.declared:.3g}"
+        offenders = escape(some(rule.offenders))
+        table.add_row(rule.name, _mark(rule), *numbers, rule.unit, offenders)
+    console.print(table)
+
+
 def print_findings(findings: tuple[Finding, ...], console: Console) -> None:
     """Print the findings of the live check."""
     table = Table("of", "check", "", "found", title="Live", title_justify="left")
     for each in findings:
         table.add_row(each.subject, each.name, _MARKS[each.verdict], escape(each.text))
     console.print(table)
+
+
+def named(offenders: tuple[str, ...]) -> str:
+    """Return the first few offenders in brackets; nothing if there are none."""
+    return f" ({some(offenders)})" if offenders else ""
 
 
 def some(offenders: tuple[str, ...]) -> str:

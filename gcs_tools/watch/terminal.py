@@ -20,6 +20,7 @@ from onboard.recording.messages import (
     Margins,
     Monitors,
     Reading,
+    SeenSpace,
     StateRecord,
 )
 
@@ -43,14 +44,18 @@ def show(feed: Feed, vehicle: str, check: Callable[[], None]) -> None:
 def view(feed: Feed, vehicle: str, now_unix_s: float) -> RenderableType:
     """Return everything on one screen."""
     return Group(
-        Panel(_state(feed.latest(StateRecord), now_unix_s), title=vehicle, title_align="left"),
+        Panel(
+            _state(feed.latest(StateRecord), feed.latest(SeenSpace), now_unix_s),
+            title=vehicle,
+            title_align="left",
+        ),
         Panel(_monitors(feed.latest(Monitors)), title="monitors", title_align="left"),
         Panel(_margins(feed.latest(Margins)), title="contract", title_align="left"),
         Panel(_events(feed.events()), title="events", title_align="left"),
     )
 
 
-def _state(state: StateRecord | None, now_unix_s: float) -> RenderableType:
+def _state(state: StateRecord | None, seen: SeenSpace | None, now_unix_s: float) -> RenderableType:
     if state is None:
         return Text("waiting for the daemon", style="yellow")
     silent_s = now_unix_s - state.time_s
@@ -60,6 +65,8 @@ def _state(state: StateRecord | None, now_unix_s: float) -> RenderableType:
     table.add_row("velocity", _vector(state.velocity_ned_mps, "m/s"))
     table.add_row("obstacles", str(state.obstacles_known))
     table.add_row("dropped", _dropped(state.dropped))
+    if seen is not None and seen.pause is not None:
+        table.add_row("pausing", Text(seen.pause, style="yellow"))
     if silent_s > SILENCE_S:
         return Group(Text(f"no contact for {silent_s:.0f} s", style="bold red"), table)
     return table

@@ -36,6 +36,7 @@ from onboard.recording.messages import (
     Record,
     StateRecord,
 )
+from onboard.recording.seen_space import SeenSpaceJournal
 from onboard.recording.state import finite, state_of, unix_time_s
 
 PATH_STEP_S: Final = 0.1
@@ -61,6 +62,7 @@ class Journal:
         self.autonomy = autonomy
         self._timed = timed
         self._slow_due_s = -math.inf if shown else math.inf
+        self._shown, self._seen_space = shown, SeenSpaceJournal()
         self._obstacles_revision = 0
         self._assessment: Assessment | None = None
         # Obstacles are replaced, never changed: what was derived from one stays valid.
@@ -76,7 +78,11 @@ class Journal:
         if now_s >= self._slow_due_s:
             self._slow_due_s = now_s + SLOW_PERIOD_S
             records += self._slow(now_s, state)
-        for step in self.autonomy.navigator.take_planned():
+        navigator = self.autonomy.navigator
+        seen = self._seen_space.collect(navigator, navigator.leg, state.time_s, now_s)
+        if self._shown and seen is not None:
+            records.append(seen)
+        for step in navigator.take_planned():
             records.append(self._plan(step, state.time_s))
         for event in self.autonomy.events():
             records.append(event_record(event, unix_time_s(self.autonomy, event.time_s)))

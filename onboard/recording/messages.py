@@ -81,6 +81,8 @@ class StateRecord:
         position_doubt: why the position is not trusted; None while it is.
         cleared: whether a valid flight authorization is present, or none is required.
         log_ended: whether the service flies on without a log.
+        rest_margin_m: margin of the way to rest that is held: how far the seen-free space reaches
+            beyond what it needs; None while none is held.
         obstacles_known: size of the map.
         free_cells: number of cells around the vehicle that have been seen free.
         rest_certified: whether the way to rest that is held is certified in the space seen free;
@@ -115,6 +117,7 @@ class StateRecord:
     position_doubt: str | None = None
     cleared: bool | None = None
     log_ended: bool = False
+    rest_margin_m: Number | None = None
     obstacles_known: int = 0
     free_cells: int = 0
     rest_certified: bool | None = None
@@ -240,6 +243,37 @@ class PlanRecord:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class SeenSpace:
+    """The space that was seen free, and what is held in it; whenever it changes, at most 2 Hz.
+
+    Runs of free cells, row by row: cell (i, j) reaches from (i, j) to (i + 1, j + 1) times
+    ``cell_m``, along and across the leg, from the corner on.
+
+    Attributes:
+        height_m: at which the leg is flown.
+        corner_ned_m: of the grid.
+        heading_rad: of the leg, clockwise from north.
+        cell_m: edge of a cell.
+        row, column_from, column_to: of each run; ``column_to`` is the one after its last.
+        way_to_rest_ned_m: points of the way to rest that is held; empty while none is.
+        guide_ned_m: points of the way to try; empty where no way leads on.
+        pause: why the vehicle pauses; None while it does not.
+    """
+
+    time_s: UnixTime
+    height_m: Number | None = None
+    corner_ned_m: Vector2 = (0.0, 0.0)
+    heading_rad: Number = 0.0
+    cell_m: Number = 0.0
+    row: list[int] = field(default_factory=list)
+    column_from: list[int] = field(default_factory=list)
+    column_to: list[int] = field(default_factory=list)
+    way_to_rest_ned_m: Outline = field(default_factory=list)
+    guide_ned_m: Outline = field(default_factory=list)
+    pause: str | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class EventRecord:
     """Something that happened; ``data`` are the numbers behind ``text``.
 
@@ -253,7 +287,7 @@ class EventRecord:
     data: EventData = field(default_factory=EventData)
 
 
-Record = StateRecord | Margins | Monitors | Obstacles | PlanRecord | EventRecord
+Record = StateRecord | Margins | Monitors | Obstacles | PlanRecord | SeenSpace | EventRecord
 
 # Topic of the log, without its leading slash, by the type of its records.
 TOPICS: Final[dict[type[Record], str]] = {
@@ -262,6 +296,7 @@ TOPICS: Final[dict[type[Record], str]] = {
     Monitors: "monitors",
     Obstacles: "obstacles",
     PlanRecord: "plan",
+    SeenSpace: "seen_space",
     EventRecord: "events",
 }
 # Key on Zenoh under ``clearway/<vehicle>/``, by the type of its records.
@@ -271,10 +306,11 @@ ZENOH_KEYS: Final[dict[type[Record], str]] = {
     Monitors: "monitors",
     Obstacles: "map",
     PlanRecord: "plan",
+    SeenSpace: "seen_space",
     EventRecord: "events",
 }
 # Records that hold until the next one of their type.
-LASTING: Final[tuple[type[Record], ...]] = (Margins, Obstacles, PlanRecord)
+LASTING: Final[tuple[type[Record], ...]] = (Margins, Obstacles, PlanRecord, SeenSpace)
 
 
 # Convert records from and to JSON.

@@ -109,12 +109,17 @@ def test_fly_passes_its_arguments_on(monkeypatch: pytest.MonkeyPatch) -> None:
     target = "gcs_tools.fly.command.fly"
     code, positional, keywords = called(monkeypatch, target, "fly", returns=True)
     assert (code, positional) == (0, (None,))
-    assert keywords == {"virtual": False, "seed": 1, "out": None, "fly_outside_contract": False}
-    line = ("fly", "s.yaml", "--virtual", "--seed", "7", "--out", "d", "--fly-outside-contract")
+    assert keywords == {
+        "virtual": False, "seed": 1, "out": None, "fly_outside_contract": False,
+        "accept_no_progress": False,
+    }  # fmt: skip
+    line = ("fly", "s.yaml", "--virtual", "--seed", "7", "--out", "d", "--fly-outside-contract",
+        "--accept-no-progress")  # fmt: skip
     code, positional, keywords = called(monkeypatch, target, *line, returns=False)
     assert (code, positional) == (1, (Path("s.yaml"),))
     assert keywords == {
-        "virtual": True, "seed": 7, "out": Path("d"), "fly_outside_contract": True
+        "virtual": True, "seed": 7, "out": Path("d"), "fly_outside_contract": True,
+        "accept_no_progress": True,
     }  # fmt: skip
 
 
@@ -125,13 +130,15 @@ def test_preflight_answers_by_its_exit_code(
     monkeypatch: pytest.MonkeyPatch, verdict: Verdict, code: int
 ) -> None:
     target = "gcs_tools.preflight.command.run_preflight"
-    line = ("preflight", *C, "--field", "f.csv", "--authorize", "9.5", "--set", "a=1", "b=2")
+    line = ("preflight", *C, "--field", "f.csv", "--authorize", "9.5", "--set", "a=1", "b=2",
+        "--accept-no-progress")  # fmt: skip
     answer, (files,), keywords = called(monkeypatch, target, *line, returns=verdict)
     assert answer == code
     assert (files.contract, files.field, files.mission) == (Path("c.yaml"), Path("f.csv"), None)
     assert files.overrides == ("a=1", "b=2")
     assert (keywords["authorize_s"], keywords["vehicle_url"]) == (9.5, None)
     assert (keywords["input_set"], keywords["form"]) == ("inner", "table")
+    assert keywords["accept_no_progress"]
 
 
 def test_contract_actions_pass_their_arguments_on(monkeypatch: pytest.MonkeyPatch) -> None:

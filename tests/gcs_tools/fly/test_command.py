@@ -11,10 +11,18 @@ from rich.console import Console
 
 from gcs_tools.console.errors import CommandError
 from gcs_tools.fly import command
-from gcs_tools.fly.command import _may_fly, _prepared, _print_summary, _progress, _summary, fly
+from gcs_tools.fly.command import (
+    _may_fly,
+    _prepared,
+    _print_summary,
+    _progress,
+    _summary,
+    best_effort,
+    fly,
+)
 from gcs_tools.logs.result import Result
 from gcs_tools.preflight.command import check
-from gcs_tools.scenario import load_scenario
+from gcs_tools.scenario import Scenario, load_scenario
 from tests.gcs_tools.campaign.oracles.evidence import result
 from tests.gcs_tools.running import CONFIG
 
@@ -32,19 +40,64 @@ def test_a_compliant_flight_may_begin() -> None:
     text, out = console()
     checked = check(PAPER.contract, PAPER.obstacles, PAPER.mission)
     assert _may_fly(checked, fly_outside_contract=False, console=out)
-    assert text.getvalue() == "pre-flight check: compliant\n"
+    assert text.getvalue() == "pre-flight check: progress guaranteed\n"
+
+
+WEAK = replace(
+    PAPER,
+    contract=PAPER.contract.model_copy(
+        update={
+            "vehicle": PAPER.contract.vehicle.model_copy(update={"thrust_to_weight": 1.001}),
+        }
+    ),
+)
 
 
 @pytest.mark.parametrize("outside", [False, True])
-def test_a_refused_flight_begins_only_outside_its_contract(*, outside: bool) -> None:
+@pytest.mark.parametrize(
+    ("scenario", "tier"), [(INTERSECTING, "safe, arrival not guaranteed"), (WEAK, "do not fly")]
+)
+def test_a_refused_flight_begins_only_outside_its_contract(
+    scenario: Scenario, tier: str, *, outside: bool
+) -> None:
     text, out = console()
-    checked = check(INTERSECTING.contract, INTERSECTING.obstacles, INTERSECTING.mission)
+    checked = check(scenario.contract, scenario.obstacles, scenario.mission)
     assert _may_fly(checked, fly_outside_contract=outside, console=out) is outside
-    verdict = "not compliant, flying outside the contract" if outside else "refused"
+    verdict = f"{tier}, {'flying outside the contract' if outside else 'refused'}"
     first, *reasons = text.getvalue().splitlines()
     assert first == f"pre-flight check: {verdict}"
+    advised = scenario is INTERSECTING and not outside
+    assert ("--accept-no-progress" in text.getvalue()) is advised
+    reasons = reasons[:-1] if advised else reasons
     assert reasons
     assert all(reason.startswith("  • ") for reason in reasons)
+
+
+def test_an_accepted_flight_without_guarantee_begins() -> None:
+    text, out = console()
+    contract = best_effort(INTERSECTING.contract)
+    checked = check(contract, INTERSECTING.obstacles, INTERSECTING.mission)
+    assert _may_fly(checked, fly_outside_contract=False, console=out)
+    first = text.getvalue().splitlines()[0]
+    assert first == "pre-flight check: safe, arrival not guaranteed, accepted"
+
+
+def test_the_accepted_contract_is_the_one_that_is_flown(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    given = []
+
+    def stop_here(scenario: Scenario, *_: object) -> None:
+        given.append(scenario.contract)
+        raise CommandError("far enough")
+
+    monkeypatch.setattr(command, "_fly_virtual", stop_here)
+    with pytest.raises(CommandError, match="far enough"):
+        fly(
+            CONFIG / "intersecting_rois.yaml", virtual=True, seed=1, out=tmp_path / "out",
+            fly_outside_contract=False, accept_no_progress=True,
+        )  # fmt: skip
+    assert given == [best_effort(INTERSECTING.contract)]
 
 
 def test_a_shipped_scenario_says_itself_that_it_is_outside() -> None:

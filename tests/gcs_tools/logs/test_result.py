@@ -32,6 +32,8 @@ KEYS = {
     "outcome", "reason", "collisions", "clearance_min_m", "tracking_error_max_m",
     "velocity_error_max_mps", "duration_s", "obstacles_avoided", "plans", "plan_time_ms",
     "violations", "final_position_ned_m", "contract_sha256", "seed",
+    "pauses", "mean_speed_mps", "progress", "rest_margin_min_m", "speed_at_contact_mps",
+    "contacts_at_rest",
 }  # fmt: skip
 MISSION = ("standby", "cruise", "avoid", "avoid", "cruise", "avoid", "cruise", "arrived")
 
@@ -95,7 +97,37 @@ def test_a_mission_flown() -> None:
         final_position_ned_m=(14.0, 0.1, -4.0),
         contract_sha256="abc",
         seed=3,
+        pauses=0,
+        mean_speed_mps=2.0,
+        progress="guaranteed",
+        rest_margin_min_m=None,
+        speed_at_contact_mps=None,
+        contacts_at_rest=0,
     )
+
+
+def test_a_flight_through_a_dense_field() -> None:
+    phases = ("standby", "thread", "pause", "pause", "thread", "pause", "thread", "arrived")
+    flight, truths = logs(phases)
+    states = [
+        replace(each, cruising=False, rest_margin_m=0.3 + abs(each.time_s - 4.0))
+        for each in flight.states
+    ]
+    result = result_of(replace(flight, states=states), truths, seed=1, progress="best_effort")
+    assert (result.outcome, result.pauses, result.progress) == ("arrived", 2, "best_effort")
+    assert (result.duration_s, result.mean_speed_mps) == (5.0, 2.0)
+    assert result.rest_margin_min_m == pytest.approx(0.3)
+
+
+def test_contacts_are_counted_with_their_speed() -> None:
+    speeds = [(0, 2.0), (1, 1.5), (1, 0.0), (2, 0.05), (3, 0.7), (3, 9.0)]
+    truths = [
+        replace(truth(float(n), collisions=count), velocity_ned_mps=(mps, 0.0, 0.0))
+        for n, (count, mps) in enumerate(speeds)
+    ]
+    result = result_of(*logs(truths=truths), seed=1)
+    assert (result.outcome, result.collisions) == ("collided", 3)
+    assert (result.speed_at_contact_mps, result.contacts_at_rest) == (1.5, 1)
 
 
 def test_the_file_has_the_published_keys(tmp_path: Path) -> None:

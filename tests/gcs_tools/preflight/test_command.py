@@ -15,10 +15,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from gcs_tools.console.processes import free_ports
-from gcs_tools.preflight.field_check import OFFENDERS_MAX, FieldRule, check_field
+from gcs_tools.preflight.field_check import OFFENDERS_MAX, check_field
 from gcs_tools.preflight.field_merging import intersecting_pairs
 from gcs_tools.preflight.finding import Verdict
 from gcs_tools.preflight.live.check import LiveRequest, check_live
+from gcs_tools.preflight.rule import Rule
 from onboard.contract.assessment import assess
 from onboard.files.contract_file import load_contract
 from onboard.files.mission_file import Mission
@@ -38,7 +39,7 @@ def obstacle(name: str, center_ned_m: tuple[float, float], **more: Any) -> Obsta
     )
 
 
-def rules(obstacles: Sequence[Obstacle], mission: Mission | None = None) -> dict[str, FieldRule]:
+def rules(obstacles: Sequence[Obstacle], mission: Mission | None = None) -> dict[str, Rule]:
     found = check_field(PAPER, ObstacleField.of(obstacles), mission)
     return {rule.name: rule for rule in found}
 
@@ -57,20 +58,20 @@ def test_shipped_examples_may_fly(clearway: Clearway, config: Path, name: str) -
         *("--mission", config / f"{name}_mission.yaml"),
     )
     assert ran.code == 0
-    assert ran.out.startswith("MAY FLY")
+    assert ran.out.startswith("PROGRESS GUARANTEED")
 
 
 def test_a_broken_clause_is_refused(clearway: Clearway, config: Path) -> None:
     arguments = (
         "preflight", "--contract", config / "paper_contract.yaml",
-        "--set", "sensor.detection_range_m=4.0",
+        "--set", "vehicle.thrust_to_weight=1.001",
     )  # fmt: skip
     ran = clearway(*arguments, "--format", "json")
     document = json.loads(ran.out)
     assert ran.code == 1
     assert document["compliant"] is False
     assert document["contract"]["compliant"] is False
-    assert any(refusal.startswith("detection_range: ") for refusal in document["refusals"])
+    assert any(refusal.startswith("thrust: ") for refusal in document["refusals"])
     table = clearway(*arguments)
     assert table.code == 1
     assert table.out.startswith("DO NOT FLY")
@@ -119,6 +120,24 @@ def test_separation_is_between_centres() -> None:
     assert (same_place.declared, same_place.holds) == (0.0, False)
     alone = rules([obstacle("a", (0.0, 0.0))])["separation"]
     assert alone.holds
+
+
+def test_a_pair_of_separations_asks_for_one_of_the_two() -> None:
+    contract = load_contract(
+        CONFIG / "paper_contract.yaml", ("environment.obstacle_separation_min_m=[12.0, 8.0]",)
+    )
+
+    def separation(center_ned_m: tuple[float, float]) -> Rule:
+        field = ObstacleField.of([obstacle("a", (20.0, 0.0)), obstacle("b", center_ned_m)])
+        found = check_field(assess(contract), field, mission((60.0, 0.0)))
+        return next(rule for rule in found if rule.name == "separation")
+
+    assert separation((32.0, 0.0)).holds
+    assert separation((20.0, -8.0)).holds
+    near = separation((31.9, 7.9))
+    assert not near.holds
+    assert near.declared == pytest.approx(max(11.9 / 12.0, 7.9 / 8.0))
+    assert near.offenders == ("a and b: 11.90 m along, 7.90 m across",)
 
 
 def test_start_and_end_lie_outside_every_region() -> None:

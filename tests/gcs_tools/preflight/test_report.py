@@ -10,17 +10,17 @@ from rich.console import Console
 
 from gcs_tools.preflight import report
 from gcs_tools.preflight.command import Preflight, check, print_preflight
-from gcs_tools.preflight.field_check import FieldRule
 from gcs_tools.preflight.finding import VEHICLE_IDENTITY, Finding, Verdict
 from gcs_tools.preflight.remedy import Remedy
+from gcs_tools.preflight.rule import Rule
 from onboard.files.contract_file import load_contract
 from tests.gcs_tools.running import CONFIG
 
 PAPER = CONFIG / "paper_contract.yaml"
 GOOD = check(load_contract(PAPER), None, None)
-BAD = check(load_contract(PAPER, ("vehicle.cruise_speed_mps=9.0",)), None, None)
+BAD = check(load_contract(PAPER, ("vehicle.thrust_to_weight=1.001",)), None, None)
 OFFENDERS = tuple(f"o{number}" for number in range(9))
-RULE = FieldRule("roi_disjoint", 9.0, 0.0, "pairs", "must not intersect", OFFENDERS, "a note")
+RULE = Rule("roi_disjoint", 9.0, 0.0, "pairs", "must not intersect", OFFENDERS, "a note")
 
 
 def printed(result: Preflight) -> str:
@@ -31,7 +31,7 @@ def printed(result: Preflight) -> str:
 
 def test_a_compliant_contract_is_a_yes_with_its_tightest_clause() -> None:
     text = printed(GOOD)
-    assert text.startswith("MAY FLY  c.yaml\ntightest: ")
+    assert text.startswith("PROGRESS GUARANTEED  c.yaml\ntightest: ")
     assert "to satisfy" not in text
     assert "BROKEN" not in text
 
@@ -105,6 +105,6 @@ def test_a_bar_passes_its_mark_if_and_only_if_the_clause_is_broken(clause: objec
 
 
 def test_a_field_without_a_neighbour_is_null_in_json() -> None:
-    lonely = FieldRule("separation", 5.0, float("inf"), "m", "why")
+    lonely = Rule("separation", 5.0, float("inf"), "m", "why")
     (document,) = replace(GOOD, field_rules=(lonely,)).document()["field"]
     assert (document["declared"], document["margin"], document["holds"]) == (None, None, True)

@@ -76,7 +76,7 @@ async def viewed(
     connection = await websocket_connect(url, subprotocols=["foxglove.sdk.v1"])
     try:
         viewer = Viewer(connection)
-        await viewer.learn_channels(len(TOPICS) + 6)
+        await viewer.learn_channels(len(TOPICS) + 7)
         await viewer.subscribe(*topics)
         found: dict[int, tuple[dict[str, Any], int, bytes]] = {}
         while len(found) < len(topics):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import http.client
 import json
+import math
 import signal
 import socket
 import subprocess
@@ -46,6 +47,12 @@ MARGINS = {
         {"name": "stop", "required": 0.3, "declared": 0.2, "margin": -0.1, "unit": "m",
          "holds": False},
     ],
+}  # fmt: skip
+SEEN_SPACE = {
+    "time_s": 1_790_000_000.0, "corner_ned_m": [9.0, -2.0], "heading_rad": math.pi / 2.0,
+    "cell_m": 0.5, "row": [0, 1], "column_from": [0, 2], "column_to": [4, 4],
+    "way_to_rest_ned_m": [[12.0, 0.5], [13.0, 0.5]], "guide_ned_m": [[12.0, 0.5], [20.0, 0.0]],
+    "pause": "nothing better certifies",
 }  # fmt: skip
 
 
@@ -206,6 +213,7 @@ def test_the_terminal_shows_what_the_page_shows() -> None:
     for key, payload in {"status": STATUS, "monitors": MONITORS, "margins": MARGINS}.items():
         said(feed, key, payload)
     said(feed, "events", violation(7))
+    said(feed, "seen_space", SEEN_SPACE)
     text = rendered(feed, 1_790_000_000.1)
     for words in (
         "AVOID",
@@ -215,6 +223,7 @@ def test_the_terminal_shows_what_the_page_shows() -> None:
         "-0.10 m",
         "event 7",
         "3 frames malformed",
+        "nothing better certifies",
     ):
         assert words in text
     assert "no contact" not in text
@@ -253,6 +262,7 @@ def test_the_page_shows_everything_that_is_said(tmp_path: Path) -> None:
         for key, payload in {
             "map": {"time_s": 0.0, "obstacles": [OBSTACLE]},
             "plan": {"time_s": 0.0, "path_ned_m": [[11, 0.5, -4], [14, 2.2, -4]]},
+            "seen_space": SEEN_SPACE,
             "monitors": MONITORS,
             "margins": MARGINS,
             "events": {**violation(7), "text": "<b>not markup</b>"},
@@ -268,6 +278,13 @@ def test_the_page_shows_everything_that_is_said(tmp_path: Path) -> None:
             "M11 0.5L14 2.2"
         )
         assert page.evaluate("document.querySelectorAll('#map .region').length") == 1
+        free = "document.querySelector('#map .seen-free')"
+        assert page.evaluate(f"{free}.getAttribute('d')") == "M0 0h0.5v2h-0.5ZM0.5 1h0.5v1h-0.5Z"
+        assert page.evaluate(f"{free}.getAttribute('transform')") == "translate(9 -2) rotate(90)"
+        way = "document.querySelector('#map .way-to-rest').getAttribute('d')"
+        assert page.evaluate(way) == "M12 0.5L13 0.5"
+        assert page.evaluate("document.querySelector('#map .guide').getAttribute('d')")
+        assert text_of(page, "pause") == "pausing: nothing better certifies"
         assert (
             page.evaluate("document.querySelector('#monitors .bad').textContent")
             == "0.31 of 0.25 m"
