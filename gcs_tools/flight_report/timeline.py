@@ -8,6 +8,7 @@ from itertools import groupby
 from gcs_tools.flight_report.columns import Columns
 from gcs_tools.flight_report.flight import Document
 from onboard.files.truth_record import TruthRecord
+from onboard.guidance.phases import FLYING_PHASES
 from onboard.recording.messages import (
     KnownObstacle,
     Monitors,
@@ -91,7 +92,7 @@ def path_columns(states: Sequence[StateRecord], start_s: float) -> Document:
         "velocity_error_across_mps": columns.peaks(_velocity_error(1), 4),
         # Outside these phases the daemon repeats its last value.
         "tracking_error_m": columns.peaks(
-            lambda state: state.tracking_error_m if state.phase in {"cruise", "avoid"} else None,
+            lambda state: state.tracking_error_m if state.phase in FLYING_PHASES else None,
             4,
         ),
         "detection_age_s": columns.peaks(lambda state: state.detection_age_s, back=_AGE_TICKS),

@@ -70,8 +70,7 @@ def fly(
     if accept_no_progress:
         scenario = replace(scenario, contract=best_effort(scenario.contract))
     console = Console(highlight=False)
-    known = scenario.obstacles if scenario.field_known else None
-    checked = preflight.check(scenario.contract, known, scenario.mission)
+    checked = _checked(scenario)
     outside = fly_outside_contract or scenario.fly_outside_contract
     if not _may_fly(checked, outside, console):
         return False
@@ -82,13 +81,23 @@ def fly(
         result, logs = _fly_virtual(scenario, seed, directory, outside, console)
     else:
         result, logs = _fly_live(scenario, seed, directory, outside)
+    _write(scenario, logs, result, directory)
+    _print_summary(scenario, result, directory, console)
+    return result.succeeded
+
+
+def _checked(scenario: Scenario) -> Preflight:
+    known = scenario.obstacles if scenario.field_known else None
+    return preflight.check(scenario.contract, known, scenario.mission)
+
+
+def _write(scenario: Scenario, logs: tuple[Log, Log], result: Result, directory: Path) -> None:
+    """Write result, picture and report beside the logs."""
     result.write(directory / "result.json")
     _draw(scenario, logs, result, directory / "flight.png")
     if logs[0].states:  # a daemon that died at once left no state
         document = document_of(Flight(directory.name, *logs, result=asdict(result)))
         write_report([document], directory / "report.html")
-    _print_summary(scenario, result, directory, console)
-    return result.succeeded
 
 
 def best_effort(contract: Contract) -> Contract:

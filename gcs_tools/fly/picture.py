@@ -20,6 +20,7 @@ from onboard.contract.assessment import assess
 from onboard.files.obstacle_field import ObstacleField
 from onboard.files.truth_record import TruthRecord
 from onboard.geometry.frames import FloatArray
+from onboard.guidance.phases import FLYING_PHASES
 from onboard.recording.messages import StateRecord
 
 _FLOWN, _REFERENCE, _OBSTACLE, _REGION, _LIMIT = (
@@ -29,7 +30,14 @@ _FLOWN, _REFERENCE, _OBSTACLE, _REGION, _LIMIT = (
     "#b03a48",
     "#b03a48",
 )
-_PHASES = {"cruise": "#ffffff", "avoid": "#fdeccf", "arrived": "#e3f1e1", "hold": "#f6dada"}
+_PHASES = {
+    "cruise": "#ffffff",
+    "avoid": "#fdeccf",
+    "thread": "#eaf2fb",
+    "pause": "#fdeccf",
+    "arrived": "#e3f1e1",
+    "hold": "#f6dada",
+}
 _MARGIN_M = 2.5
 # Shorter phases have no room for their name.
 _NAMED_PHASE_S = 1.5
@@ -161,7 +169,7 @@ def _draw_height(
 
 
 def _draw_error(axes: Axes, scenario: Scenario, states: list[StateRecord], start_s: float) -> None:
-    flying = [state for state in states if state.phase in {"cruise", "avoid"}]
+    flying = [state for state in states if state.phase in FLYING_PHASES]
     times_s = [state.time_s - start_s for state in flying]
     errors_m = [state.tracking_error_m or 0.0 for state in flying]
     axes.plot(times_s, errors_m, color=_FLOWN, linewidth=1.2)

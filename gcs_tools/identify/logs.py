@@ -15,13 +15,13 @@ from gcs_tools.identify.tlog import is_raw_capture, is_tlog, streams_of_tlog
 from gcs_tools.logs.flight_log import Log, read_log
 from onboard.contract.assessment import TICK_S
 from onboard.geometry.frames import FloatArray
+from onboard.guidance.phases import FLYING_PHASES
 from onboard.recording.messages import StateRecord
 
 _Value = TypeVar("_Value")
 
 _MCAP_MAGIC: Final = b"\x89MCAP0\r\n"
 _ULOG_MAGIC: Final = b"ULog\x01\x12\x35"
-_FLYING: Final = frozenset({"cruise", "avoid"})
 _PX4_OFFBOARD_STATE: Final = 14
 # Files that are often given by mistake, by their first bytes.
 _OTHERS: Final = (
@@ -103,7 +103,7 @@ def _streams_of_ours(path: Path, log: Log) -> Streams:
     known = [(at_s, s) for at_s, s in flown if s.position_ned_m and s.roll_rad is not None]
     posed = {at_s - (s.telemetry_age_s or 0.0): s for at_s, s in known}
     asked = [(at_s, s) for at_s, s in flown if s.reference_position_ned_m is not None]
-    ages_s = [s.detection_age_s for _, s in flown if s.phase in _FLYING]
+    ages_s = [s.detection_age_s for _, s in flown if s.phase in FLYING_PHASES]
     known_ages_s = [age_s for age_s in ages_s if age_s is not None]
     # An obstacle that comes into range just after a frame waits for the next frame and its tick.
     heard = bool(ages_s) and len(known_ages_s) == len(ages_s)
@@ -121,7 +121,7 @@ def _streams_of_ours(path: Path, log: Log) -> Streams:
             ],
             3,
         ),
-        control=in_order([(t, float(s.phase in _FLYING)) for t, s in flown], 1),
+        control=in_order([(t, float(s.phase in FLYING_PHASES)) for t, s in flown], 1),
         names=("position", "reference: the daemon did not fly in it", "attitude", "state"),
         reaction_s=max(known_ages_s) + TICK_S if heard else None,
         doing=_Plans(log),

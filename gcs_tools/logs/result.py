@@ -9,16 +9,16 @@ from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from itertools import pairwise
 from pathlib import Path
-from typing import Literal, TypeVar
+from typing import Any, Literal, TypeVar
 
 from gcs_tools.console.errors import CommandError
 from gcs_tools.logs.flight_log import Log
 from gcs_tools.scenario import Expectation, Outcome
 from onboard.events import EventName
 from onboard.files.truth_record import TruthRecord
+from onboard.guidance.phases import FLYING_PHASES
 from onboard.recording.messages import StateRecord
 
-_FLYING = frozenset({"cruise", "avoid", "thread", "pause"})
 _OVER = frozenset({"arrived", "hold"})
 _STILL_MPS = 0.1
 _PLAN_KINDS = ("qp", "vertex", "brake")
@@ -116,30 +116,28 @@ def result_of(
     plan_times_s: Sequence[float] = (),
     progress: Progress = "guaranteed",
 ) -> Result:
-    """Return the result of a flight.
+    """Return the result of a flight, from the daemon's log and the simulation's (``truth``).
 
     Args:
-        flight: the daemon's log.
-        truth: the simulation's log.
+        flight, truth: the logs.
         seed: of the simulation.
         aborted: why the operator gave the flight up, if so.
-        plan_times_s: wall time of each plan; by default that of the log, which has none for a
-            flight in virtual time.
+        plan_times_s: wall time of each plan; by default that of the log (none in virtual time).
         progress: as the contract requires it.
 
     Raises:
         MissingValueError: a log of another version lacks a value.
     """
-    flown = [state for state in flight.states if state.phase in _FLYING]
+    flown = [state for state in flight.states if state.phase in FLYING_PHASES]
     collisions = max((record.collisions for record in truth.truths), default=0)
     outcome, reason = _outcome(flight, collisions, aborted)
-    duration_s = flown[-1].time_s - flown[0].time_s if flown else 0.0
-    contacts_mps = _contact_speeds_mps(truth.truths)
+    duration_s = _duration_s(flown)
+    clearance_min_m = truth.truths[-1].clearance_min_m if truth.truths else None
     return Result(
         outcome=outcome,
         reason=reason,
         collisions=collisions,
-        clearance_min_m=truth.truths[-1].clearance_min_m if truth.truths else None,
+        clearance_min_m=clearance_min_m,
         tracking_error_max_m=_tracking_error_max_m(flown),
         velocity_error_max_mps=_velocity_error_max_mps(flown),
         duration_s=duration_s,
@@ -153,13 +151,26 @@ def result_of(
         pauses=_pauses(flight.states),
         mean_speed_mps=_distance_m(flown) / duration_s if duration_s else 0.0,
         progress=progress,
-        rest_margin_min_m=min(
-            (margin_m for each in flown if (margin_m := each.rest_margin_m) is not None),
-            default=None,
-        ),
-        speed_at_contact_mps=max(contacts_mps, default=None),
-        contacts_at_rest=sum(speed_mps < _STILL_MPS for speed_mps in contacts_mps),
+        rest_margin_min_m=_rest_margin_min_m(flown),
+        **_contacts(truth),
     )
+
+
+def _contacts(truth: Log) -> dict[str, Any]:
+    speeds_mps = _contact_speeds_mps(truth.truths)
+    return {
+        "speed_at_contact_mps": max(speeds_mps, default=None),
+        "contacts_at_rest": sum(speed_mps < _STILL_MPS for speed_mps in speeds_mps),
+    }
+
+
+def _duration_s(flown: Sequence[StateRecord]) -> float:
+    return flown[-1].time_s - flown[0].time_s if flown else 0.0
+
+
+def _rest_margin_min_m(flown: Sequence[StateRecord]) -> float | None:
+    margins_m = (state.rest_margin_m for state in flown)
+    return min((margin_m for margin_m in margins_m if margin_m is not None), default=None)
 
 
 def _pauses(states: Sequence[StateRecord]) -> int:

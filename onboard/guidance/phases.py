@@ -240,6 +240,10 @@ TRANSITIONS: Final = MappingProxyType(
 # fmt: on
 
 
+# Published phases in which the vehicle flies its mission.
+FLYING_PHASES: Final = frozenset(state.phase for state in FlightState if state.flying)
+
+
 class IllegalTransitionError(RuntimeError):
     """The automaton has no transition for a trigger in its current state: a programming error."""
 

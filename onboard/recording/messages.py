@@ -81,13 +81,12 @@ class StateRecord:
         position_doubt: why the position is not trusted; None while it is.
         cleared: whether a valid flight authorization is present, or none is required.
         log_ended: whether the service flies on without a log.
-        rest_margin_m: margin of the way to rest that is held: how far the seen-free space reaches
-            beyond what it needs; None while none is held.
         obstacles_known: size of the map.
         free_cells: number of cells around the vehicle that have been seen free.
         rest_certified: whether the way to rest that is held is certified in the space seen free;
             None where none is held.
-        rest_margin_m: by how much, in steps, the body could be larger there.
+        rest_margin_m: by how much, in steps, the body could be larger there; None where no way is
+            held, or where the way that is held is not certified.
         pauses: on this leg.
         dropped: input that was not used.
     """
@@ -117,7 +116,6 @@ class StateRecord:
     position_doubt: str | None = None
     cleared: bool | None = None
     log_ended: bool = False
-    rest_margin_m: Number | None = None
     obstacles_known: int = 0
     free_cells: int = 0
     rest_certified: bool | None = None

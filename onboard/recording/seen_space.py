@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Final, Protocol, runtime_checkable
+from typing import TYPE_CHECKING, Final, Protocol
 
 import numpy as np
 
@@ -22,7 +22,6 @@ _CELL_MIN_M: Final = 0.2
 _PATH_STEP_S: Final = 0.2
 
 
-@runtime_checkable
 class SeenSpaceSource(Protocol):
     """What guidance says of flying in seen-free space.
 
@@ -30,8 +29,7 @@ class SeenSpaceSource(Protocol):
         free_grid: the seen-free set, leg frame; None before the first one.
         held_way: the way to rest that is held; None while none is.
         guide_path_leg_m: the way to try, (k, 2); None where no way leads on.
-        pause: why the vehicle pauses; None while it does not.
-        rest_margin_m: how far the free space reaches beyond what the held way needs.
+        pause_reason: why the vehicle pauses; None while it does not.
     """
 
     @property
@@ -41,9 +39,7 @@ class SeenSpaceSource(Protocol):
     @property
     def guide_path_leg_m(self) -> FloatArray | None: ...  # noqa: D102
     @property
-    def pause(self) -> str | None: ...  # noqa: D102
-    @property
-    def rest_margin_m(self) -> float | None: ...  # noqa: D102
+    def pause_reason(self) -> str | None: ...  # noqa: D102
 
 
 class SeenSpaceJournal:
@@ -54,25 +50,25 @@ class SeenSpaceJournal:
         self._last: tuple[object, ...] = ()
 
     def collect(
-        self, navigator: object, leg: LegFrame, time_s: float, now_s: float
+        self, source: SeenSpaceSource | None, leg: LegFrame, time_s: float, now_s: float
     ) -> SeenSpace | None:
         """Return the record of a tick; None where there is nothing new, or nothing at all.
 
         Args:
-            navigator: guidance, if it is a `SeenSpaceSource`.
+            source: guidance, where it flies in the seen-free space.
             leg: frame of the set.
             time_s: Unix time of the tick.
             now_s: the time.
         """
-        if now_s < self._due_s or not isinstance(navigator, SeenSpaceSource):
+        if now_s < self._due_s or source is None:
             return None
-        grid, way = navigator.free_grid, navigator.held_way
-        news = (grid, way, leg, navigator.pause)
+        grid, way = source.free_grid, source.held_way
+        news = (grid, way, leg, source.pause_reason)
         known = len(news) == len(self._last)
         if grid is None or (known and all(a is b for a, b in zip(news, self._last, strict=True))):
             return None
         self._due_s, self._last = now_s + PERIOD_S, news
-        return seen_space(navigator, grid, leg, time_s)
+        return seen_space(source, grid, leg, time_s)
 
 
 def seen_space(source: SeenSpaceSource, grid: FreeGrid, leg: LegFrame, time_s: float) -> SeenSpace:
@@ -95,7 +91,7 @@ def seen_space(source: SeenSpaceSource, grid: FreeGrid, leg: LegFrame, time_s: f
         column_to=runs[2],
         way_to_rest_ned_m=[] if way is None else _seen_from_above(_points_leg_m(way), leg),
         guide_ned_m=[] if guide_m is None else _seen_from_above(guide_m, leg),
-        pause=source.pause,
+        pause=source.pause_reason,
     )
 
 

@@ -6,7 +6,6 @@ import math
 
 from onboard.autonomy import Autonomy
 from onboard.recording.messages import DropCounters, SensorRecord, StateRecord
-from onboard.recording.seen_space import SeenSpaceSource
 
 
 def state_of(autonomy: Autonomy, now_s: float) -> StateRecord:
@@ -43,7 +42,6 @@ def state_of(autonomy: Autonomy, now_s: float) -> StateRecord:
         position_doubt=None if doubt is None else doubt.sentence,
         cleared=autonomy.flight_authorization.refusal(autonomy.epoch_unix_s + now_s) is None,
         log_ended=autonomy.log_ended,
-        rest_margin_m=navigator.rest_margin_m if isinstance(navigator, SeenSpaceSource) else None,
         obstacles_known=len(navigator.obstacles),
         free_cells=supervisor.seen.size,
         rest_certified=None if navigator.thread is None else navigator.thread.way.certified,

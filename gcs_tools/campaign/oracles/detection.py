@@ -6,7 +6,8 @@ import math
 from collections.abc import Iterator
 
 from gcs_tools.campaign.detection_bounds import detection_bound
-from gcs_tools.campaign.oracles.evidence import FLYING, Evidence, onset_s
+from gcs_tools.campaign.oracles.evidence import Evidence, onset_s
+from onboard.guidance.phases import FLYING_PHASES
 
 
 def detected_in_time(evidence: Evidence) -> Iterator[str]:
@@ -19,7 +20,7 @@ def detected_in_time(evidence: Evidence) -> Iterator[str]:
         names, bound_s = bound
         passing = fault.kind != "tick_stall" and (fault.duration_s or math.inf) <= bound_s
         exposed = [
-            state.phase in FLYING
+            state.phase in FLYING_PHASES
             for state in evidence.states
             if began_s <= state.time_s <= began_s + bound_s
         ]

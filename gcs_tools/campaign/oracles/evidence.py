@@ -13,9 +13,9 @@ from gcs_tools.campaign.generator.case import FlightCase
 from gcs_tools.logs.flight_log import Log
 from gcs_tools.logs.result import Result
 from onboard.contract.assessment import TICK_S
+from onboard.guidance.phases import FLYING_PHASES
 from onboard.recording.messages import StateRecord
 
-FLYING: Final = frozenset({"cruise", "avoid"})
 ROUND_OFF: Final = 1e-6
 
 _Value = TypeVar("_Value")
@@ -56,7 +56,7 @@ class Evidence:
             (
                 math.dist(state.reference_position_ned_m[:2], truth.position_ned_m[:2])
                 for state, truth in zip(self.states, self.truth.truths, strict=True)
-                if state.phase in FLYING and state.reference_position_ned_m is not None
+                if state.phase in FLYING_PHASES and state.reference_position_ned_m is not None
             ),
             default=0.0,
         )

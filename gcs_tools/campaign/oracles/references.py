@@ -7,9 +7,10 @@ from collections.abc import Iterator
 from itertools import pairwise
 from typing import Final
 
-from gcs_tools.campaign.oracles.evidence import FLYING, ROUND_OFF, Evidence, given, in_leg
+from gcs_tools.campaign.oracles.evidence import ROUND_OFF, Evidence, given, in_leg
 from gcs_tools.campaign.oracles.plans import BORDER_M
 from onboard.contract.agility import GRAVITY_MPS2
+from onboard.guidance.phases import FLYING_PHASES
 
 ENTRY_LATERAL_MPS: Final = 1e-3
 
@@ -32,7 +33,7 @@ def setpoints_in_limits(evidence: Evidence) -> Iterator[str]:
     thrust_mps2 = vehicle.thrust_to_weight * GRAVITY_MPS2
     for state in evidence.states:
         asked = state.reference_acceleration_ned_mps2
-        if asked is None or state.phase not in FLYING:
+        if asked is None or state.phase not in FLYING_PHASES:
             continue
         along_mps2, across_mps2 = in_leg(asked, given(state.leg_heading_rad))
         lift_mps2 = GRAVITY_MPS2 - asked[2]
@@ -51,7 +52,11 @@ def continuous_reference(evidence: Evidence) -> Iterator[str]:
     """From tick to tick, the reference moves no farther than its velocity allows."""
     for before, after in pairwise(evidence.states):
         here_m, there_m = before.reference_position_ned_m, after.reference_position_ned_m
-        if {before.phase, after.phase} <= FLYING and here_m is not None and there_m is not None:
+        if (
+            {before.phase, after.phase} <= FLYING_PHASES
+            and here_m is not None
+            and there_m is not None
+        ):
             speeds_mps = (
                 math.hypot(*given(state.reference_velocity_ned_mps)) for state in (before, after)
             )

@@ -19,7 +19,8 @@ from gcs_tools.preflight.tier import start_clear_radius_m
 from onboard.contract.assessment import Assessment
 from onboard.geometry.box import Box
 from onboard.geometry.frames import FloatArray, LegFrame
-from onboard.perception.seen_free import CELL_M, SeenFree, View
+from onboard.perception.line_of_sight import View
+from onboard.perception.seen_free import CELL_M, SeenFree
 from onboard.planning.corridor.guide import Guide, along
 from onboard.planning.corridor.horizon import PIECE_S, Horizon
 from onboard.planning.corridor.receding_horizon import HorizonProblem, RecedingHorizonPlanner

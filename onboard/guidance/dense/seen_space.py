@@ -13,7 +13,13 @@ if TYPE_CHECKING:
 
 
 class SeenSpace(Protocol):
-    """The seen-free set in the frame of the leg."""
+    """The seen-free set in the frame of the leg.
+
+    Attributes:
+        relied_on: whether what is flown is certified in it, so that a contradiction counts.
+    """
+
+    relied_on: bool
 
     @property
     def frames_needed(self) -> int:
@@ -51,6 +57,7 @@ class NothingSeen:
 
     frames_needed = 1
     frames_counted = 0
+    relied_on = False
 
     def grid(self) -> FreeGrid:
         """Return a grid without cells."""

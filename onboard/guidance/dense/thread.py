@@ -34,9 +34,10 @@ from onboard.planning.corridor.look import (
 
 if TYPE_CHECKING:
     from onboard.geometry.frames import FloatArray
+    from onboard.geometry.free_grid import FreeGrid
     from onboard.guidance.fallback import Fallback
     from onboard.guidance.situation import Situation
-    from onboard.motion.trajectory import State, Vector
+    from onboard.motion.trajectory import State, Trajectory, Vector
     from onboard.planning.corridor.horizon import Horizon
     from onboard.planning.rest_certifier import RestLimits
     from onboard.vehicle_state import Pose
@@ -104,9 +105,34 @@ class Thread:
         """Pauses on this leg."""
         return self._leg.pause.count
 
+    @property
+    def free_grid(self) -> FreeGrid | None:
+        """The seen-free set, leg frame, for the record."""
+        return self._seen.grid() if self.way.flown is not None else None
+
+    @property
+    def held_way(self) -> Trajectory | None:
+        """The way to rest that is flown, for the record."""
+        return None if self.way.flown is None else self._situation.reference.current
+
+    @property
+    def guide_path_leg_m(self) -> FloatArray | None:
+        """The way to try, (k, 2), for the record; None where no way leads on."""
+        return self._path_leg_m
+
+    @property
+    def pause_reason(self) -> str | None:
+        """Why the vehicle rests; None while it flies on."""
+        if self._situation.state is not FlightState.LOOKING:
+            return None
+        if self._confirming:
+            return "looking round: the start has to be seen"
+        return f"nothing certifies (pause {self.pauses} of {PAUSES_MAX}): looking"
+
     def see_by(self, seen: SeenSpace) -> None:
         """Fly in the space that this set says was seen free; before, nothing was."""
         self._seen = seen
+        seen.relied_on = True
 
     # ------------------------------------------------------------------ legs
 
