@@ -59,8 +59,7 @@ def fly(
         seed: of the simulation's random numbers.
         out: output directory; None for ``flights/<scenario>-<seed>``.
         fly_outside_contract: fly even if the pre-flight check refuses.
-        accept_no_progress: fly by ``requirements.progress: best_effort``, whatever the scenario's
-            contract says.
+        accept_no_progress: fly by ``requirements.progress: best_effort``.
 
     Raises:
         FileError: the scenario or one of its files cannot be used.

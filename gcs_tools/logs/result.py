@@ -116,10 +116,11 @@ def result_of(
     plan_times_s: Sequence[float] = (),
     progress: Progress = "guaranteed",
 ) -> Result:
-    """Return the result of a flight, from the daemon's log and the simulation's (``truth``).
+    """Return the result of a flight.
 
     Args:
-        flight, truth: the logs.
+        flight: the daemon's log.
+        truth: the simulation's.
         seed: of the simulation.
         aborted: why the operator gave the flight up, if so.
         plan_times_s: wall time of each plan; by default that of the log (none in virtual time).
@@ -129,15 +130,12 @@ def result_of(
         MissingValueError: a log of another version lacks a value.
     """
     flown = [state for state in flight.states if state.phase in FLYING_PHASES]
-    collisions = max((record.collisions for record in truth.truths), default=0)
+    collisions, duration_s = _collisions(truth), _duration_s(flown)
     outcome, reason = _outcome(flight, collisions, aborted)
-    duration_s = _duration_s(flown)
-    clearance_min_m = truth.truths[-1].clearance_min_m if truth.truths else None
     return Result(
         outcome=outcome,
         reason=reason,
         collisions=collisions,
-        clearance_min_m=clearance_min_m,
         tracking_error_max_m=_tracking_error_max_m(flown),
         velocity_error_max_mps=_velocity_error_max_mps(flown),
         duration_s=duration_s,
@@ -152,13 +150,19 @@ def result_of(
         mean_speed_mps=_distance_m(flown) / duration_s if duration_s else 0.0,
         progress=progress,
         rest_margin_min_m=_rest_margin_min_m(flown),
-        **_contacts(truth),
+        **_against_obstacles(truth),
     )
 
 
-def _contacts(truth: Log) -> dict[str, Any]:
+def _collisions(truth: Log) -> int:
+    return max((record.collisions for record in truth.truths), default=0)
+
+
+def _against_obstacles(truth: Log) -> dict[str, Any]:
+    """Return how near obstacles were, and what touching them was like."""
     speeds_mps = _contact_speeds_mps(truth.truths)
     return {
+        "clearance_min_m": truth.truths[-1].clearance_min_m if truth.truths else None,
         "speed_at_contact_mps": max(speeds_mps, default=None),
         "contacts_at_rest": sum(speed_mps < _STILL_MPS for speed_mps in speeds_mps),
     }

@@ -52,6 +52,7 @@ class IdealSeenSpace:
 
     Attributes:
         start_known: the operator has confirmed the place of the start.
+        relied_on: whether guidance flies by it.
         refusing: no place is confirmed as the start.
         frames_counted: so far.
         frames_needed: K.
@@ -60,6 +61,7 @@ class IdealSeenSpace:
     """
 
     start_known: bool = False
+    relied_on: bool = False
     refusing: bool = False
     frames_counted: int = 0
     frames_needed: int = 3
