@@ -25,6 +25,7 @@ from gcs_tools.flight_report.timeline import (
     path_columns,
     phase_spans,
     plan_paths,
+    seen_spaces,
     since,
     truth_columns,
     truths_during,
@@ -60,6 +61,7 @@ def document_of(flight: Flight) -> Document:
         "phases": phase_spans(states, start_s),
         "obstacles": obstacle_spans(flight.log.obstacles, start_s),
         "plans": plan_paths(flight.log.plans, start_s),
+        "seen_spaces": seen_spaces(flight.log.seen_spaces, start_s),
         "steps": induction_steps(flight.log, truths, start_s),
         "margins": [
             {"time_s": record.time_s, "clauses": [asdict(clause) for clause in record.clauses]}
@@ -137,6 +139,9 @@ def _facts(result: Document, contract: Contract | None) -> Iterator[tuple[str, s
     times = [f"{name} {ms:.1f}" for name, ms in result["plan_time_ms"].items() if ms is not None]
     yield "plan time", f"{', '.join(times)} ms" if times else "not measured in virtual time"
     yield "mission time", f"{result['duration_s']:.1f} s"
+    if "mean_speed_mps" in result:  # a result of an older version lacks both
+        yield "mean speed", f"{result['mean_speed_mps']:.2f} m/s"
+        yield "pauses", str(result["pauses"])
     yield "violations", "; ".join(result["violations"]) or "none"
 
 

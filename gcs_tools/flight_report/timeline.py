@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
+from dataclasses import asdict
 from itertools import groupby
 
 from gcs_tools.flight_report.columns import Columns
@@ -15,6 +17,7 @@ from onboard.recording.messages import (
     Obstacles,
     PlanRecord,
     Record,
+    SeenSpace,
     StateRecord,
 )
 
@@ -23,6 +26,7 @@ _GROUND_S = 1.0
 # The age of detections is a saw-tooth: shown is its maximum over this many ticks, 0.4 s.
 _AGE_TICKS = 20
 _CORNER_DIGITS = 3
+SEEN_SPACES_MAX = 150
 
 
 def since(record: Record, start_s: float) -> float:
@@ -192,4 +196,22 @@ def plan_paths(plans: Sequence[PlanRecord], start_s: float) -> list[Document]:
             "path_ned_m": _rounded_points(plan.path_ned_m),
         }
         for plan in plans
+    ]
+
+
+def seen_spaces(records: Sequence[SeenSpace], start_s: float) -> list[Document]:
+    """Return each record of the seen-free set as the map draws it.
+
+    A page cannot hold hundreds of them: of a long flight every n-th is kept, and the last one.
+    """
+    step = max(1, math.ceil(len(records) / SEEN_SPACES_MAX))
+    kept = [*records[:-1:step], *records[-1:]]
+    return [
+        {
+            **asdict(record),
+            "time_s": since(record, start_s),
+            "way_to_rest_ned_m": _rounded_points(record.way_to_rest_ned_m),
+            "guide_ned_m": _rounded_points(record.guide_ned_m),
+        }
+        for record in kept
     ]

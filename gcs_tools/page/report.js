@@ -140,6 +140,8 @@ const slider = byId("time");
 slider.min = span[0];
 slider.max = span[1];
 let shownObstacles = null;
+const NOTHING_SEEN = { corner_ned_m: [0, 0], heading_rad: 0, cell_m: 1, row: [], column_from: [], column_to: [], way_to_rest_ned_m: [], guide_ned_m: [] };
+let shownSeen = NOTHING_SEEN;
 
 function show(time) {
   const i = indexAt(own.time_s, time);
@@ -158,13 +160,15 @@ function show(time) {
   }
   const plan = flight.plans.findLast(({ time_s, end_s }) => time_s <= time && time <= end_s);
   map.line("plan", "plan", plan?.path_ned_m ?? []);
+  const seen = flight.seen_spaces.findLast(({ time_s }) => time_s <= time) ?? NOTHING_SEEN;
+  if (seen !== shownSeen) { map.seen(seen); shownSeen = seen; }
   space.marks = own.north_m[i] == null ? [] : [{ point: [own.north_m[i], own.east_m[i], own.height_m[i]], kind: "flown" }];
   space.draw();
   for (const chart of charts) chart.at(time);
   band.at(time);
   const phase = flight.phases.find(({ start_s, end_s }) => start_s <= time && time <= end_s)?.phase ?? "";
   const metres = (value) => (value == null ? "–" : value.toFixed(1));
-  const words = [`${time.toFixed(1)} s`, phase, `north ${metres(own.north_m[i])} m`, `east ${metres(own.east_m[i])} m`, `height ${metres(own.height_m[i])} m`];
+  const words = [`${time.toFixed(1)} s`, seen.pause ? `${phase}: ${seen.pause}` : phase, `north ${metres(own.north_m[i])} m`, `east ${metres(own.east_m[i])} m`, `height ${metres(own.height_m[i])} m`];
   byId("readout").replaceChildren(...words.map((textContent) => Object.assign(document.createElement("span"), { textContent })));
 }
 

@@ -86,6 +86,9 @@ def test_facts_are_beside_what_the_contract_allows() -> None:
     assert found["plans"] == "1 qp"
     assert found["plan time"] == "not measured in virtual time"
     assert found["violations"] == "none"
+    assert (found["mean speed"], found["pauses"]) == ("0.00 m/s", "0")
+    paused = facts(pauses=3, mean_speed_mps=1.234)
+    assert (paused["mean speed"], paused["pauses"]) == ("1.23 m/s", "3")
 
 
 def test_what_is_not_known_is_said() -> None:

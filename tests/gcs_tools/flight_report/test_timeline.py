@@ -7,6 +7,7 @@ from typing import Any
 import pytest
 
 from gcs_tools.flight_report.timeline import (
+    SEEN_SPACES_MAX,
     departure_s,
     flight_states,
     height_m,
@@ -16,12 +17,20 @@ from gcs_tools.flight_report.timeline import (
     path_columns,
     phase_spans,
     plan_paths,
+    seen_spaces,
     since,
     truth_columns,
     truths_during,
 )
 from onboard.files.truth_record import TruthRecord
-from onboard.recording.messages import Monitors, Obstacles, PlanRecord, Reading, StateRecord
+from onboard.recording.messages import (
+    Monitors,
+    Obstacles,
+    PlanRecord,
+    Reading,
+    SeenSpace,
+    StateRecord,
+)
 from tests.gcs_tools.logs.raw_log import made
 
 BEGAN_S = 1_000.0
@@ -188,6 +197,20 @@ def test_an_obstacle_that_moves_is_shown_anew() -> None:
 def test_a_movement_below_a_millimetre_is_none() -> None:
     spans = obstacle_spans([obstacles(1.0, a=5.0), obstacles(2.0, a=5.0001)], BEGAN_S)
     assert len(spans) == 1
+
+
+def test_seen_spaces_are_bounded_and_the_last_one_is_kept() -> None:
+    count = 4 * SEEN_SPACES_MAX + 3
+    records = [
+        SeenSpace(time_s=BEGAN_S + n, row=[n], guide_ned_m=[(1.00049, 2.0)]) for n in range(count)
+    ]
+    kept = seen_spaces(records, BEGAN_S)
+    assert len(kept) <= SEEN_SPACES_MAX + 1
+    assert (kept[0]["time_s"], kept[-1]["time_s"]) == (0.0, count - 1.0)
+    assert kept[-1]["row"] == [count - 1]
+    assert kept[0]["guide_ned_m"] == [[1.0, 2.0]]
+    assert [each["time_s"] for each in seen_spaces(records[:2], BEGAN_S)] == [0.0, 1.0]
+    assert seen_spaces([], BEGAN_S) == []
 
 
 def test_plans_keep_their_path_and_their_end() -> None:
