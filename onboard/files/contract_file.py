@@ -40,7 +40,6 @@ LATER_KEYS: Final[dict[str, tuple[str, ...]]] = {
         "heading_error_deg",
         "estimator_reset_max_m",
         "drag_per_s",
-        "setpoint_loss",
     ),
     "requirements": ("progress",),
     "environment": ("wind_max_mps",),
@@ -54,24 +53,6 @@ def pinned_run_on_speed(vehicle: dict[str, Any], speed_mps: Any) -> dict[str, An
     usable = isinstance(speed_mps, int | float) and math.isfinite(speed_mps) and speed_mps > 0.0
     stated = vehicle.get(key) is not None
     return vehicle if stated or not usable else vehicle | {key: float(speed_mps)}
-
-
-class FrozenSetpoint(FileModel):
-    """The autopilot keeps flying to the last setpoint when the stream stops (PX4)."""
-
-    model: Literal["frozen"]
-    gain_per_s: Positive = Field(description="Kp of the position controller: MPC_XY_P")
-    velocity_gain_per_s: Positive = Field(description="Kv of the velocity controller")
-
-
-class CoastingSetpoint(FileModel):
-    """The autopilot integrates the last setpoint until its timeout, then brakes (ArduPilot)."""
-
-    model: Literal["coast"]
-    timeout_s: NonNegative = Field(description="until the autopilot brakes: GUID_TIMEOUT")
-
-
-SetpointLoss = Annotated[FrozenSetpoint | CoastingSetpoint, Field(discriminator="model")]
 
 
 class VehicleTerms(FileModel):
@@ -95,10 +76,6 @@ class VehicleTerms(FileModel):
     setpoint_loss_run_on_speed_mps: Positive | None = Field(
         None,
         description="speed at which the run-on was measured; null: the file's cruise speed",
-    )
-    setpoint_loss: SetpointLoss | None = Field(
-        None,
-        description="how the autopilot runs on; with a measured run as well the larger counts",
     )
     recentring_speed_mps: NonNegative = Field(
         0.0, description="lateral speed of the way back to the leg line after an avoidance; 0: none"

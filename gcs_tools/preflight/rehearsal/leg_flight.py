@@ -14,11 +14,11 @@ import numpy as np
 
 from gcs_tools.preflight.rehearsal.narrowest_gap import narrowest_gap_m
 from gcs_tools.preflight.rehearsal.prediction import LegRehearsal, Point, Wait
-from gcs_tools.preflight.rehearsal.rest_limits import rest_limits_of
 from gcs_tools.preflight.tier import start_clear_radius_m
 from onboard.contract.assessment import Assessment
 from onboard.geometry.box import Box
 from onboard.geometry.frames import FloatArray, LegFrame
+from onboard.guidance.dense.limits import rest_limits_of
 from onboard.perception.line_of_sight import View
 from onboard.perception.seen_free import CELL_M, SeenFree
 from onboard.planning.corridor.guide import Guide, along
@@ -66,7 +66,7 @@ class LegFlight:
         self._boxes = [Box(*map(float, row)) for row in self._boxes_m]
         self._assessment, self._length_m = assessment, length_m
         self._known = np.zeros(len(self._boxes), bool)
-        self._limits = rest_limits_of(assessment)
+        self._limits = rest_limits_of(assessment, any_heading=True)
         self._seen = SeenFree(frames_needed=_FRAMES_NEEDED)
         self._seen.limit(half_width_m)
         room_m = start_clear_radius_m(assessment) + math.sqrt(2.0) * CELL_M

@@ -51,9 +51,10 @@ def run_on_of(assessment: Assessment) -> RunOn:
             max(limits.brake_mps2, limits.forward_mps2), max(limits.left_mps2, limits.right_mps2)
         ),
     )
-    measured_m, measured_at_mps = terms.setpoint_loss_run_on_m, terms.setpoint_loss_run_on_speed_mps
-    if measured_m is None or measured_at_mps is None:
+    measured_m = terms.setpoint_loss_run_on_m
+    if measured_m is None:
         return run_on
+    measured_at_mps = terms.setpoint_loss_run_on_speed_mps or terms.cruise_speed_mps
     # What was measured replaces the model where it is longer (two-tier theory, section 6).
     *first, (kappa_s, c_s2) = run_on.gains
     return RunOn((*first, (max(kappa_s, measured_m / measured_at_mps), c_s2)))

@@ -189,7 +189,6 @@ def test_the_hash_is_that_of_the_terms(contract_path: Path, tmp_path: Path) -> N
         "vehicle.setpoint_loss_run_on_m=4.0",
         "requirements.progress=best_effort",
         "environment.obstacle_separation_min_m=[20.0, 20.0]",
-        "vehicle.setpoint_loss={model: coast, timeout_s: 0.5}",
     ],
 )
 def test_another_term_is_another_hash(contract_path: Path, override: str) -> None:
@@ -213,7 +212,6 @@ def test_later_keys_at_their_defaults_are_not_in_the_hash(contract_path: Path) -
         "vehicle.drag_per_s=0.45",
         "environment.wind_max_mps=null",
         "vehicle.setpoint_loss_run_on_speed_mps=null",
-        "vehicle.setpoint_loss=null",
         "requirements.progress=guaranteed",
     )
     assert load_contract(contract_path, stated).sha256 == load_contract(contract_path).sha256
@@ -236,34 +234,6 @@ def test_a_separation_is_a_number_or_a_pair(
 def test_a_separation_that_is_no_pair_of_distances_is_refused(stated: list[float]) -> None:
     document = changed("environment", "obstacle_separation_min_m", stated)
     assert "obstacle_separation_min_m" in refusal(document)
-
-
-@pytest.mark.parametrize(
-    "stated",
-    [
-        {"model": "frozen", "gain_per_s": 1.5, "velocity_gain_per_s": 1.8},
-        {"model": "coast", "timeout_s": 0.2},
-    ],
-)
-def test_a_run_on_is_described_by_its_model(stated: dict[str, Any]) -> None:
-    document = changed("vehicle", "setpoint_loss", stated)
-    loss = validate(document, Contract, source="c.yaml").vehicle.setpoint_loss
-    assert loss is not None
-    assert loss.model_dump() == stated
-
-
-@pytest.mark.parametrize(
-    "stated",
-    [
-        {"model": "frozen", "gain_per_s": 1.5},
-        {"model": "frozen", "gain_per_s": 0.0, "velocity_gain_per_s": 1.8},
-        {"model": "coast", "gain_per_s": 1.5, "timeout_s": 0.2},
-        {"model": "unknown"},
-        {"timeout_s": 0.2},
-    ],
-)
-def test_a_run_on_with_other_parameters_is_refused(stated: dict[str, Any]) -> None:
-    assert "setpoint_loss" in refusal(changed("vehicle", "setpoint_loss", stated))
 
 
 # --- the speed of a measured run

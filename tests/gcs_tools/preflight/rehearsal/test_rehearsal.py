@@ -15,11 +15,11 @@ import pytest
 from gcs_tools.preflight.command import check
 from gcs_tools.preflight.rehearsal.prediction import Rehearsal, Wait
 from gcs_tools.preflight.rehearsal.rehearse import rehearse
-from gcs_tools.preflight.rehearsal.rest_limits import rest_limits_of
 from onboard.contract.assessment import Assessment, assess
 from onboard.files.contract_file import load_contract
 from onboard.files.mission_file import Mission
 from onboard.files.obstacle_field import Obstacle, ObstacleField
+from onboard.guidance.dense.limits import rest_limits_of
 from tests.gcs_tools.running import CONFIG, Clearway
 
 DEFAULT = CONFIG / "default_contract.yaml"
@@ -96,7 +96,7 @@ def test_the_same_map_gives_the_same_prediction() -> None:
 
 
 def test_the_limits_hold_for_any_heading_and_with_the_run_on() -> None:
-    limits = rest_limits_of(assessment())
+    limits = rest_limits_of(assessment(), any_heading=True)
     terms = assessment().terms
     assert limits.body_radius_m == terms.body_m
     assert limits.acceleration_disc_mps2 == min(limits.acceleration_max_mps2)
@@ -104,9 +104,9 @@ def test_the_limits_hold_for_any_heading_and_with_the_run_on() -> None:
         terms.cruise_speed_mps * terms.setpoint_loss_timeout_s
     )
     bare = assess(load_contract(DEFAULT, ("requirements.passive_safety=false",)))
-    assert rest_limits_of(bare).run_on.gains == ()
+    assert rest_limits_of(bare, any_heading=True).run_on.gains == ()
     measured = ("vehicle.setpoint_loss_run_on_m=9.0",)
-    longer = rest_limits_of(assess(load_contract(DEFAULT, measured))).run_on
+    longer = rest_limits_of(assess(load_contract(DEFAULT, measured)), any_heading=True).run_on
     assert longer.reach_m(terms.cruise_speed_mps) == pytest.approx(9.0)
 
 
