@@ -185,8 +185,8 @@ class SeenSpace:
             frame: what a sensor saw.
             stamp_s: when, on the service's clock.
             now_s: the time.
-            shifts_m: what moves boxes in local NED of that time into the frame of now; several if
-                that is open.
+            shifts_m: what moves boxes from local NED at that time into the present frame;
+                several if it is ambiguous.
         """
         terms = self._flight.assessment.terms
         pose = self._poses.at(stamp_s, _POSE_APART_S)

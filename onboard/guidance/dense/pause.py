@@ -56,7 +56,7 @@ class Pause:
         return self._looked_s is None
 
     def begin_leg(self) -> None:
-        """Count anew."""
+        """Count from zero again."""
         self.count = self._in_a_row = 0
         self._left_m = None
 

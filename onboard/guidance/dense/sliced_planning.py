@@ -98,7 +98,7 @@ class SlicedPlanning:
         return self.guide.path_leg_m(position_leg_m, _PATH_M)
 
     def forget_guide(self) -> None:
-        """Compute the guide anew with the next plan: a place has become dearer."""
+        """Compute the guide again with the next plan: a place now costs more."""
         self._guide_revision = -1
 
     def _slices(self, way: WayToRest) -> Proposal | None:
@@ -121,7 +121,7 @@ class SlicedPlanning:
         self._work = self._planner.plan(problem)
 
     def _begin_guide(self, flown: Horizon, surroundings: Surroundings, now_s: float) -> bool:
-        """Begin to compute the guide anew, where it is due: a slice a tick; tell whether it is."""
+        """Begin to update the guide where it is due, a slice a tick; tell whether it is due."""
         age_s = now_s - self._guide_s
         news = surroundings.revision != self._guide_revision
         if not (age_s > _GUIDE_AGE_MAX_S or (news and age_s >= _GUIDE_PERIOD_S)):

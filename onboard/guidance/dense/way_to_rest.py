@@ -91,7 +91,7 @@ class WayToRest:
         self.certified = self.margin_m = None
 
     def pass_nodes(self, now_s: float) -> bool:
-        """Go on to the plan of now; tell whether a node has been passed."""
+        """Go on to the plan that is due; tell whether a node has been passed."""
         passed = False
         self._reference.hand_over(now_s)
         while self.flown is not None and now_s >= self.flown.start_s + PIECE_S - _ROUND_OFF_S:
@@ -105,14 +105,14 @@ class WayToRest:
     def adopt(
         self, plan: Horizon, version: int, now_s: float, limits: RestLimits, grid: FreeGrid
     ) -> Certificate | None:
-        """Have a plan take over at its first node if it certifies for the set of now.
+        """Have a plan take over at its first node if it certifies for the present set.
 
         Args:
             plan: starts at the next node of the plan flown.
             version: of the plan that it was computed from.
             now_s: the time.
             limits: as the certifier checks them.
-            grid: the seen-free set of now.
+            grid: the present seen-free set.
 
         Returns:
             The certificate, valid or not; None if the plan comes too late to be checked at all.

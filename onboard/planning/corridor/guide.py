@@ -58,14 +58,14 @@ class Guide:
         self.penalized_leg_m: list[tuple[float, float]] = []
 
     def update(self, position_leg_m: tuple[float, float], boxes: Iterable[Box]) -> None:
-        """Compute the field anew around a position."""
+        """Compute the field around a position."""
         for _ in self.updating(position_leg_m, boxes):
             pass
 
     def updating(
         self, position_leg_m: tuple[float, float], boxes: Iterable[Box]
     ) -> Generator[None]:
-        """Compute the field anew; yields between its slices, and the old field serves meanwhile."""
+        """Compute the field; yield between its slices, while the old field still serves."""
         corner_m = self._corner(position_leg_m)
         cost = self._costs(corner_m, boxes)
         exits = self._exits(corner_m, cost)
