@@ -45,7 +45,8 @@ def run_on_of(assessment: Assessment) -> RunOn:
     run_on = coasting_run_on(
         terms.setpoint_loss_timeout_s,
         lag_s=terms.attitude_lag_s,
-        brake_mps2=limits.brake_mps2,
+        # It may fly in any direction then.
+        brake_mps2=min(limits.brake_mps2, limits.forward_mps2, limits.left_mps2, limits.right_mps2),
         speed_max_mps=terms.cruise_speed_mps,
         acceleration_max_mps2=math.hypot(
             max(limits.brake_mps2, limits.forward_mps2), max(limits.left_mps2, limits.right_mps2)
@@ -55,6 +56,10 @@ def run_on_of(assessment: Assessment) -> RunOn:
     if measured_m is None:
         return run_on
     measured_at_mps = terms.setpoint_loss_run_on_speed_mps or terms.cruise_speed_mps
-    # What was measured replaces the model where it is longer (two-tier theory, section 6).
+    # What was measured replaces the model where it is longer (two-tier theory, section 6).  It says
+    # nothing of a setpoint that brakes: the run is then taken to be no shorter.
     *first, (kappa_s, c_s2) = run_on.gains
-    return RunOn((*first, (max(kappa_s, measured_m / measured_at_mps), c_s2)))
+    measured_s = measured_m / measured_at_mps
+    if measured_s <= kappa_s:
+        return run_on
+    return RunOn((*first, (measured_s, 0.0), (measured_s, c_s2)))

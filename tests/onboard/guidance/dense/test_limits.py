@@ -52,3 +52,22 @@ def test_a_measured_run_that_is_longer_than_the_model_counts(best_effort: Contra
     vehicle = best_effort.vehicle.model_copy(update=update)
     assessment = assess(best_effort.model_copy(update={"vehicle": vehicle}))
     assert run_on_of(assessment).reach_m(2.8) == pytest.approx(7.0)
+
+
+def test_a_measured_run_is_no_shorter_for_a_setpoint_that_brakes(best_effort: Contract) -> None:
+    update = {"setpoint_loss_run_on_m": 7.0, "setpoint_loss_run_on_speed_mps": 2.8}
+    vehicle = best_effort.vehicle.model_copy(update=update)
+    gains = run_on_of(assess(best_effort.model_copy(update={"vehicle": vehicle}))).gains
+    braking_m = max(kappa_s * 2.8 + c_s2 * -2.0 for kappa_s, c_s2 in gains)
+    assert braking_m == pytest.approx(7.0)
+
+
+def test_the_run_is_that_of_the_direction_which_brakes_least(best_effort: Contract) -> None:
+    kappas = []
+    for roll_deg in (15.0, 8.0):
+        vehicle = best_effort.vehicle.model_copy(
+            update={"roll_max_deg": roll_deg, "pitch_max_deg": 15.0}
+        )
+        assessment = assess(best_effort.model_copy(update={"vehicle": vehicle}))
+        kappas.append(run_on_of(assessment).reach_m(1.0))
+    assert kappas[1] > kappas[0]
