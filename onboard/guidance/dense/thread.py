@@ -210,7 +210,12 @@ class Thread:
         return False
 
     def _look(self, pose: Pose, now_s: float) -> None:
-        """Turn the nose; once all round for a start that has to be seen, then in each pause."""
+        """Turn the nose; once all round for a start that has to be seen, then in each pause.
+
+        Where W is meant along the leg, not before the vehicle has come to rest.
+        """
+        if self._is_along_leg and not self.way.still:
+            return
         heading_rad = wrap_angle(pose.yaw_rad - self._situation.leg.heading_rad)
         pause, seen = self._leg.pause, self._seen
         over = pause.advance(heading_rad, seen.frames_counted, now_s)
@@ -253,9 +258,7 @@ class Thread:
         if self._situation.state is FlightState.THREADING:
             return True
         heading_rad = wrap_angle(pose.yaw_rad - self._situation.leg.heading_rad)
-        aside = not points_at(heading_rad, 0.0) and math.isinf(
-            self._leg.limits.acceleration_disc_mps2
-        )
+        aside = self._is_along_leg and not points_at(heading_rad, 0.0)
         seen = self._seen.frames_counted - self._frames_before >= self._seen.frames_needed
         return seen and not (self._confirming or aside) and self.way.still
 
@@ -277,6 +280,11 @@ class Thread:
         if situation.state is FlightState.LOOKING:
             situation.fire(Trigger.WAY_FOUND, now_s)
             self._restart_clock(now_s)
+
+    @property
+    def _is_along_leg(self) -> bool:
+        """Whether what plans ask for holds with the nose along the leg only."""
+        return math.isinf(self._leg.limits.acceleration_disc_mps2)
 
     def _leads_on(self, plan: Horizon) -> bool:
         """Tell whether a plan is worth setting off for, from rest."""

@@ -287,3 +287,19 @@ def test_the_nose_turns_in_flight_no_faster_than_frames_allow_or_a_look_needs(
     assert fastest <= math.radians(20.0 if heading == "leg" else 60.0) * TICK_S + 1e-9
     if heading == "leg":
         assert yaws_rad[-2] == pytest.approx(0.0, abs=1e-9)
+
+
+def test_along_the_leg_the_nose_is_not_turned_aside_before_the_vehicle_rests(
+    flight_over: FlightOver,
+) -> None:
+    """W holds with the nose along the leg; a pause for want of progress may begin in motion."""
+    flight = threading(flight_over(heading="leg"))
+    flight.thread._pause(flight.now_s)
+    flight.thread._leg.pause.look_round((1.5, 0.0), 3)
+    turned_at_mps = []
+    while flight.state is FlightState.LOOKING:
+        flight.tick()
+        if abs(flight.situation.reference.heading_rad) > math.radians(5.0):
+            turned_at_mps.append(speed_mps(flight))
+    assert turned_at_mps
+    assert max(turned_at_mps) <= STILL_MPS
