@@ -96,6 +96,8 @@ class MonitorSupervisor:
             self._resets.add(reset)
             if reset.measured:
                 self._poses.shift(reset.shift_ned_m)
+            else:
+                self._poses.forget()
         self._poses.add(pose)
 
     def take_frames(
@@ -121,8 +123,19 @@ class MonitorSupervisor:
     def check_loop(self, now_s: float) -> None:
         """Check that this tick is on time."""
         overrun = self._loop_monitor.check(now_s)
-        if overrun is not None:
-            self.report_and_respond(overrun, now_s)
+        if overrun is None:
+            return
+        self.report_and_respond(overrun, now_s)
+        timeout_s, silent_s = (
+            self._flight.assessment.terms.setpoint_loss_timeout_s,
+            overrun.measured,
+        )
+        if self._flight.in_seen_space and silent_s > timeout_s:
+            # The autopilot stops by itself then.  What is held has gone on without the vehicle:
+            # the straight way after it is certified by nothing.
+            sentence = f"no setpoint was sent for {silent_s:.2f} s (limit {timeout_s:g} s)"
+            lost = Violation(Assumption.SELF_CHECK, silent_s, timeout_s, "s", sentence=sentence)
+            self.report_and_respond(lost, now_s, measured=self._link.pose)
 
     def report_defect(self, now_s: float) -> None:
         """Respond to an exception in the service's own decisions."""

@@ -28,6 +28,10 @@ class PoseHistory:
         while self._poses[0].time_s < pose.time_s - self._span_s:
             self._poses.popleft()
 
+    def forget(self) -> None:
+        """Forget every pose: the local frame has moved by an unknown vector since."""
+        self._poses.clear()
+
     def shift(self, shift_ned_m: tuple[float, float, float]) -> None:
         """Move every pose into the present local frame, which a reset has moved by a vector."""
         for index, pose in enumerate(self._poses):

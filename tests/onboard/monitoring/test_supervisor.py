@@ -513,6 +513,27 @@ def test_in_seen_space_what_costs_time_only_is_a_delay(bench: Bench) -> None:
     assert bench.flight.answered == [Assumption.SELF_CHECK]
 
 
+@pytest.mark.parametrize(("silent_s", "holds"), [(0.3, False), (0.7, True)])
+def test_in_seen_space_a_tick_so_late_that_the_stream_was_lost_ends_where_the_vehicle_is(
+    bench: Bench, silent_s: float, *, holds: bool
+) -> None:
+    assert 0.3 < bench.flight.assessment.terms.setpoint_loss_timeout_s < 0.7
+    bench.flight.in_seen_space = True
+    bench.check()
+    bench.supervisor.check_loop(bench.now_s)
+    bench.supervisor.check_loop(bench.now_s + silent_s)
+    assert bench.flight.answered == [Assumption.SELF_CHECK] * holds
+    assert all(measured is bench.link.pose for _, measured in bench.flight.answers)
+
+
+def test_a_reset_of_unknown_size_forgets_where_frames_were_taken(bench: Bench) -> None:
+    look(bench)
+    seen_s = bench.now_s
+    bench.now_s += 0.6
+    bench.move(pose_at(bench.now_s, (2.0, 0.0, -4.0)))
+    assert bench.supervisor._poses.at(seen_s) is None
+
+
 # ------------------------------------------------------------------ seen space
 
 
