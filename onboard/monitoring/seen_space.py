@@ -23,7 +23,7 @@ from onboard.perception.detection import Corners, DetectionFrame, corners_ned, s
 from onboard.perception.line_of_sight import BOXES_MAX, View
 from onboard.perception.placement import POSE_TIMING_S
 from onboard.perception.pose_history import PoseHistory
-from onboard.perception.seen_free import CELL_M, SeenFree
+from onboard.perception.seen_free import CELL_M, IntArray, SeenFree
 from onboard.vehicle_state import Pose
 
 # Frames of a body that turns faster do not count: 20 ms of 60 deg/s displace by 0.25 m at 12 m.
@@ -45,6 +45,8 @@ DOUBTS: Final = frozenset(
         Assumption.POSITION_QUALITY,
     }
 )
+# A start has been looked at all round when frames have shown every one of these sectors.
+_SECTORS: Final = 72
 # A strip is tested for being free in at most so many pieces.
 _PIECES_MAX: Final = 200
 
@@ -83,6 +85,9 @@ class SeenSpace:
         self._half_width_m = math.inf
         self._pending: deque[_Sight] = deque()
         self._stamps_s: dict[str, float] = {}
+        # How many frames of each sensor have shown each sector around one place, in local NED.
+        self._looked: dict[str, IntArray] = {}
+        self._looked_from_ned_m = (0.0, 0.0)
         self.relied_on = False
         self.void_reason = ""
         self.frames_needed, self.frames_counted = frames_needed, 0
@@ -116,14 +121,13 @@ class SeenSpace:
     def confirm_start(self, x_m: float, y_m: float) -> bool:
         """Take the place where the vehicle rests for free, body and margin included (A0).
 
-        The caller answers for it: the operator has said so.
-
         Returns:
-            Whether it is: no known obstacle may be there.
+            Whether it is: a sensor has looked at it all round, and no known obstacle is there.
         """
         self.begin_leg(self._flight.leg)
-        terms = self._flight.assessment.terms
-        radius_m = math.sqrt(2.0) * (terms.body_m + CELL_M) + START_MARGIN_M
+        terms, radius_m = self._flight.assessment.terms, self._start_radius_m
+        if not self._has_looked_all_round(x_m, y_m):
+            return False
         for box in self._known_boxes(x_m, y_m, radius_m + terms.position_error_m):
             nearest_m = math.hypot(
                 max(box.x_min_m - x_m, 0.0, x_m - box.x_max_m),
@@ -159,6 +163,7 @@ class SeenSpace:
         self.begin_leg(self._flight.leg)
         x_m, y_m, z_m = self._leg.vector_leg(shift_ned_m)
         self._pending.clear()
+        self._looked = {}
         if abs(z_m) > self._flight.assessment.terms.tracking_error_z_m:
             self.void("the estimate of the height was reset")
         else:
@@ -167,6 +172,7 @@ class SeenSpace:
     def void(self, reason: str) -> None:
         """Take nothing for free any more."""
         self._pending.clear()
+        self._looked = {}
         self._set.void()
         self.void_reason = reason
 
@@ -230,9 +236,9 @@ class SeenSpace:
             The contradiction between a report and what has been seen, which voids the set.
         """
         self.begin_leg(self._flight.leg)
-        if not trusted:
-            while self._pending:
-                self.skip(self._pending.popleft().frame)
+        if not trusted and (self._set.size or self._pending):
+            # It may drift without a jump: what was seen before is elsewhere once it is good again.
+            self.void("the position is not to be believed")
         if self._set.size and pose is not None and self._is_off_height(pose):
             self.void("the vehicle has left the height of the leg")
         for _ in range(1 if len(self._pending) <= 2 else 2):
@@ -280,7 +286,42 @@ class SeenSpace:
         self._set.centre_on(x_m, y_m)
         self._set.see(view, frame.source)
         self.frames_counted += 1
+        self._note_look(view, pose, frame.source)
         return None
+
+    @property
+    def _start_radius_m(self) -> float:
+        body_m = self._flight.assessment.terms.body_m
+        return math.sqrt(2.0) * (body_m + CELL_M) + START_MARGIN_M
+
+    def _note_look(self, view: View, pose: Pose, source: str) -> None:
+        """Count the sectors around the vehicle that a frame shows, and says something of."""
+        terms, here_ned_m = self._flight.assessment.terms, pose.position_ned_m[:2]
+        same_place_m = terms.tracking_error_m + START_MARGIN_M
+        if not self._looked or math.dist(here_ned_m, self._looked_from_ned_m) > same_place_m:
+            self._looked, self._looked_from_ned_m = {}, here_ned_m
+        if view.range_m < self._start_radius_m + math.sqrt(2.0) * terms.position_error_m:
+            return
+        middles_rad = 2.0 * math.pi * np.arange(_SECTORS) / _SECTORS
+        aside_rad = (middles_rad - pose.yaw_rad + math.pi) % (2.0 * math.pi) - math.pi
+        half_rad = math.pi / _SECTORS
+        shown = np.abs(aside_rad) + half_rad <= view.half_view_rad
+        shown |= view.half_view_rad >= math.pi - half_rad
+        if view.free_range_m:  # where it knows nothing, it has not looked
+            count, scan_half_rad = len(view.free_range_m), view.scan_half_view_rad
+            bins = np.floor((aside_rad + scan_half_rad) * count / (2.0 * scan_half_rad)).astype(int)
+            shown &= np.asarray(view.free_range_m)[np.clip(bins, 0, count - 1)] > 0.0
+        self._looked[source] = self._looked.get(source, np.zeros(_SECTORS, np.int_)) + shown
+
+    def _has_looked_all_round(self, x_m: float, y_m: float) -> bool:
+        """Tell whether enough frames of one sensor have shown each sector around a place."""
+        north_m, east_m, _ = self._leg.position_ned((x_m, y_m, 0.0))
+        terms = self._flight.assessment.terms
+        away_m = math.dist((north_m, east_m), self._looked_from_ned_m)
+        if not self._looked or away_m > terms.tracking_error_m + START_MARGIN_M:
+            return False
+        most = np.max(list(self._looked.values()), axis=0)
+        return bool((most >= self.frames_needed).all())
 
     def _contradicting(self, seen_leg_m: FloatArray, margins_m: FloatArray) -> int | None:
         """Return the index of a box of which a face lies where all has been seen free.

@@ -36,10 +36,10 @@ class SeenSpace(Protocol):
         ...
 
     def confirm_start(self, x_m: float, y_m: float) -> bool:
-        """Take the place where the vehicle rests as free: it has looked all round from there.
+        """Take the place where the vehicle rests as free, if it has looked all round from there.
 
         Returns:
-            Whether it is: no known obstacle may be there.
+            Whether it is: frames have shown every bearing, and no known obstacle is there.
         """
         ...
 

@@ -279,14 +279,55 @@ def test_a_box_far_larger_than_the_grid_is_looked_at_quickly(scene: Scene) -> No
 
 def test_the_start_is_confirmed_where_no_obstacle_is_known(scene: Scene) -> None:
     terms = scene.flight.assessment.terms
+    look_round(scene)
     assert scene.space.confirm_start(0.0, 0.0)
     body_m = terms.body_m
     assert scene.space.grid().is_free(-body_m, body_m, -body_m, body_m)
-    assert not scene.is_free(3.0, 0.0)
+    scene.space.void("for the next place")
     scene.flight.obstacles.add("front/1", [(20.0, 0.6), (20.5, 0.6), (20.5, 1.1), (20.0, 1.1)], 0.0)
-    assert not scene.space.confirm_start(20.0, 0.0)
-    assert not scene.is_free(20.0, 0.0)
-    assert scene.space.confirm_start(15.0, 0.0)
+    for north_m, confirmed in ((20.0, False), (15.0, True)):
+        scene.position_ned_m = (north_m, 0.0, -4.0)
+        look_round(scene)
+        assert scene.space.confirm_start(north_m, 0.0) == confirmed
+        assert scene.is_free(north_m, 0.0) == confirmed
+
+
+@pytest.mark.parametrize(
+    "blind",
+    [
+        {"field_of_view_deg": 20.0},
+        {"range_m": 0.8},
+        {"free_range_m": (0.0, 0.0, 12.0, 12.0)},
+    ],
+)
+def test_a_start_that_frames_do_not_show_all_round_is_not_confirmed(
+    scene: Scene, blind: dict[str, Any]
+) -> None:
+    assert not scene.space.confirm_start(0.0, 0.0)  # nobody has looked
+    look_round(scene, **blind)
+    assert not scene.space.confirm_start(0.0, 0.0)
+    assert not scene.is_free(0.0, 0.0)
+    look_round(scene)
+    assert not scene.space.confirm_start(5.0, 0.0)  # from elsewhere
+    assert scene.space.confirm_start(0.0, 0.0)
+
+
+def look_round(scene: Scene, **changed: Any) -> None:
+    for quarter in range(4):
+        scene.yaw_rad = quarter * math.pi / 2.0
+        scene.fly(0.5)
+        for _ in range(scene.frames_needed):
+            scene.look(**changed)
+
+
+def test_what_was_seen_before_the_position_was_doubted_is_not_free_afterwards(
+    scene: Scene,
+) -> None:
+    for _ in range(2):
+        scene.look()
+    assert scene.space.size > 0
+    scene.space.advance(scene.pose, trusted=False)
+    assert scene.space.size == 0
 
 
 def test_the_set_is_stated_in_the_frame_of_the_next_leg(scene: Scene) -> None:
