@@ -73,7 +73,6 @@ class SeenSpace:
             violation; guidance says so.  Otherwise it only voids the set.
         void_reason: why the set was emptied last; empty if it never was.
         frames_needed: K, as given.
-        frames_counted: how many frames have counted so far.
     """
 
     def __init__(
@@ -90,7 +89,8 @@ class SeenSpace:
         self._looked_from_ned_m = (0.0, 0.0)
         self.relied_on = False
         self.void_reason = ""
-        self.frames_needed, self.frames_counted = frames_needed, 0
+        self.frames_needed = frames_needed
+        self._counted: dict[str, int] = {}
 
     # ------------------------------------------------------------------ what is asked of it
 
@@ -99,6 +99,11 @@ class SeenSpace:
         """Changes whenever the set does."""
         self.begin_leg(self._flight.leg)
         return self._set.version
+
+    @property
+    def frames_counted(self) -> int:
+        """How many frames of the sensor with the most of them have counted so far."""
+        return max(self._counted.values(), default=0)
 
     @property
     def size(self) -> int:
@@ -163,7 +168,8 @@ class SeenSpace:
         self.begin_leg(self._flight.leg)
         x_m, y_m, z_m = self._leg.vector_leg(shift_ned_m)
         self._pending.clear()
-        self._looked = {}
+        north_m, east_m = self._looked_from_ned_m
+        self._looked_from_ned_m = (north_m + shift_ned_m[0], east_m + shift_ned_m[1])
         if abs(z_m) > self._flight.assessment.terms.tracking_error_z_m:
             self.void("the estimate of the height was reset")
         else:
@@ -285,7 +291,7 @@ class SeenSpace:
         )
         self._set.centre_on(x_m, y_m)
         self._set.see(view, frame.source)
-        self.frames_counted += 1
+        self._counted[frame.source] = self._counted.get(frame.source, 0) + 1
         self._note_look(view, pose, frame.source)
         return None
 

@@ -6,7 +6,9 @@ the one that the operator reads.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable
+from typing import Final
 
 from onboard.events import Event
 from onboard.mavlink.endpoint import MavlinkEndpoint
@@ -25,6 +27,10 @@ from onboard.perception.detection import DetectionFrame
 from onboard.perception.intake import DetectionCounters
 from onboard.perception.pose_history import PoseHistory
 from onboard.vehicle_state import Pose
+
+
+# A reference that has moved by less than this has stayed where it was.
+STAYED_M: Final = 0.05
 
 
 class MonitorSupervisor:
@@ -130,7 +136,10 @@ class MonitorSupervisor:
             self._flight.assessment.terms.setpoint_loss_timeout_s,
             overrun.measured,
         )
-        if self._flight.in_seen_space and silent_s > timeout_s:
+        was, now = self._flight.reference(now_s - silent_s), self._flight.reference(now_s)
+        if was is None or now is None or not self._flight.in_seen_space:
+            return
+        if silent_s > timeout_s and math.dist(was.position_leg_m, now.position_leg_m) > STAYED_M:
             # The autopilot stops by itself then.  What is held has gone on without the vehicle:
             # the straight way after it is certified by nothing.
             sentence = f"no setpoint was sent for {silent_s:.2f} s (limit {timeout_s:g} s)"

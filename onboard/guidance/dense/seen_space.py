@@ -28,7 +28,7 @@ class SeenSpace(Protocol):
 
     @property
     def frames_counted(self) -> int:
-        """How many frames have counted so far: complete, placed, and not taken in a fast turn."""
+        """How many frames of one sensor have counted: complete, placed, not of a fast turn."""
         ...
 
     def grid(self) -> FreeGrid:

@@ -312,6 +312,19 @@ def test_a_start_that_frames_do_not_show_all_round_is_not_confirmed(
     assert scene.space.confirm_start(0.0, 0.0)
 
 
+def test_a_look_round_survives_a_declared_reset(scene: Scene) -> None:
+    look_round(scene)
+    scene.space.shift((2.0, -1.0, 0.0))
+    assert not scene.space.confirm_start(0.0, 0.0)
+    assert scene.space.confirm_start(2.0, -1.0)
+
+
+def test_frames_of_two_sensors_do_not_make_up_for_each_other(scene: Scene) -> None:
+    for source in ("front", "second", "front"):
+        scene.look(source=source)
+    assert scene.space.frames_counted == 2
+
+
 def look_round(scene: Scene, **changed: Any) -> None:
     for quarter in range(4):
         scene.yaw_rad = quarter * math.pi / 2.0

@@ -20,6 +20,7 @@ from onboard.monitoring.response.trim import LEARNING_TIME_S
 from onboard.monitoring.response.vehicle_response import SECOND_COMMANDER_MEMORY_S
 from onboard.monitoring.response.wind import CONFIRMATION_S
 from onboard.monitoring.supervisor import MonitorSupervisor
+from onboard.motion.trajectory import State
 from onboard.perception.intake import DetectionCounters
 from onboard.perception.sources.json_v1 import parse_frame
 from onboard.vehicle_state import Pose, Setpoint
@@ -36,6 +37,16 @@ def pose_at(
     now_s: float, position_ned_m: tuple[float, float, float] = (0.0, 0.0, -4.0), **changes: Any
 ) -> Pose:
     return Pose(now_s, position_ned_m, STILL, 0.0, 0.0, 0.0)._replace(**changes)
+
+
+@dataclass
+class MovingFlight(FakeFlight):
+    """A flight whose reference moves along the leg."""
+
+    speed_mps: float = 0.0
+
+    def reference(self, time_s: float) -> State | None:
+        return State((self.speed_mps * time_s, 0.0, 0.0), (self.speed_mps, 0.0, 0.0))
 
 
 @dataclass
@@ -513,12 +524,16 @@ def test_in_seen_space_what_costs_time_only_is_a_delay(bench: Bench) -> None:
     assert bench.flight.answered == [Assumption.SELF_CHECK]
 
 
-@pytest.mark.parametrize(("silent_s", "holds"), [(0.3, False), (0.7, True)])
+@pytest.mark.parametrize(
+    ("silent_s", "speed_mps", "holds"), [(0.3, 2.0, False), (0.7, 2.0, True), (0.7, 0.0, False)]
+)
 def test_in_seen_space_a_tick_so_late_that_the_stream_was_lost_ends_where_the_vehicle_is(
-    bench: Bench, silent_s: float, *, holds: bool
+    bench: Bench, silent_s: float, speed_mps: float, *, holds: bool
 ) -> None:
-    assert 0.3 < bench.flight.assessment.terms.setpoint_loss_timeout_s < 0.7
-    bench.flight.in_seen_space = True
+    moving = MovingFlight(bench.flight.assessment, bench.flight.obstacles)
+    moving.speed_mps, moving.in_seen_space = speed_mps, True
+    bench = Bench(moving)
+    assert 0.3 < moving.assessment.terms.setpoint_loss_timeout_s < 0.7
     bench.check()
     bench.supervisor.check_loop(bench.now_s)
     bench.supervisor.check_loop(bench.now_s + silent_s)
