@@ -28,7 +28,6 @@ from onboard.perception.intake import DetectionCounters
 from onboard.perception.pose_history import PoseHistory
 from onboard.vehicle_state import Pose
 
-
 # A reference that has moved by less than this has stayed where it was.
 STAYED_M: Final = 0.05
 
