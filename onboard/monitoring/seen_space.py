@@ -242,7 +242,7 @@ class SeenSpace:
             The contradiction between a report and what has been seen, which voids the set.
         """
         self.begin_leg(self._flight.leg)
-        if not trusted and (self._set.size or self._pending):
+        if not trusted and (self._set.size or self._pending or self._looked):
             # It may drift without a jump: what was seen before is elsewhere once it is good again.
             self.void("the position is not to be believed")
         if self._set.size and pose is not None and self._is_off_height(pose):
