@@ -253,12 +253,14 @@ class Thread:
 
         In a pause nothing is planned before the vehicle is at rest and has seen something, so that
         it waits for a sensor that is silent; where W is meant along the leg, not before the nose
-        is back.
+        is back, and told to be: on its way from one look to the next it passes the leg.
         """
         if self._situation.state is FlightState.THREADING:
             return True
         heading_rad = wrap_angle(pose.yaw_rad - self._situation.leg.heading_rad)
-        aside = self._is_along_leg and not points_at(heading_rad, 0.0)
+        told_rad = self._situation.reference.heading_rad
+        back = points_at(heading_rad, 0.0) and points_at(told_rad, 0.0)
+        aside = self._is_along_leg and not back
         seen = self._seen.frames_counted - self._frames_before >= self._seen.frames_needed
         return seen and not (self._confirming or aside) and self.way.still
 

@@ -303,3 +303,16 @@ def test_along_the_leg_the_nose_is_not_turned_aside_before_the_vehicle_rests(
             turned_at_mps.append(speed_mps(flight))
     assert turned_at_mps
     assert max(turned_at_mps) <= STILL_MPS
+
+
+def test_along_the_leg_nothing_is_planned_while_the_nose_only_passes_the_leg(
+    flight_over: FlightOver,
+) -> None:
+    flight = flight_over(heading="leg", ends_ned_m=((20.0, 0.0),))
+    flight.depart()
+    thread = flight.thread
+    thread._frames_before, thread._confirming = -100, False
+    assert flight.pose.yaw_rad == 0.0
+    assert thread._may_plan(flight.pose)
+    flight.situation.reference.heading_rad = math.radians(15.0)  # the nose lags behind its command
+    assert not thread._may_plan(flight.pose)
