@@ -64,12 +64,13 @@ class Pause:
         """Begin to look at some headings."""
         self._round, self._looked_s = LookRound(headings_rad, frames_needed), None
 
-    def begin(self, outlook: Outlook, frames_needed: int) -> None:
+    def begin(self, outlook: Outlook, frames_needed: int, *, along_leg: bool = False) -> None:
         """Begin a pause.
 
         Args:
             outlook: what is known.
             frames_needed: frames that have to count at each heading.
+            along_leg: turn the nose back along the leg at the end: nothing is planned before.
         """
         self.count += 1
         self._in_a_row += 1
@@ -78,7 +79,7 @@ class Pause:
         if (self._in_a_row > 1 or nothing_new) and outlook.path_leg_m is not None:
             x_m, y_m = along(outlook.path_leg_m, (_DEARER_AHEAD_M,))[0].tolist()
             self._guide.penalized_leg_m.append((x_m, y_m))
-        self.look_round(looks_rad, frames_needed)
+        self.look_round((*looks_rad, 0.0) if along_leg else looks_rad, frames_needed)
 
     def advance(self, heading_rad: float, frames_counted: int, now_s: float) -> bool:
         """Look for one tick; tell whether the look is over and planning has had its time, too.

@@ -244,7 +244,9 @@ class Thread:
             self._fallback.report_and_hold(exhausted, now_s)
             return
         self._situation.fire(Trigger.NO_WAY, now_s)
-        self._leg.pause.begin(self._outlook(), self._seen.frames_needed)
+        self._leg.pause.begin(
+            self._outlook(), self._seen.frames_needed, along_leg=self._is_along_leg
+        )
         self._leg.planning.forget_guide()
         self._restart_clock(now_s)
 

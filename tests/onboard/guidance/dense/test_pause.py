@@ -3,6 +3,7 @@ import math
 import numpy as np
 import pytest
 
+from onboard.geometry.frames import wrap_angle
 from onboard.guidance.dense import pause as module
 from onboard.guidance.dense.pause import Pause
 from onboard.guidance.reference import Reference
@@ -74,3 +75,12 @@ def test_looking_is_exhausted_after_so_many_pauses_of_a_leg(pause: Pause, outloo
     assert pause.exhausted
     pause.begin_leg()
     assert not pause.exhausted
+
+
+def test_along_the_leg_a_look_ends_with_the_nose_back(pause: Pause, outlook: Outlook) -> None:
+    pause.begin(outlook, 1)
+    headings(pause)
+    assert abs(pause._reference.heading_rad) > math.radians(30.0)
+    pause.begin(outlook, 1, along_leg=True)
+    headings(pause)
+    assert wrap_angle(pause._reference.heading_rad) == pytest.approx(0.0)
