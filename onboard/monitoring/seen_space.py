@@ -20,6 +20,7 @@ from onboard.geometry.free_grid import FreeGrid
 from onboard.monitoring.assumptions import Assumption, Violation
 from onboard.monitoring.supervised_flight import SupervisedFlight
 from onboard.perception.detection import Corners, DetectionFrame, corners_ned, shifted_corners
+from onboard.perception.face_strips import enclosing_boxes, strip_around
 from onboard.perception.line_of_sight import BOXES_MAX, View
 from onboard.perception.placement import POSE_TIMING_S
 from onboard.perception.pose_history import PoseHistory
@@ -47,8 +48,6 @@ DOUBTS: Final = frozenset(
 )
 # A start has been looked at all round when frames have shown every one of these sectors.
 _SECTORS: Final = 72
-# A strip is tested for being free in at most so many pieces.
-_PIECES_MAX: Final = 200
 
 
 class _Sight(NamedTuple):
@@ -278,7 +277,7 @@ class SeenSpace:
             half_view_rad=min(view_rad, terms.field_of_view_rad) / 2.0,
             range_m=min(frame.range_m, terms.detection_range_m),
             boxes=[
-                *_enclosing(seen_leg_m, e),
+                *enclosing_boxes(seen_leg_m, e),
                 *self._known_boxes(x_m, y_m, terms.detection_range_m),
             ],
             # A face that is turned by the error of the heading is off by as much more.
@@ -340,7 +339,7 @@ class SeenSpace:
         suspects = self._set.holds(middles_m[..., 0], middles_m[..., 1])
         for box, side in np.argwhere(suspects).tolist():
             begin_m, end_m = begins_m[box, side], ends_m[box, side]
-            pieces = _strip(begin_m, end_m, float(margins_m[box]))
+            pieces = strip_around(begin_m, end_m, float(margins_m[box]))
             if self._set.are_free(*pieces):
                 return int(box)
         return None
@@ -370,39 +369,3 @@ def _contradiction(track_id: str) -> Violation:
     return Violation(
         Assumption.SENSOR_CONTRADICTION, 1.0, 0.0, "boxes", track_id, sentence=sentence
     )
-
-
-def _enclosing(seen_leg_m: FloatArray, face_error_m: float) -> list[Box]:
-    """Return boxes along the leg that hold all within an error of the faces of turned ones.
-
-    The error that the caller adds to the faces along the leg is left out.
-    """
-    boxes = []
-    for corners_m in seen_leg_m:
-        (x_min_m, y_min_m), (x_max_m, y_max_m) = corners_m.min(axis=0), corners_m.max(axis=0)
-        sides_m = np.abs(corners_m[1:3] - corners_m[0:2])
-        lengths_m = np.hypot(sides_m[:, 0], sides_m[:, 1])
-        side = int(lengths_m.argmax())
-        # A box without extent may be turned by any angle.
-        turned = math.sqrt(2.0)
-        if lengths_m[side] > CELL_M:
-            turned = float(sides_m[side].sum() / lengths_m[side])
-        box = Box(float(x_min_m), float(x_max_m), float(y_min_m), float(y_max_m))
-        boxes.append(box.inflated(max(turned - 1.0, 0.0) * face_error_m))
-    return boxes
-
-
-def _strip(
-    begin_m: FloatArray, end_m: FloatArray, margin_m: float
-) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Return rectangles along the leg that cover all within a margin of a line (box norm)."""
-    along_m = end_m - begin_m
-    length_m = float(np.hypot(along_m[0], along_m[1]))
-    unit = along_m / length_m if length_m > 0.0 else np.array([1.0, 0.0])
-    whole_m = length_m + 2.0 * margin_m
-    count = min(math.ceil(whole_m / max(2.0 * margin_m, CELL_M)), _PIECES_MAX)
-    steps_m = (np.arange(count) + 0.5) * (whole_m / count) - margin_m
-    middle_m = begin_m + steps_m[:, None] * unit
-    half_m = whole_m / count / 2.0 * np.abs(unit) + margin_m * np.abs(unit[::-1])
-    low_m, high_m = middle_m - half_m, middle_m + half_m
-    return low_m[:, 0], high_m[:, 0], low_m[:, 1], high_m[:, 1]
