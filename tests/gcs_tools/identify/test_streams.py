@@ -141,7 +141,8 @@ def test_times_never_run_back_by_more_than_a_reordering(times_s: list[float]) ->
     assert steps_s.max() <= 10.0 + 1e-6
 
 
-@given(st.lists(st.floats(0.0, 1.0), min_size=1, max_size=30), st.floats(-1e3, 1e3))
+# Steps below the second from which on a time counts as jumped, by more than sums round off.
+@given(st.lists(st.floats(0.0, 0.999), min_size=1, max_size=30), st.floats(-1e3, 1e3))
 def test_times_that_run_forward_are_left_alone(steps_s: list[float], start_s: float) -> None:
     times_s = (start_s + np.cumsum(steps_s)).tolist()
     timeline = Timeline()
