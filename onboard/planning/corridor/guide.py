@@ -222,14 +222,14 @@ class _Raster:
         parts = [exits.ravel() + 1e-9]
         for step in _STEPS:
             one, other = _shifts(cost, step)
-            dearest = np.maximum(one, other)
+            costliest = np.maximum(one, other)
             if all(step):  # both cells beside a diagonal step have to be open, too
                 rows, columns = cost.shape
                 low, high = slice(None, columns - 1), slice(1, None)
                 near, far = (high, low) if step[1] > 0 else (low, high)
                 blocked = np.isinf(cost[: rows - 1, near]) | np.isinf(cost[1:, far])
-                dearest[blocked] = math.inf
-            weights = (dearest * (math.hypot(*step) * CELL_M)).ravel()
+                costliest[blocked] = math.inf
+            weights = (costliest * (math.hypot(*step) * CELL_M)).ravel()
             parts += [weights, weights]
         matrix = sparse.csr_matrix(
             (np.concatenate(parts)[self._order], self._columns, self._starts),

@@ -303,7 +303,7 @@ def test_the_start_is_confirmed_where_no_obstacle_is_known(scene: Scene) -> None
 def test_a_start_that_frames_do_not_show_all_round_is_not_confirmed(
     scene: Scene, blind: dict[str, Any]
 ) -> None:
-    assert not scene.space.confirm_start(0.0, 0.0)  # nobody has looked
+    assert not scene.space.confirm_start(0.0, 0.0)  # no frame has shown it
     look_round(scene, **blind)
     assert not scene.space.confirm_start(0.0, 0.0)
     assert not scene.is_free(0.0, 0.0)
