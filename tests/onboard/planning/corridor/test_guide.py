@@ -9,6 +9,7 @@ import pytest
 
 from onboard.geometry.box import Box
 from onboard.geometry.frames import FloatArray
+from onboard.planning.corridor import guide as guide_module
 from onboard.planning.corridor.guide import CELL_M, Guide, along
 
 MARGIN_M = 0.75
@@ -104,3 +105,16 @@ def test_from_a_blocked_cell_it_leads_to_the_next_open_one() -> None:
 def test_points_along_a_path() -> None:
     path = np.array(((0.0, 0.0), (3.0, 0.0), (3.0, 4.0)))
     assert along(path, [1.0, 5.0, 99.0]).tolist() == [[1.0, 0.0], [3.0, 2.0], [3.0, 4.0]]
+
+
+def test_no_way_cuts_the_corner_between_two_blocked_cells() -> None:
+    cost = np.ones((3, 3))
+    cost[0, 1] = cost[1, 0] = math.inf
+    exits = np.full((3, 3), math.inf)
+    exits[0, 0] = 0.0
+    ways_m = guide_module._Raster((3, 3)).distances(cost, exits)
+    assert ways_m[0, 0] < 1e-6
+    assert math.isinf(ways_m[1, 1])
+    cost[0, 1] = cost[1, 0] = 1.0
+    ways_m = guide_module._Raster((3, 3)).distances(cost, exits)
+    assert ways_m[1, 1] == pytest.approx(math.sqrt(2.0) * CELL_M, abs=1e-6)
