@@ -33,6 +33,7 @@ OBSTACLES = Obstacles(
 STATE = StateRecord(time_s=T, phase="cruise", position_ned_m=(1.0, 2.0, -4.0), yaw_rad=0.5)
 _MESSAGE = 0x01
 _TIMEOUT_S = 30.0
+_REPEATED_S = 0.05
 
 
 class Viewer:
@@ -69,25 +70,34 @@ class Viewer:
                 return number, time_ns, message[13:]
 
 
+async def _published(feed: Feed, records: tuple[Record, ...]) -> None:
+    """Publish records over and over, as the daemon repeats what lasts, until cancelled."""
+    while True:
+        for record in records:
+            key = {StateRecord: "status", Obstacles: "map"}[type(record)]
+            feed.receive(key, as_json(record))
+        await asyncio.sleep(_REPEATED_S)
+
+
 async def viewed(
     url: str, feed: Feed, topics: tuple[str, ...], *records: Record
 ) -> list[tuple[dict[str, Any], int, bytes]]:
     """Subscribe, publish records until each topic had a message, and return the first of each."""
     connection = await websocket_connect(url, subprotocols=["foxglove.sdk.v1"])
+    # A subscription takes effect at some time after it was asked for; what was published before is
+    # not sent again, so that a viewer that waits needs a publisher that goes on.
+    publishing = asyncio.create_task(_published(feed, records))
     try:
         viewer = Viewer(connection)
         await viewer.learn_channels(len(TOPICS) + 7)
         await viewer.subscribe(*topics)
         found: dict[int, tuple[dict[str, Any], int, bytes]] = {}
         while len(found) < len(topics):
-            # A subscription takes effect at some time; the daemon repeats what lasts, too.
-            for record in records:
-                key = {StateRecord: "status", Obstacles: "map"}[type(record)]
-                feed.receive(key, as_json(record))
             number, time_ns, data = await viewer.next_message()
             found.setdefault(number, (viewer.channels[topics[number]], time_ns, data))
         return [found[number] for number in range(len(topics))]
     finally:
+        publishing.cancel()
         connection.close()
         # The socket is closed once the server has answered; what is still under way comes before.
         while await asyncio.wait_for(connection.read_message(), _TIMEOUT_S) is not None:
