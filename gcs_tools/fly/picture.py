@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from itertools import groupby, pairwise
 from pathlib import Path
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.collections import PolyCollection
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle, Polygon
 
@@ -21,7 +22,7 @@ from onboard.files.obstacle_field import ObstacleField
 from onboard.files.truth_record import TruthRecord
 from onboard.geometry.frames import FloatArray
 from onboard.guidance.phases import FLYING_PHASES
-from onboard.recording.messages import StateRecord
+from onboard.recording.messages import SeenSpace, StateRecord
 
 _FLOWN, _REFERENCE, _OBSTACLE, _REGION, _LIMIT = (
     "#1f5fa8",
@@ -30,6 +31,7 @@ _FLOWN, _REFERENCE, _OBSTACLE, _REGION, _LIMIT = (
     "#b03a48",
     "#b03a48",
 )
+_FREE = "#e6eff8"
 _PHASES = {
     "cruise": "#ffffff",
     "avoid": "#fdeccf",
@@ -39,6 +41,8 @@ _PHASES = {
     "hold": "#f6dada",
 }
 _MARGIN_M = 2.5
+# Records of the set that are drawn over each other.
+_SEEN_SPACES_MAX = 25
 # Shorter phases have no room for their name.
 _NAMED_PHASE_S = 1.5
 
@@ -98,7 +102,10 @@ def _draw_top_view(
     states: list[StateRecord],
     flown: list[TruthRecord],
 ) -> None:
-    regions = _regions(flight)
+    _draw_seen_space(axes, flight.seen_spaces)
+    # No obstacle has a region where the flight rests on the space seen free alone.
+    induction = any(state.phase in ("cruise", "avoid") for state in states)
+    regions = _regions(flight) if induction or not flight.seen_spaces else []
     for number, corners in enumerate(regions):
         label = "region of influence" if number == 0 else None
         axes.add_patch(Polygon(corners, fill=False, edgecolor=_REGION, linestyle="--", label=label))
@@ -114,7 +121,35 @@ def _draw_top_view(
     path = _column(record.position_ned_m for record in flown)
     axes.plot(*path[:, :2].T, color=_FLOWN, linewidth=1.4, label="flown")
     _draw_vehicle(axes, scenario, flown)
-    _frame_top_view(axes, np.vstack([path[:, :2], np.array(legs), *regions]))
+    seen = [] if induction else _free_runs(flight.seen_spaces[-1:])
+    _frame_top_view(axes, np.vstack([path[:, :2], np.array(legs), *regions, *seen]))
+
+
+def _draw_seen_space(axes: Axes, records: Sequence[SeenSpace]) -> None:
+    """Fill what was seen free at any time of the flight."""
+    runs = _free_runs([*records[:: max(1, len(records) // _SEEN_SPACES_MAX)], *records[-1:]])
+    if runs:
+        free = PolyCollection(
+            runs, facecolors=_FREE, edgecolors=_FREE, linewidths=0.2, zorder=0.5, label="seen free"
+        )
+        axes.add_collection(free, autolim=False)
+
+
+def _free_runs(records: Iterable[SeenSpace]) -> list[FloatArray]:
+    """Return the corners of every run of free cells, north and east, each (4, 2)."""
+    found: list[FloatArray] = []
+    for seen in records:
+        row, first, after = (
+            np.array(cells, dtype=np.float64)
+            for cells in (seen.row, seen.column_from, seen.column_to)
+        )
+        along_m = seen.cell_m * np.stack((row, row + 1.0, row + 1.0, row), axis=1)
+        across_m = seen.cell_m * np.stack((first, first, after, after), axis=1)
+        cosine, sine = math.cos(seen.heading_rad), math.sin(seen.heading_rad)
+        north_m = seen.corner_ned_m[0] + cosine * along_m - sine * across_m
+        east_m = seen.corner_ned_m[1] + sine * along_m + cosine * across_m
+        found.extend(np.stack((north_m, east_m), axis=2))
+    return found
 
 
 def _draw_vehicle(axes: Axes, scenario: Scenario, flown: list[TruthRecord]) -> None:

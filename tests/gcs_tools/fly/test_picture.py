@@ -9,10 +9,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
+from matplotlib.image import imread
 
 from gcs_tools.fly.picture import (
     _column,
     _departure_s,
+    _free_runs,
     _obstacle_corners,
     _regions,
     _shade_phases,
@@ -23,7 +25,7 @@ from gcs_tools.logs.flight_log import log_of
 from gcs_tools.scenario import load_scenario
 from onboard.files.obstacle_field import Obstacle, ObstacleField
 from onboard.files.truth_record import TruthRecord
-from onboard.recording.messages import Obstacles, StateRecord
+from onboard.recording.messages import Obstacles, SeenSpace, StateRecord
 from tests.gcs_tools.campaign.oracles.evidence import result
 from tests.gcs_tools.logs.raw_log import made, truth_record
 from tests.gcs_tools.running import CONFIG
@@ -129,6 +131,37 @@ def test_an_obstacle_is_turned_about_its_centre() -> None:
     (corners,) = _obstacle_corners(ObstacleField.of([box]))
     assert corners.mean(axis=0) == pytest.approx((10.0, 5.0))
     assert np.ptp(corners, axis=0) == pytest.approx((2.0, 4.0))
+
+
+def test_a_run_of_free_cells_lies_where_its_record_says() -> None:
+    seen = SeenSpace(
+        time_s=BEGAN_S, corner_ned_m=(10.0, 5.0), heading_rad=math.pi / 2.0, cell_m=0.5,
+        row=[2], column_from=[4], column_to=[10],
+    )  # fmt: skip
+    (corners,) = _free_runs([seen])
+    # The leg leads east: along it is east, to its right is south.
+    assert corners[:, 0].min() == pytest.approx(10.0 - 5.0)
+    assert corners[:, 0].max() == pytest.approx(10.0 - 2.0)
+    assert corners[:, 1].min() == pytest.approx(5.0 + 1.0)
+    assert corners[:, 1].max() == pytest.approx(5.0 + 1.5)
+
+
+def test_what_was_seen_free_is_drawn_instead_of_regions_where_the_flight_rests_on_it(
+    tmp_path: Path,
+) -> None:
+    free = SeenSpace(
+        time_s=BEGAN_S, corner_ned_m=(-3.0, -3.0), cell_m=1.0,
+        row=list(range(12)), column_from=[0] * 12, column_to=[6] * 12,
+    )  # fmt: skip
+    pictures = []
+    for seen in ([], [free]):
+        log = log_of([*states("pause", "thread", "thread"), obstacles(a=50.0), *seen])
+        draw_flight(PAPER, log, log_of(truths(3)), result(), tmp_path / "flight.png")
+        pictures.append(imread(tmp_path / "flight.png"))
+    without, with_set = pictures
+    blue = np.array((0xE6, 0xEF, 0xF8)) / 255.0
+    assert not np.isclose(without[:300, :, :3], blue, atol=0.01).all(axis=2).sum() > 1_000
+    assert np.isclose(with_set[:300, :, :3], blue, atol=0.01).all(axis=2).sum() > 1_000
 
 
 def test_a_vector_that_is_missing_is_not_a_number() -> None:
