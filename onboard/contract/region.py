@@ -202,7 +202,11 @@ class RegionOfInfluence:
         obstacle: the obstacle, inflated (Eq. 18); what a vehicle centre must not touch.
         keep_out: the obstacle extended towards the vehicle by the run-on; what a plan must not
             touch.  Equal to ``obstacle`` without passive safety.
-        extent: the region itself (Eq. 16); regions of different obstacles must not intersect.
+        extent: the region itself (Eq. 16): what has to be free of other obstacles for this one to
+            be passed for certain (`conflicts_with`).
+        manoeuvre: where an avoidance by Eq. 17, which swerves without stopping, may take place:
+            from where it may begin to the post-obstacle border, and as wide as its lane and a
+            coast from it.  Equal to ``extent`` with the published form.
         lane_left_m, lane_right_m: y between which the plan stays.
         drift_left_m, drift_right_m: y beyond the side faces within which a vehicle that drifts
             towards the face still counts as heading for it (theory A).
@@ -213,6 +217,7 @@ class RegionOfInfluence:
     obstacle: Box
     keep_out: Box
     extent: Box
+    manoeuvre: Box
     lane_left_m: float
     lane_right_m: float
     drift_left_m: float
@@ -226,17 +231,19 @@ class RegionOfInfluence:
         size = dimensions(e, SCALAR)
         lane_left_m = obstacle.y_min_m - size.overhang_left_m
         lane_right_m = obstacle.y_max_m + size.overhang_right_m
+        extent = Box(
+            obstacle.x_min_m - size.front_m,
+            obstacle.x_min_m + size.pob_depth_m,
+            lane_left_m - size.coast_left_m,
+            lane_right_m + size.coast_right_m,
+        )
         return cls(
             obstacle=obstacle,
             keep_out=Box(
                 obstacle.x_min_m - e.run_on_m, obstacle.x_max_m, obstacle.y_min_m, obstacle.y_max_m
             ),
-            extent=Box(
-                obstacle.x_min_m - size.front_m,
-                obstacle.x_min_m + size.pob_depth_m,
-                lane_left_m - size.coast_left_m,
-                lane_right_m + size.coast_right_m,
-            ),
+            extent=extent,
+            manoeuvre=extent,
             lane_left_m=lane_left_m,
             lane_right_m=lane_right_m,
             drift_left_m=size.drift_left_m,
@@ -252,14 +259,29 @@ class RegionOfInfluence:
             obstacle=self.obstacle.shifted_by(x_m, y_m),
             keep_out=self.keep_out.shifted_by(x_m, y_m),
             extent=self.extent.shifted_by(x_m, y_m),
+            manoeuvre=self.manoeuvre.shifted_by(x_m, y_m),
             lane_left_m=self.lane_left_m + y_m,
             lane_right_m=self.lane_right_m + y_m,
         )
 
     @property
     def x_pob_m(self) -> float:
-        """The post-obstacle border."""
-        return self.extent.x_max_m
+        """The post-obstacle border of an avoidance by Eq. 17."""
+        return self.manoeuvre.x_max_m
+
+    @property
+    def approach_x_m(self) -> float:
+        """Where an avoidance may begin at the earliest: the farther of the two fronts."""
+        return min(self.extent.x_min_m, self.manoeuvre.x_min_m)
+
+    @property
+    def departure_x_m(self) -> float:
+        """Where the obstacle has been passed at the latest: the farther of the two borders."""
+        return max(self.extent.x_max_m, self.manoeuvre.x_max_m)
+
+    def conflicts_with(self, other: RegionOfInfluence) -> bool:
+        """Tell whether the region of one obstacle is not free for the other's sake."""
+        return self.extent.intersects(other.extent)
 
     @property
     def conflict_band_y_m(self) -> tuple[float, float]:

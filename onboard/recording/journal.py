@@ -213,9 +213,7 @@ def _distance_m(box: Box, x_m: float, y_m: float) -> float:
 
 def _obstacle(obstacle: Obstacle, leg: LegFrame, assessment: Assessment) -> KnownObstacle:
     region = obstacle.region
-    lane = Box(
-        region.extent.x_min_m, region.extent.x_max_m, region.lane_left_m, region.lane_right_m
-    )
+    lane = Box(region.approach_x_m, region.x_pob_m, region.lane_left_m, region.lane_right_m)
     return KnownObstacle(
         id=obstacle.id,
         measured_ned_m=outline_of(obstacle.measured, leg),
