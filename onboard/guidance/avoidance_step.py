@@ -96,7 +96,7 @@ class InductionPlanner:
             exit_speed_mps=exit_speed_mps,
             climb_m=climb_max_m,
             climb_preferred=climb_max_m > 0.0,
-            coast_time_s=self._situation.assessment.inflated.encounter.coast_time_s,
+            coast_time_s=self._situation.assessment.inflated.manoeuvre_encounter.coast_time_s,
         )
 
 
@@ -170,7 +170,9 @@ class AvoidanceStep:
     def _check_pre_condition(self, start: State, obstacle: Obstacle, now_s: float) -> None:
         """Report where a step does not start as the contract says; it is planned all the same."""
         assessment = self._situation.assessment
-        allowed_m = assessment.inflated.encounter.speed_mps * assessment.terms.reaction_time_s
+        allowed_m = (
+            assessment.inflated.manoeuvre_encounter.speed_mps * assessment.terms.reaction_time_s
+        )
         condition: Condition = pre_condition(
             start,
             obstacle.region,

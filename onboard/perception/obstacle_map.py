@@ -120,7 +120,7 @@ class ObstacleMap:
         self._tracks: dict[str, _Track] = {}
         self._obstacles: dict[str, Obstacle] = {}
         self._obstacle_of_track: dict[str, str] = {}
-        # (where an avoidance may begin, id), sorted; with the longest region it bounds every search.
+        # (where an avoidance may begin, id), sorted; the longest region bounds every search.
         self._order: list[tuple[float, str]] = []
         self._longest_region_m = 0.0
         # The same for each strip of a metre across the leg, of the obstacles that conflict with it.
