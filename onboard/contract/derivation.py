@@ -130,25 +130,38 @@ def _run_on(terms: Terms[Q], speed_mps: Q, brake_mps2: Q, ops: Arithmetic[Q]) ->
     zero = speed_mps * 0.0
     if not terms.passive_safety:
         return zero, zero
-    timeout_s = terms.setpoint_loss_timeout_s
+    if terms.setpoint_loss_run_on_m is not None:
+        return _measured_run_on(terms, terms.setpoint_loss_run_on_m, speed_mps, brake_mps2, ops)
     if terms.setpoint_loss_model == "frozen":
         frozen_m = frozen_run_m(terms, speed_mps, brake_mps2, ops)
-        coast_s = frozen_m / speed_mps - speed_mps / (2.0 * brake_mps2)
-        return frozen_m, ops.maximum(zero, coast_s)
-    if terms.setpoint_loss_run_on_m is None:
-        return speed_mps * timeout_s + speed_mps * speed_mps / (2.0 * brake_mps2), timeout_s
-    run_on_m, measured_at_mps = terms.setpoint_loss_run_on_m, terms.setpoint_loss_run_on_speed_mps
+        return frozen_m, _coasting_for(frozen_m, speed_mps, brake_mps2, ops)
+    timeout_s = terms.setpoint_loss_timeout_s
+    return speed_mps * timeout_s + speed_mps * speed_mps / (2.0 * brake_mps2), timeout_s
+
+
+def _measured_run_on(
+    terms: Terms[Q], run_on_m: Q, speed_mps: Q, brake_mps2: Q, ops: Arithmetic[Q]
+) -> tuple[Q, Q]:
+    zero = speed_mps * 0.0
+    measured_at_mps = terms.setpoint_loss_run_on_speed_mps
     if measured_at_mps is None:
         measured_at_mps = terms.cruise_speed_mps
     fastest_mps = measured_at_mps + terms.velocity_error_x_mps
-    coast_time_s = run_on_m / fastest_mps - fastest_mps / (2.0 * brake_mps2)
     # From rest the autopilot may hold the last acceleration, at most the limit, for its timeout.
+    timeout_s = terms.setpoint_loss_timeout_s
     gained_mps = brake_mps2 * timeout_s
     from_rest_m = gained_mps * (timeout_s / 2.0 + terms.attitude_lag_s + timeout_s / 2.0)
     shorter_m = ops.maximum(zero, run_on_m - from_rest_m) * (1.0 - speed_mps / fastest_mps)
     covered = terms.cruise_speed_mps <= measured_at_mps
     unknown_m = zero + math.nan
-    return ops.where(covered, run_on_m - shorter_m, unknown_m), ops.maximum(zero, coast_time_s)
+    coast_time_s = _coasting_for(run_on_m, fastest_mps, brake_mps2, ops)
+    return ops.where(covered, run_on_m - shorter_m, unknown_m), coast_time_s
+
+
+def _coasting_for(run_on_m: Q, speed_mps: Q, brake_mps2: Q, ops: Arithmetic[Q]) -> Q:
+    """Return for how long coasting at a speed, then braking, makes a run; at least 0."""
+    coast_time_s = run_on_m / speed_mps - speed_mps / (2.0 * brake_mps2)
+    return ops.maximum(speed_mps * 0.0, coast_time_s)
 
 
 def derive(terms: Terms[Q], ops: Arithmetic[Q]) -> Derived[Q]:

@@ -122,7 +122,7 @@ def coasting_run_on(
 
 
 def frozen_run_m(terms: Terms[Q], speed_mps: Q, forward_mps2: Q, ops: Arithmetic[Q]) -> Q:
-    """Return the longest run of an autopilot that keeps flying to the last setpoint, in metres.
+    """Return the longest modelled run of an autopilot that keeps flying to the last setpoint [m].
 
     The setpoint may still accelerate: at a, it has to have a² T/2L left to its greatest speed,
     where the jerk takes the limit L back within T.
@@ -133,8 +133,7 @@ def frozen_run_m(terms: Terms[Q], speed_mps: Q, forward_mps2: Q, ops: Arithmetic
         forward_mps2: L.
         ops: for floats or arrays.
     """
-    kappa_s = run_on_slope_s(terms, ops)
-    _, c_s2 = _model(terms, speed_mps, ops)
+    kappa_s, c_s2 = _model(terms, speed_mps, ops)
     lost_s2 = kappa_s * terms.attitude_lag_s
     part_s2 = c_s2 * c_s2 / (2.0 * ops.maximum(lost_s2, lost_s2 * 0.0 + 1e-9))
     gained_s2 = ops.where(c_s2 >= lost_s2, c_s2 - lost_s2 / 2.0, part_s2)

@@ -19,7 +19,6 @@ from gcs_tools.preflight.finding import Finding, Verdict
 from gcs_tools.preflight.rule import Rule
 from gcs_tools.preflight.tier import (
     START_ROOM_M,
-    VIEW_MIN_DEG,
     Tier,
     seen_free_rules,
     start_clear_radius_m,
@@ -114,11 +113,6 @@ def test_nothing_flies_that_is_not_safe_accepted_and_checked(
 def rules(*overrides: str) -> dict[str, Rule]:
     found = seen_free_rules(assess(load_contract(DEFAULT, overrides)), None, None)
     return {rule.name: rule for rule in found}
-
-
-def test_the_view_counts_from_90_degrees_on() -> None:
-    assert rules(f"sensor.field_of_view_deg={VIEW_MIN_DEG}")["seen_free_view"].holds
-    assert not rules("sensor.field_of_view_deg=89.9")["seen_free_view"].holds
 
 
 def test_the_range_must_hold_the_front_at_half_a_metre_per_second() -> None:
