@@ -144,6 +144,11 @@ def _sensor_clauses(
 ) -> tuple[Clause[Q], ...]:
     ahead_m = derived.required_detection_range_m - derived.encounter.run_on_m
     edge_m = derived.edge_offset_m
+    seen_at_m = ahead_m
+    if not terms.stops:
+        # The far corner is seen best from where it comes into range, and remembered.
+        square_m2 = terms.detection_range_m * terms.detection_range_m - edge_m * edge_m
+        seen_at_m = ops.sqrt(ops.maximum(square_m2, square_m2 * 0.0))
     return (
         Clause(
             "detection_range",
@@ -161,7 +166,7 @@ def _sensor_clauses(
         ),
         Clause(
             "field_of_view",
-            2.0 * (ops.atan2(edge_m, ahead_m) + terms.heading_error_rad) * (180.0 / math.pi),
+            2.0 * (ops.atan2(edge_m, seen_at_m) + terms.heading_error_rad) * (180.0 / math.pi),
             terms.field_of_view_rad * (180.0 / math.pi),
             "°",
             "what must be seen ahead must lie within the sensor's field of view",

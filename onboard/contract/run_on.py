@@ -19,9 +19,6 @@ if TYPE_CHECKING:
     from onboard.contract.terms import Terms
     from onboard.geometry.frames import Q
 
-# A vehicle without lag still has no use for more jerk than this allows for.
-LAG_MIN_S: Final = 0.05
-
 
 @dataclass(frozen=True)
 class RunOn:
@@ -49,11 +46,11 @@ def contract_run_on(terms: Terms[float], speed_max_mps: float | None = None) -> 
 
     Args:
         terms: of the contract.
-        speed_max_mps: greatest Euclidean speed of a setpoint; None: the cruise speed.
+        speed_max_mps: greatest Euclidean speed of a setpoint, where it exceeds the cruise speed.
     """
     if not terms.passive_safety:
         return NO_RUN_ON
-    fastest_mps = terms.cruise_speed_mps if speed_max_mps is None else speed_max_mps
+    fastest_mps = max(terms.cruise_speed_mps, speed_max_mps or 0.0)
     kappa_s, c_s2 = _model(terms, fastest_mps, SCALAR)
     frozen = terms.setpoint_loss_model == "frozen"
     timeout_s, measured_s = terms.setpoint_loss_timeout_s, _measured_slope_s(terms, SCALAR)
@@ -150,7 +147,7 @@ def _model(terms: Terms[Q], speed_max_mps: Q, ops: Arithmetic[Q]) -> tuple[Q, Q]
     timeout_s, lag_s = terms.setpoint_loss_timeout_s, terms.attitude_lag_s
     # A reference still has to take its acceleration back, within T at its jerk limit, before it
     # exceeds its own greatest speed: that much less does a coast add to the speed.
-    taken_back_s = ops.maximum(lag_s, lag_s * 0.0 + LAG_MIN_S)
+    taken_back_s = ops.maximum(lag_s, lag_s * 0.0 + 1e-9)
     shorter_s = ops.minimum(taken_back_s, timeout_s)
     gained_s = timeout_s - shorter_s + shorter_s * shorter_s / (2.0 * taken_back_s)
     fastest_mps = speed_max_mps + ops.sqrt(x_mps2 * x_mps2 + y_mps2 * y_mps2) * gained_s

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
 
-from onboard.contract.run_on import LAG_MIN_S, RunOn, contract_run_on
+from onboard.contract.run_on import RunOn, contract_run_on
 from onboard.planning.rest_certifier import RestLimits
 
 if TYPE_CHECKING:
     from onboard.contract.assessment import Assessment
+
+# A vehicle without lag still has no use for more jerk than this allows for.
+_LAG_MIN_S: Final = 0.05
 
 
 def rest_limits_of(assessment: Assessment, *, any_heading: bool) -> RestLimits:
@@ -23,7 +26,7 @@ def rest_limits_of(assessment: Assessment, *, any_heading: bool) -> RestLimits:
     terms, limits = assessment.terms, assessment.limits
     box_mps2 = (limits.brake_mps2, limits.forward_mps2, limits.left_mps2, limits.right_mps2)
     least_mps2 = min(box_mps2)
-    lag_s = max(terms.attitude_lag_s, LAG_MIN_S)
+    lag_s = max(terms.attitude_lag_s, _LAG_MIN_S)
     return RestLimits(
         body_radius_m=terms.body_m,
         speed_max_mps=terms.cruise_speed_mps,
@@ -34,6 +37,12 @@ def rest_limits_of(assessment: Assessment, *, any_heading: bool) -> RestLimits:
     )
 
 
-def run_on_of(assessment: Assessment) -> RunOn:
-    """Return how the vehicle runs on after a loss of the stream; nothing without the clause."""
-    return contract_run_on(assessment.terms)
+def run_on_of(assessment: Assessment, speed_max_mps: float | None = None) -> RunOn:
+    """Return how the vehicle runs on after a loss of the stream; nothing without the clause.
+
+    Args:
+        assessment: the contract in force.
+        speed_max_mps: greatest Euclidean speed of a setpoint, where it may exceed the contract's
+            speed along the leg.
+    """
+    return contract_run_on(assessment.terms, speed_max_mps)

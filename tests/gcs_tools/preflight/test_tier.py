@@ -191,7 +191,7 @@ def test_the_operator_reads_what_a_flight_without_guarantee_does() -> None:
 def test_what_safety_needs_is_broken_in_so_many_words() -> None:
     text = printed(checked(NEAR, "sensor.field_of_view_deg=60.0", accept=True))
     assert text.startswith("DO NOT FLY")
-    assert "• seen_free_view: a look aside at rest must show the way beside an obstacle\n" in text
+    assert "• seen_free_view: requires 94.00 °, declared 60.00 °\n" in text
     assert "BROKEN" in text
 
 
@@ -201,7 +201,7 @@ def test_a_contract_without_stop_says_what_it_lacks() -> None:
 
 
 def test_a_guaranteed_flight_shows_no_second_tier() -> None:
-    assert "seen_free" not in printed(checked())
+    assert "seen_free_range" not in printed(checked())
 
 
 def test_rules_that_are_not_finite_are_null_in_json() -> None:

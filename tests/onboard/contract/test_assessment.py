@@ -183,7 +183,10 @@ class Expected:
             "detection_range": ahead_m,
             "edge_visibility": math.hypot(ahead_m, edge_m),
             "field_of_view": 2.0
-            * (math.degrees(math.atan(edge_m / ahead_m)) + vehicle.heading_error_deg),
+            * (
+                math.degrees(math.asin(min(1.0, edge_m / sensor.detection_range_m)))
+                + vehicle.heading_error_deg
+            ),
             "separation": math.hypot(self.length_m, self.width_m),
         }
         if wind_mps is not None:
