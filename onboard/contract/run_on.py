@@ -142,8 +142,8 @@ def _model(terms: Terms[Q], speed_max_mps: Q, ops: Arithmetic[Q]) -> tuple[Q, Q]
     x_mps2, y_mps2 = available_limits(terms, ops)
     gain_per_s, velocity_gain_per_s = terms.setpoint_gain_per_s, terms.setpoint_velocity_gain_per_s
     if gain_per_s is not None and velocity_gain_per_s is not None:
-        kappa_s = _overshoot(gain_per_s, terms.attitude_lag_s, ops) / gain_per_s
-        return kappa_s, 1.0 / (gain_per_s * velocity_gain_per_s)
+        moving, resting = _overshoots(gain_per_s, terms.attitude_lag_s, ops)
+        return moving / gain_per_s, resting / (gain_per_s * velocity_gain_per_s)
     timeout_s, lag_s = terms.setpoint_loss_timeout_s, terms.attitude_lag_s
     # A reference still has to take its acceleration back, within T at its jerk limit, before it
     # exceeds its own greatest speed: that much less does a coast add to the speed.
@@ -185,10 +185,16 @@ def overshoot(gain_per_s: float, lag_s: float) -> float:
 
     Starting with the velocity that the feed-forward asks for; 1 where the loop does not overshoot.
     """
-    return _overshoot(gain_per_s, lag_s, SCALAR)
+    return _overshoots(gain_per_s, lag_s, SCALAR)[0]
 
 
-def _overshoot(gain_per_s: Q, lag_s: Q, ops: Arithmetic[Q]) -> Q:
-    excess = 4.0 * gain_per_s * lag_s - 1.0
+def _overshoots(gain_per_s: Q, lag_s: Q, ops: Arithmetic[Q]) -> tuple[Q, Q]:
+    """Return the overshoot of what starts with its velocity, and of what starts at rest."""
+    product = gain_per_s * lag_s
+    excess = 4.0 * product - 1.0
     root = ops.sqrt(ops.maximum(excess, excess * 0.0 + 1e-12))
-    return ops.where(excess > 0.0, 1.0 + ops.exp(-math.pi / root), 1.0 + 0.0 * excess)
+    none = 1.0 + 0.0 * excess
+    turned_rad = math.pi - ops.atan2(root, none)
+    moving = none + ops.sqrt(product) * ops.exp(-turned_rad / root)
+    resting = none + ops.exp(-math.pi / root)
+    return ops.where(excess > 0.0, moving, none), ops.where(excess > 0.0, resting, none)

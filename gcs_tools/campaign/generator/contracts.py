@@ -6,6 +6,7 @@ import random
 from typing import Any, Final
 
 from gcs_tools.campaign.generator.case import Extent
+from gcs_tools.campaign.generator.fields import one_obstacle_fits
 from onboard.contract.assessment import Assessment, assess
 from onboard.files.contract_file import Contract
 
@@ -58,8 +59,7 @@ def compliant_contract(
     )
     terms["environment"]["obstacle_separation_min_m"] = required["separation"] * 1.001
     contract = Contract.model_validate(terms)
-    region = ample.inflated.region
-    one_fits = region.front_m + ample.inflated.roi_length_m < extent.length_m[0]
+    one_fits = one_obstacle_fits(ample, extent.length_m[0])
     return contract if one_fits and assess(contract).compliant else None
 
 
