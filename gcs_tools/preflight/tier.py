@@ -2,7 +2,7 @@
 
 Clauses alone decide.  Where all hold, every obstacle is passed.  Where some of those fail that only
 progress needs, the vehicle still never flies into what it has not seen free: at every instant it
-holds a certified way to rest inside seen-free space (THEORY.md, "Seen free").  That needs
+holds a certified way to rest inside seen-free space (THEORY.md, "Stop and sidestep").  That needs
 ``requirements.stop``, the contract's clause ``seen_free_view``, and the rules below, without which
 it could hardly move.
 """
