@@ -4,9 +4,15 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from typing import Generic, Literal
+from typing import Any, Generic, Literal
 
-from onboard.files.contract_file import Contract, FrozenSetpoint, InputSet
+from onboard.files.contract_file import (
+    Contract,
+    EnvironmentTerms,
+    FrozenSetpoint,
+    InputSet,
+    VehicleTerms,
+)
 from onboard.geometry.frames import Q
 
 
@@ -63,10 +69,6 @@ class Terms(Generic[Q]):
     ) -> Terms[float]:
         """Return the terms of a contract file, angles in radians."""
         vehicle, sensor, environment = contract.vehicle, contract.sensor, contract.environment
-        loss = vehicle.setpoint_loss
-        frozen = loss if isinstance(loss, FrozenSetpoint) else None
-        box_m = environment.separation_box_m
-        diagonal_m = environment.separation_any_way_m
         return Terms(
             roll_max_rad=math.radians(vehicle.roll_max_deg),
             pitch_max_rad=math.radians(vehicle.pitch_max_deg),
@@ -81,12 +83,8 @@ class Terms(Generic[Q]):
             setpoint_loss_timeout_s=vehicle.setpoint_loss_timeout_s,
             setpoint_loss_run_on_m=vehicle.setpoint_loss_run_on_m,
             setpoint_loss_run_on_speed_mps=vehicle.setpoint_loss_run_on_speed_mps,
-            setpoint_loss_model="coast" if frozen is None else "frozen",
-            setpoint_gain_per_s=None if frozen is None else frozen.gain_per_s,
-            setpoint_velocity_gain_per_s=None if frozen is None else frozen.velocity_gain_per_s,
-            separation_shares=(
-                None if box_m is None else (box_m[0] / diagonal_m, box_m[1] / diagonal_m)
-            ),
+            **_setpoint_loss(vehicle),
+            separation_shares=_separation_shares(environment),
             recentring_speed_mps=vehicle.recentring_speed_mps,
             tracking_error_z_m=vehicle.tracking_error_z_m,
             heading_error_rad=math.radians(vehicle.heading_error_deg),
@@ -99,7 +97,7 @@ class Terms(Generic[Q]):
             position_error_m=sensor.position_error_m,
             obstacle_size_max_m=environment.obstacle_size_max_m,
             obstacle_size_min_m=environment.obstacle_size_min_m,
-            obstacle_separation_min_m=diagonal_m,
+            obstacle_separation_min_m=environment.separation_any_way_m,
             stop=contract.requirements.stop,
             passive_safety=contract.requirements.passive_safety,
             mission_altitude_m=mission_altitude_m,
@@ -147,3 +145,24 @@ class Terms(Generic[Q]):
             stop=False,
             passive_safety=False,
         )
+
+
+def _setpoint_loss(vehicle: VehicleTerms) -> dict[str, Any]:
+    """Return the terms about what the autopilot does without setpoints."""
+    loss = vehicle.setpoint_loss
+    if not isinstance(loss, FrozenSetpoint):
+        return {"setpoint_loss_model": "coast"}
+    return {
+        "setpoint_loss_model": "frozen",
+        "setpoint_gain_per_s": loss.gain_per_s,
+        "setpoint_velocity_gain_per_s": loss.velocity_gain_per_s,
+    }
+
+
+def _separation_shares(environment: EnvironmentTerms) -> tuple[float, float] | None:
+    """Return what a stated pair [along, across] is of its diagonal; None without one."""
+    if environment.separation_box_m is None:
+        return None
+    along_m, across_m = environment.separation_box_m
+    diagonal_m = environment.separation_any_way_m
+    return along_m / diagonal_m, across_m / diagonal_m
