@@ -10,12 +10,14 @@ from typing import Annotated, Any, Final, Literal, TypeVar
 import numpy as np
 from pydantic import BaseModel, Discriminator, Field, Tag
 
-from onboard.files.contract_file import Contract
+from onboard.files.contract_file import Contract, FrozenSetpoint
 from onboard.files.daemon_config import FilePath
 from onboard.files.mission_file import Mission
 from onboard.files.obstacle_field import Obstacle, ObstacleField, ObstacleList, load_field
 from onboard.files.yaml_file import FileError, FileModel, load_yaml, read_mapping, validate
 from onboard.mavlink.profiles.registry import profile_named
+from sitl.autopilot.flavours.parameters import ideal_gains
+from sitl.autopilot.flavours.px4_parameters import GAINS, PARAMETERS
 from sitl.config import SitlConfig, VehicleConfig
 from sitl.environment.sensor import SensorConfig
 from sitl.virtual.faults.schema import Fault
@@ -141,7 +143,7 @@ def load_scenario(path: Path) -> Scenario:
     base = path.parent
     scenario = Scenario(
         name=path.stem,
-        contract=_loaded(written.contract, base, Contract),
+        contract=with_run_on(_loaded(written.contract, base, Contract), written.sitl),
         mission=_loaded(written.mission, base, Mission),
         obstacles=_loaded_field(written.field, base),
         plant=written.sitl,
@@ -152,6 +154,30 @@ def load_scenario(path: Path) -> Scenario:
     )
     _require_mission_start(scenario, path)
     return scenario
+
+
+def with_run_on(contract: Contract, plant: Plant) -> Contract:
+    """Return a contract that says how the simulated vehicle runs on when the stream stops.
+
+    A PX4 flies on to the last setpoint; where passive safety counts on that and the contract says
+    nothing of it, the gains are those of the simulated vehicle.
+    """
+    vehicle = contract.vehicle
+    stated = vehicle.setpoint_loss is not None or vehicle.setpoint_loss_run_on_m is not None
+    frozen = profile_named(plant.flavour).after_setpoint_loss == "frozen"
+    if stated or not frozen or not contract.requirements.passive_safety:
+        return contract
+    values = {spec.name: spec.default for spec in PARAMETERS}
+    if plant.realism == "ideal":
+        values |= ideal_gains(GAINS)
+    values |= plant.parameters
+    loss = FrozenSetpoint(
+        model="frozen",
+        gain_per_s=values[GAINS.position],
+        velocity_gain_per_s=values[GAINS.velocity],
+    )
+    vehicle = vehicle.model_copy(update={"setpoint_loss": loss})
+    return contract.model_copy(update={"vehicle": vehicle})
 
 
 def _require_mission_start(scenario: Scenario, path: Path) -> None:

@@ -25,7 +25,9 @@ def contract_document(assessment: Assessment) -> dict[str, Any]:
 def derived_document(derived: Derived[float]) -> dict[str, Any]:
     """Return one reading of a contract; lengths in metres.
 
-    The lane of the inflated reading includes the coasting after a lost setpoint stream (theory H).
+    `required_separation_box_m` is [along, across] the leg: two obstacles have to be apart by one of
+    the two.  The lane of the inflated reading includes the coasting after a lost setpoint stream
+    (theory H).
     """
     region = derived.region
     return {
@@ -40,6 +42,7 @@ def derived_document(derived: Derived[float]) -> dict[str, Any]:
         "roi_width_m": derived.roi_width_m,
         "required_detection_range_m": derived.required_detection_range_m,
         "required_separation_m": derived.required_separation_m,
+        "required_separation_box_m": list(derived.required_separation_box_m),
         "stopping_distance_m": derived.stopping_distance_m,
     }
 

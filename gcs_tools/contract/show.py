@@ -22,7 +22,9 @@ _QUANTITIES = {
     "roi_length_m": "region of influence, length (m)",
     "roi_width_m": "region of influence, width (m)",
     "required_detection_range_m": "detection range required (m)",
-    "required_separation_m": "separation required (m)",
+    "required_separation_m": "separation required, any direction (m)",
+    "required_separation_box_m.0": "separation required, along the leg (m)",
+    "required_separation_box_m.1": "or across it (m)",
     "stopping_distance_m": "stopping distance (m)",
 }
 
@@ -105,4 +107,6 @@ def _number(reading: dict[str, object], key: str) -> str:
     value = reading[outer]
     if isinstance(value, dict):
         value = value[inner]
+    elif isinstance(value, list):
+        value = value[int(inner)]
     return f"{value:.3f}" if isinstance(value, float) else str(value)

@@ -118,6 +118,16 @@ _LENGTHS = (
         lambda d: d.required_detection_range_m,
     ),
     _length("required_separation_m", "separation required", lambda d: d.required_separation_m),
+    _length(
+        "required_separation_along_m",
+        "separation required along the leg",
+        lambda d: d.required_separation_box_m[0],
+    ),
+    _length(
+        "required_separation_across_m",
+        "separation required across the leg",
+        lambda d: d.required_separation_box_m[1],
+    ),
 )
 
 

@@ -9,19 +9,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass, field, fields, replace
-from functools import partial
+from dataclasses import dataclass, field, replace
 from itertools import islice
-from typing import Any
 
 import numpy as np
 from scipy.spatial import KDTree
 
 from gcs_tools.preflight.field_merging import PAIRS_MAX, intersecting_pairs, merge
+from gcs_tools.preflight.field_regions import RegionBoxes, region_boxes
 from gcs_tools.preflight.rule import ROUND_OFF, Rule
-from onboard.contract.arithmetic import ARRAY
-from onboard.contract.assessment import Assessment, Terms, worst_encounter
-from onboard.contract.region import dimensions
+from onboard.contract.assessment import Assessment
 from onboard.files.mission_file import Mission
 from onboard.files.obstacle_field import ObstacleField
 from onboard.geometry.box import Box
@@ -62,7 +59,7 @@ class LegField:
         single_boxes_m: the obstacles in the leg frame, (N, 4): x from, x to, y from, y to.
         ids: names of the M obstacles after merging, those of merged ones joined by ``+``.
         boxes_m: the obstacles after merging, (M, 4).
-        regions_m: their regions of influence, (M, 4).
+        regions: their regions of influence.
     """
 
     stretch: Stretch
@@ -70,16 +67,20 @@ class LegField:
     single_boxes_m: FloatArray
     ids: tuple[str, ...]
     boxes_m: FloatArray
-    regions_m: FloatArray
+    regions: RegionBoxes
 
     @classmethod
     def of(cls, stretch: Stretch, assessment: Assessment, obstacles: ObstacleField) -> LegField:
         """Transform the obstacles into the leg frame, merge them, and compute their regions."""
         boxes_m = leg_boxes(stretch.frame, obstacles)
-        regions_of = partial(region_extents, assessment)
-        merged = merge(boxes_m, regions_of, assessment.terms.obstacle_size_max_m)
+        merged = merge(
+            boxes_m,
+            lambda each_m: region_boxes(assessment, each_m).apart_m,
+            assessment.terms.obstacle_size_max_m,
+        )
         names = tuple("+".join(obstacles.ids[n] for n in each) for each in merged.members)
-        return cls(stretch, obstacles.ids, boxes_m, names, merged.boxes_m, merged.regions_m)
+        regions = region_boxes(assessment, merged.boxes_m)
+        return cls(stretch, obstacles.ids, boxes_m, names, merged.boxes_m, regions)
 
     @property
     def sizes_m(self) -> FloatArray:
@@ -94,8 +95,10 @@ class LegField:
         return centers_m
 
     def regions_at(self, place: Box) -> list[int]:
-        """Return the indices of the regions that share a point with a place."""
-        x_min_m, x_max_m, y_min_m, y_max_m = self.regions_m.T
+        """Return the indices of the obstacles that may be avoided at a place."""
+        low_m = np.minimum(self.regions.extent_m, self.regions.manoeuvre_m)
+        high_m = np.maximum(self.regions.extent_m, self.regions.manoeuvre_m)
+        (x_min_m, _, y_min_m, _), (_, x_max_m, _, y_max_m) = low_m.T, high_m.T
         along = (x_min_m <= place.x_max_m) & (x_max_m >= place.x_min_m)
         across = (y_min_m <= place.y_max_m) & (y_max_m >= place.y_min_m)
         found: list[int] = np.flatnonzero(along & across).tolist()
@@ -147,7 +150,7 @@ def regions_clear(legs: tuple[LegField, ...]) -> bool:
     """Tell whether the rules about regions hold, as soon as that is known."""
     places = [(leg, place) for leg in legs for place in (leg.stretch.start, leg.stretch.end)]
     occupied = any(leg.regions_at(place) for leg, place in places)
-    return not occupied and not any(any(intersecting_pairs(leg.regions_m)) for leg in legs)
+    return not occupied and not any(any(intersecting_pairs(leg.regions.apart_m)) for leg in legs)
 
 
 def _stretches(mission: Mission | None) -> Iterator[Stretch]:
@@ -183,34 +186,6 @@ def leg_boxes(frame: LegFrame, obstacles: ObstacleField) -> FloatArray:
     down_m = np.zeros((len(obstacles), 1))
     x_m, y_m, _ = frame.position_leg_from_ned(np.hstack((obstacles.center_ned_m, down_m))).T
     return np.column_stack((x_m - half_x_m, x_m + half_x_m, y_m - half_y_m, y_m + half_y_m))
-
-
-def region_extents(assessment: Assessment, boxes_m: FloatArray) -> FloatArray:
-    """Return the regions of measured boxes; (N, 4) -> (N, 4).
-
-    Vectorized form of `Assessment.region_around`.
-    """
-    terms = assessment.terms
-    margin_m = assessment.inflation_m()
-    x_min_m, x_max_m, y_min_m, y_max_m = (boxes_m + margin_m * np.array([-1.0, 1.0, -1.0, 1.0])).T
-    numbers: dict[str, Any] = {
-        each.name: np.full(len(boxes_m), value)
-        for each in fields(terms)
-        if isinstance(value := getattr(terms, each.name), float)
-    }
-    arrays: Terms[FloatArray] = Terms(
-        **numbers, passive_safety=terms.passive_safety, input_set=terms.input_set
-    )
-    encounter = worst_encounter(arrays, x_max_m - x_min_m, y_max_m - y_min_m, ARRAY)
-    size = dimensions(encounter, ARRAY)
-    return np.column_stack(
-        (
-            x_min_m - size.front_m,
-            x_min_m + size.pob_depth_m,
-            y_min_m - size.overhang_left_m - size.coast_left_m,
-            y_max_m + size.overhang_right_m + size.coast_right_m,
-        )
-    )
 
 
 def _largest(legs: tuple[LegField, ...], assessment: Assessment) -> Rule:
@@ -294,14 +269,14 @@ def _nearest_neighbours(points_m: FloatArray, norm: float = 2.0) -> tuple[FloatA
 def _disjoint(legs: tuple[LegField, ...]) -> Rule:
     count = _Count()
     for leg in legs:
-        for i, j in islice(intersecting_pairs(leg.regions_m), PAIRS_MAX - count.total):
+        for i, j in islice(intersecting_pairs(leg.regions.apart_m), PAIRS_MAX - count.total):
             count.add(f"{leg.ids[i]} and {leg.called(leg.ids[j])}")
     rule = _none_of(
         count,
         "roi_disjoint",
         "pairs",
-        "regions of influence of two obstacles must not intersect: the induction needs one at a "
-        "time",
+        "the region of influence of an obstacle must be free of any other: the induction needs one "
+        "at a time",
     )
     return replace(rule, note=_merging_note(legs, counted_all=count.total < PAIRS_MAX))
 

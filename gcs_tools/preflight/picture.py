@@ -101,7 +101,7 @@ def _save(figure: Figure, title: str, path: Path) -> None:
 def _draw_leg(axes: Axes, leg: LegField, near: BoolArray) -> FloatArray:
     """Draw the near obstacles of a leg; return the corners of their regions, (N, 2)."""
     boxes_m = _corners_ned_m(leg.stretch.frame, leg.boxes_m)
-    regions_m = _corners_ned_m(leg.stretch.frame, leg.regions_m)
+    regions_m = _corners_ned_m(leg.stretch.frame, leg.regions.extent_m)
     broken = offending(leg)
     unfilled = {"facecolors": "none", "linestyles": "--"}
     layers: tuple[tuple[FloatArray, dict[str, Any]], ...] = (
@@ -125,7 +125,7 @@ def _line_ned_m(leg: LegField) -> FloatArray:
     """Return the ends of a leg, (2, 2); without a mission it ends behind the last obstacle."""
     length_m = leg.stretch.end.x_min_m
     if not np.isfinite(length_m):
-        length_m = float(leg.regions_m[:, 1].max(initial=0.0))
+        length_m = float(leg.regions.extent_m[:, 1].max(initial=0.0))
     ends_m = np.array([(0.0, 0.0, 0.0), (length_m, 0.0, 0.0)])
     ned_m: FloatArray = leg.stretch.frame.position_ned_from_leg(ends_m)[:, :2]
     return ned_m
@@ -162,7 +162,7 @@ def _frame(axes: Axes, points_m: FloatArray) -> None:
 def offending(leg: LegField) -> BoolArray:
     """Return which obstacles break a rule about regions on this leg, (N,)."""
     found = np.zeros(len(leg.ids), dtype=np.bool_)
-    for pair in islice(intersecting_pairs(leg.regions_m), PAIRS_MAX):
+    for pair in islice(intersecting_pairs(leg.regions.apart_m), PAIRS_MAX):
         found[list(pair)] = True
     for place in (leg.stretch.start, leg.stretch.end):
         found[leg.regions_at(place)] = True

@@ -2,8 +2,9 @@
 
 Clauses alone decide.  Where all hold, every obstacle is passed.  Where some of those fail that only
 progress needs, the vehicle still never flies into what it has not seen free: at every instant it
-holds a certified way to rest inside seen-free space (THEORY.md, "Seen free").  That needs
-``requirements.stop``, and the rules below, without which it could hardly move.
+holds a certified way to rest inside seen-free space (THEORY.md, "Stop and sidestep").  That needs
+``requirements.stop``, the contract's clause ``seen_free_view``, and the rules below, without which
+it could hardly move.
 """
 
 from __future__ import annotations
@@ -21,8 +22,6 @@ from onboard.files.mission_file import Mission
 from onboard.files.obstacle_field import ObstacleField
 from onboard.geometry.frames import FloatArray
 
-# The least view with which a look to both sides shows the way beside an obstacle.
-VIEW_MIN_DEG: Final = 90.0
 # At this speed the vehicle still gets on.
 SLOW_MPS: Final = 0.5
 # Beyond the body's square where it first hovers: cells of the grid, and room to begin.
@@ -57,21 +56,10 @@ def seen_free_rules(
     """
     if not assessment.terms.stop:
         return ()
-    rules = (_view(assessment), _range(assessment))
+    rules = (_range(assessment),)
     if obstacles is None or mission is None:
         return rules
     return (*rules, _start_room(assessment, obstacles, mission))
-
-
-def _view(assessment: Assessment) -> Rule:
-    return Rule(
-        "seen_free_view",
-        VIEW_MIN_DEG,
-        math.degrees(assessment.terms.field_of_view_rad),
-        "°",
-        "a look aside at rest must show the way beside an obstacle",
-        concerns="safety",
-    )
 
 
 def _range(assessment: Assessment) -> Rule:

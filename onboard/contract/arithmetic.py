@@ -26,6 +26,7 @@ class Arithmetic(Generic[Q]):
     """
 
     sqrt: Callable[[Q], Q]
+    exp: Callable[[Q], Q]
     sin: Callable[[Q], Q]
     tan: Callable[[Q], Q]
     atan2: Callable[[Q, Q], Q]
@@ -37,6 +38,7 @@ class Arithmetic(Generic[Q]):
 
 SCALAR: Final[Arithmetic[float]] = Arithmetic(
     sqrt=math.sqrt,
+    exp=math.exp,
     sin=math.sin,
     tan=math.tan,
     atan2=math.atan2,
@@ -47,6 +49,7 @@ SCALAR: Final[Arithmetic[float]] = Arithmetic(
 )
 ARRAY: Final[Arithmetic[FloatArray]] = Arithmetic(
     sqrt=np.sqrt,
+    exp=np.exp,
     sin=np.sin,
     tan=np.tan,
     atan2=np.arctan2,

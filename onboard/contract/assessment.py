@@ -18,6 +18,7 @@ from onboard.contract.derivation import (
     Derived,
     derive,
     face_error_m,
+    stop_region,
     worst_encounter,
 )
 from onboard.contract.recentring import Corridor
@@ -102,7 +103,8 @@ class Assessment:
         """
         inflated = obstacle.inflated(self.inflation_m(position_error_m))
         encounter = worst_encounter(self.terms, *inflated.size_m, SCALAR)
-        return RegionOfInfluence.around(inflated, encounter)
+        stop = stop_region(self.terms, *inflated.size_m, SCALAR) if self.terms.stops else None
+        return RegionOfInfluence.around(inflated, encounter, stop)
 
     def inflation_m(self, position_error_m: float = 0.0) -> float:
         """Return how far the faces of a measured box move out for a plan, r + E + e' (theory B).

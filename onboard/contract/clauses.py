@@ -28,6 +28,8 @@ PROGRESS_CLAUSES: Final = frozenset(
     }
 )
 
+# The least view in which a look to both sides shows the way beside an obstacle; it suffices itself.
+SEEN_FREE_VIEW_DEG: Final = 90.0 - 1e-6
 # The daemon decides at this period; a silent sensor is noticed up to one tick late.
 TICK_S = 0.02
 
@@ -62,10 +64,10 @@ def clauses(terms: Terms[Q], derived: Derived[Q], ops: Arithmetic[Q]) -> tuple[C
     """Every requirement of the contract, in the order in which an operator reads them."""
     separation = Clause(
         "separation",
-        derived.required_separation_m,
+        _separation(terms, derived, ops),
         terms.obstacle_separation_min_m,
         "m",
-        "regions of influence of any two obstacles must not intersect",
+        "the region of influence of an obstacle must be free of any other",
     )
     found = (
         _agility_clauses(terms, ops)
@@ -75,9 +77,19 @@ def clauses(terms: Terms[Q], derived: Derived[Q], ops: Arithmetic[Q]) -> tuple[C
         + _passive_safety_clauses(terms, derived, ops)
         + _recentring_clauses(terms, derived, ops)
         + _height_clauses(terms)
+        + _seen_free_clauses(terms)
         + (separation,)
     )
     return tuple(_concerning(clause, terms) for clause in found)
+
+
+def _separation(terms: Terms[Q], derived: Derived[Q], ops: Arithmetic[Q]) -> Q:
+    """Return the separation required, in metres; of a pair, its diagonal with the pair's shares."""
+    if terms.separation_shares is None:
+        return derived.required_separation_m
+    along, across = terms.separation_shares
+    along_m, across_m = derived.required_separation_box_m
+    return ops.maximum(along_m / along, across_m / across)
 
 
 def _concerning(clause: Clause[Q], terms: Terms[Q]) -> Clause[Q]:
@@ -132,6 +144,11 @@ def _sensor_clauses(
 ) -> tuple[Clause[Q], ...]:
     ahead_m = derived.required_detection_range_m - derived.encounter.run_on_m
     edge_m = derived.edge_offset_m
+    seen_at_m = ahead_m
+    if not terms.stops:
+        # The far corner is seen best from where it comes into range, and remembered.
+        square_m2 = terms.detection_range_m * terms.detection_range_m - edge_m * edge_m
+        seen_at_m = ops.sqrt(ops.maximum(square_m2, square_m2 * 0.0))
     return (
         Clause(
             "detection_range",
@@ -145,14 +162,29 @@ def _sensor_clauses(
             _slant(ahead_m, edge_m, ops),
             terms.detection_range_m,
             "m",
-            "the edge that decides whether and on which side to pass must be seen in time",
+            "what decides whether and where to pass must be seen in time",
         ),
         Clause(
             "field_of_view",
-            2.0 * (ops.atan2(edge_m, ahead_m) + terms.heading_error_rad) * (180.0 / math.pi),
+            2.0 * (ops.atan2(edge_m, seen_at_m) + terms.heading_error_rad) * (180.0 / math.pi),
             terms.field_of_view_rad * (180.0 / math.pi),
             "°",
             "what must be seen ahead must lie within the sensor's field of view",
+        ),
+    )
+
+
+def _seen_free_clauses(terms: Terms[Q]) -> tuple[Clause[Q], ...]:
+    """Return what a vehicle needs that flies into nothing but the space seen free (theory L)."""
+    if not terms.stop:
+        return ()
+    return (
+        Clause(
+            "seen_free_view",
+            SEEN_FREE_VIEW_DEG + 2.0 * terms.heading_error_rad * (180.0 / math.pi),
+            terms.field_of_view_rad * (180.0 / math.pi),
+            "°",
+            "a look aside at rest must show the way beside an obstacle",
         ),
     )
 
@@ -205,7 +237,7 @@ def recentring_drift(terms: Terms[Q], derived: Derived[Q], ops: Arithmetic[Q]) -
     """Return the drift back to the leg line: its slope, and the room that it needs (theory F)."""
     silent_s = terms.frame_age_max_s + TICK_S
     return drift_of(
-        derived.encounter,
+        derived.manoeuvre_encounter,
         speed_min_mps=terms.cruise_speed_mps - terms.velocity_error_x_mps,
         margin_m=derived.margin_m + terms.tracking_error_m,
         notice_s=ops.maximum(terms.reaction_time_s, silent_s),

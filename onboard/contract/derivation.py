@@ -6,12 +6,14 @@ Proofs: THEORY.md; the formulas run on floats and on arrays alike.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Generic
 
 from onboard.contract.agility import available_limits
 from onboard.contract.arithmetic import Arithmetic
 from onboard.contract.region import Dimensions, Encounter, dimensions
+from onboard.contract.run_on import frozen_run_m, run_on_slope_s
+from onboard.contract.stop_region import run_on_ahead_m, stop_dimensions
 from onboard.contract.terms import Terms
 from onboard.geometry.frames import Q, heading_displacement_m
 
@@ -21,20 +23,28 @@ class Derived(Generic[Q]):
     """Quantities derived from the terms for the largest obstacle; lengths in metres.
 
     Attributes:
-        encounter: the worst encounter: largest obstacle, highest speed, all errors.
-        region: its Region of Influence.
+        encounter: the worst encounter: largest obstacle, highest speed, all errors that count.
+        region: its Region of Influence, of stopping and sidestepping or in the published form.
+        manoeuvre_encounter, manoeuvre: the same of an avoidance by Eq. 17, which swerves.
         margin_m: rho, by which obstacle faces move out (theory B, I).
         edge_offset_m: lateral distance to the farthest point that must be seen to decide.
-        roi_length_m, roi_width_m: L_x, L_y of THEORY.md, "Many obstacles".
+        roi_length_m, roi_width_m: extent of the region and of its obstacle along and across.
+        manoeuvre_width_m: the width that an avoidance by Eq. 17 may take.
+        required_separation_box_m: along and across the leg: apart by one of the two suffices.
+        required_separation_m: the same in any direction.
     """
 
     encounter: Encounter[Q]
     region: Dimensions[Q]
+    manoeuvre_encounter: Encounter[Q]
+    manoeuvre: Dimensions[Q]
     margin_m: Q
     edge_offset_m: Q
     roi_length_m: Q
     roi_width_m: Q
+    manoeuvre_width_m: Q
     required_detection_range_m: Q
+    required_separation_box_m: tuple[Q, Q]
     required_separation_m: Q
     stopping_distance_m: Q
 
@@ -42,7 +52,10 @@ class Derived(Generic[Q]):
 def worst_encounter(
     terms: Terms[Q], size_along_m: Q, size_across_m: Q, ops: Arithmetic[Q]
 ) -> Encounter[Q]:
-    """Return the worst encounter with an obstacle of this (already inflated) size."""
+    """Return the worst encounter of an avoidance by Eq. 17, obstacle size (already inflated) given.
+
+    Speeds are those of the vehicle, errors included, since an avoidance is planned from there.
+    """
     x_mps2, y_mps2 = available_limits(terms, ops)
     speed_mps = terms.cruise_speed_mps + terms.velocity_error_x_mps
     run_on_m, coast_time_s = _run_on(terms, speed_mps, x_mps2, ops)
@@ -63,84 +76,151 @@ def worst_encounter(
     )
 
 
-def face_error_m(terms: Terms[Q], ops: Arithmetic[Q]) -> Q:
-    """Return e' [m], the map error of a face, with what a heading error displaces (theory I).
+def stop_encounter(
+    terms: Terms[Q], size_along_m: Q, size_across_m: Q, ops: Arithmetic[Q]
+) -> Encounter[Q]:
+    """Return the worst encounter where the vehicle stops and sidesteps.
 
+    Speeds are those of the reference: its tracking error is part of the inflation (theory L).
+    """
+    swerving = worst_encounter(terms, size_along_m, size_across_m, ops)
+    slope_s = run_on_slope_s(terms, ops)
+    zero = slope_s * 0.0
+    return replace(
+        swerving,
+        speed_mps=terms.cruise_speed_mps,
+        lateral_speed_mps=terms.recentring_speed_mps,
+        run_on_m=run_on_ahead_m(terms.cruise_speed_mps, swerving.brake_mps2, slope_s, ops),
+        coast_time_s=zero,
+        coast_drift_m=zero,
+    )
+
+
+def stop_region(
+    terms: Terms[Q], size_along_m: Q, size_across_m: Q, ops: Arithmetic[Q]
+) -> Dimensions[Q]:
+    """Return the region of stopping and sidestepping an obstacle of this (inflated) size."""
+    return stop_dimensions(
+        stop_encounter(terms, size_along_m, size_across_m, ops),
+        run_on_slope_s(terms, ops),
+        passive_safety=terms.passive_safety,
+        ops=ops,
+    )
+
+
+def face_error_m(terms: Terms[Q], ops: Arithmetic[Q]) -> Q:
+    """Return e' [m], the map error of a face, with what a heading error displaces (theory B, I).
+
+    A sensor knows the faces of its own box that well; along the leg, where the box may stand at any
+    angle, a corner is off by up to the square root of two times that.
     No corner of an obstacle that is at all within the detection range is farther away than that
     range and the diagonal of the largest obstacle.
     """
     farthest_m = terms.detection_range_m + math.sqrt(2.0) * terms.obstacle_size_max_m
     displaced_m = heading_displacement_m(farthest_m, terms.heading_error_rad, ops.sin)
-    return terms.position_error_m + displaced_m
+    return math.sqrt(2.0) * terms.position_error_m + displaced_m
 
 
 def _run_on(terms: Terms[Q], speed_mps: Q, brake_mps2: Q, ops: Arithmetic[Q]) -> tuple[Q, Q]:
     """Return forward run [m] and coasting time [s] after the setpoint stream stops (theory H).
 
-    A measured run is read as coasting for the time that, followed by braking, gives that run.  It
-    is scaled below the speed at which it was measured, and unknown (NaN) above it.
+    Any run but that of the coasting model is read as coasting for the time that, followed by
+    braking, gives that run.  A measured one is scaled below its speed, and unknown (NaN) above it.
     """
     zero = speed_mps * 0.0
     if not terms.passive_safety:
         return zero, zero
+    if terms.setpoint_loss_run_on_m is not None:
+        return _measured_run_on(terms, terms.setpoint_loss_run_on_m, speed_mps, brake_mps2, ops)
+    if terms.setpoint_loss_model == "frozen":
+        frozen_m = frozen_run_m(terms, speed_mps, brake_mps2, ops)
+        return frozen_m, _coasting_for(frozen_m, speed_mps, brake_mps2, ops)
     timeout_s = terms.setpoint_loss_timeout_s
-    if terms.setpoint_loss_run_on_m is None:
-        return speed_mps * timeout_s + speed_mps * speed_mps / (2.0 * brake_mps2), timeout_s
-    run_on_m, measured_at_mps = terms.setpoint_loss_run_on_m, terms.setpoint_loss_run_on_speed_mps
+    return speed_mps * timeout_s + speed_mps * speed_mps / (2.0 * brake_mps2), timeout_s
+
+
+def _measured_run_on(
+    terms: Terms[Q], run_on_m: Q, speed_mps: Q, brake_mps2: Q, ops: Arithmetic[Q]
+) -> tuple[Q, Q]:
+    zero = speed_mps * 0.0
+    measured_at_mps = terms.setpoint_loss_run_on_speed_mps
     if measured_at_mps is None:
         measured_at_mps = terms.cruise_speed_mps
     fastest_mps = measured_at_mps + terms.velocity_error_x_mps
-    coast_time_s = run_on_m / fastest_mps - fastest_mps / (2.0 * brake_mps2)
     # From rest the autopilot may hold the last acceleration, at most the limit, for its timeout.
+    timeout_s = terms.setpoint_loss_timeout_s
     gained_mps = brake_mps2 * timeout_s
     from_rest_m = gained_mps * (timeout_s / 2.0 + terms.attitude_lag_s + timeout_s / 2.0)
     shorter_m = ops.maximum(zero, run_on_m - from_rest_m) * (1.0 - speed_mps / fastest_mps)
     covered = terms.cruise_speed_mps <= measured_at_mps
     unknown_m = zero + math.nan
-    return ops.where(covered, run_on_m - shorter_m, unknown_m), ops.maximum(zero, coast_time_s)
+    coast_time_s = _coasting_for(run_on_m, fastest_mps, brake_mps2, ops)
+    return ops.where(covered, run_on_m - shorter_m, unknown_m), coast_time_s
+
+
+def _coasting_for(run_on_m: Q, speed_mps: Q, brake_mps2: Q, ops: Arithmetic[Q]) -> Q:
+    """Return for how long coasting at a speed, then braking, makes a run; at least 0."""
+    coast_time_s = run_on_m / speed_mps - speed_mps / (2.0 * brake_mps2)
+    return ops.maximum(speed_mps * 0.0, coast_time_s)
 
 
 def derive(terms: Terms[Q], ops: Arithmetic[Q]) -> Derived[Q]:
     """Return every quantity that the clauses compare, for the largest obstacle."""
-    body_m = terms.body_m
-    margin_m = body_m + 2.0 * face_error_m(terms, ops)
+    margin_m = terms.body_m + 2.0 * face_error_m(terms, ops)
     size_m = terms.obstacle_size_max_m + 2.0 * margin_m
-    e = worst_encounter(terms, size_m, size_m, ops)
-    region = dimensions(e, ops)
-    # The border lies farthest behind the centre of the thinnest obstacle (erratum 11), the more so
-    # if its front face is measured too far away: only body_m is certain to stand before it.
-    thin_m = terms.obstacle_size_min_m + 2.0 * body_m
-    behind_m = region.recovery_m - e.run_on_m - thin_m / 2.0
-    length_m = region.front_m + size_m / 2.0 + ops.maximum(behind_m, size_m / 2.0)
-    width_m = (
-        size_m
-        + (region.overhang_left_m + region.coast_left_m)
-        + (region.overhang_right_m + region.coast_right_m)
-    )
+    swerving = worst_encounter(terms, size_m, size_m, ops)
+    manoeuvre = dimensions(swerving, ops)
+    beside_m = _beside(manoeuvre)
+    if terms.stops:
+        e, region = (
+            stop_encounter(terms, size_m, size_m, ops),
+            stop_region(terms, size_m, size_m, ops),
+        )
+        length_m, width_m = region.front_m + size_m, size_m + _beside(region)
+        apart_m = (length_m, size_m + ops.maximum(region.overhang_left_m, region.overhang_right_m))
+        # The nearest edge of an obstacle that the vehicle would only just meet.
+        edge_m = margin_m + ops.maximum(region.drift_left_m, region.drift_right_m)
+    else:
+        e, region = swerving, manoeuvre
+        length_m, width_m = (
+            _published_length(terms, swerving, region, size_m, ops),
+            size_m + beside_m,
+        )
+        apart_m = (length_m, width_m)
+        edge_m = size_m - margin_m + ops.maximum(region.drift_left_m, region.drift_right_m)
     stop_m = e.speed_mps * e.speed_mps / (2.0 * e.brake_mps2)
     late_m = e.speed_mps * (e.reaction_time_s + e.attitude_lag_s)
     return Derived(
         encounter=e,
         region=region,
+        manoeuvre_encounter=swerving,
+        manoeuvre=manoeuvre,
         margin_m=margin_m,
-        edge_offset_m=_edge_offset(e, region, margin_m, ops),
+        edge_offset_m=edge_m,
         roi_length_m=length_m,
         roi_width_m=width_m,
+        manoeuvre_width_m=size_m + beside_m,
         required_detection_range_m=margin_m + region.front_m + terms.tracking_error_m,
-        required_separation_m=ops.sqrt(length_m * length_m + width_m * width_m),
+        required_separation_box_m=apart_m,
+        required_separation_m=ops.sqrt(apart_m[0] * apart_m[0] + apart_m[1] * apart_m[1]),
         stopping_distance_m=stop_m + late_m,
     )
 
 
-def _edge_offset(e: Encounter[Q], region: Dimensions[Q], margin_m: Q, ops: Arithmetic[Q]) -> Q:
-    """Return the lateral distance to the farthest point that must be seen in time (erratum 13).
+def _beside(region: Dimensions[Q]) -> Q:
+    """Return what a region has beside its obstacle, on both sides together."""
+    left_m = region.overhang_left_m + region.coast_left_m
+    return left_m + region.overhang_right_m + region.coast_right_m
 
-    Where there is room to stop, that is the nearest edge of an obstacle that the vehicle would
-    only just meet; where there is not, it is the edge round which it has to pass.
+
+def _published_length(
+    terms: Terms[Q], e: Encounter[Q], region: Dimensions[Q], size_m: Q, ops: Arithmetic[Q]
+) -> Q:
+    """Return L_x of THEORY.md, "Many obstacles".
+
+    The border lies farthest behind the centre of the thinnest obstacle (erratum 11), the more so if
+    its front face is measured too far away: only the body is certain to stand before it.
     """
-    t_m = region.avoidance_time_s
-    grazing_m = margin_m + ops.maximum(region.drift_left_m, region.drift_right_m)
-    passing_m = e.lateral_speed_mps * (t_m + e.attitude_lag_s) + (
-        ops.maximum(e.right_mps2, e.left_mps2) * t_m * t_m / 2.0
-    )
-    return ops.where(region.flat, grazing_m, passing_m)
+    thin_m = terms.obstacle_size_min_m + 2.0 * terms.body_m
+    behind_m = region.recovery_m - e.run_on_m - thin_m / 2.0
+    return region.front_m + size_m / 2.0 + ops.maximum(behind_m, size_m / 2.0)

@@ -202,7 +202,14 @@ class RegionOfInfluence:
         obstacle: the obstacle, inflated (Eq. 18); what a vehicle centre must not touch.
         keep_out: the obstacle extended towards the vehicle by the run-on; what a plan must not
             touch.  Equal to ``obstacle`` without passive safety.
-        extent: the region itself (Eq. 16); regions of different obstacles must not intersect.
+        extent: the region itself (Eq. 16): what has to be free of other obstacles for this one to
+            be passed for certain (`conflicts_with`).
+        apart: what has to be disjoint for any two obstacles, so that the region of one is free of
+            the other: with the published form the regions themselves; where the vehicle stops and
+            sidesteps, only one overhang lies between two obstacles, half of it counted with each.
+        manoeuvre: where an avoidance by Eq. 17, which swerves without stopping, may take place:
+            from where it may begin to the post-obstacle border, and as wide as its lane and a
+            coast from it.  Equal to ``extent`` with the published form.
         lane_left_m, lane_right_m: y between which the plan stays.
         drift_left_m, drift_right_m: y beyond the side faces within which a vehicle that drifts
             towards the face still counts as heading for it (theory A).
@@ -213,6 +220,8 @@ class RegionOfInfluence:
     obstacle: Box
     keep_out: Box
     extent: Box
+    apart: Box
+    manoeuvre: Box
     lane_left_m: float
     lane_right_m: float
     drift_left_m: float
@@ -221,22 +230,28 @@ class RegionOfInfluence:
     lateral_speed_mps: float
 
     @classmethod
-    def around(cls, obstacle: Box, e: Encounter[float]) -> RegionOfInfluence:
-        """Place the region of an encounter around its (inflated) obstacle."""
+    def around(
+        cls, obstacle: Box, e: Encounter[float], stop: Dimensions[float] | None = None
+    ) -> RegionOfInfluence:
+        """Place the region of an encounter around its (inflated) obstacle.
+
+        Args:
+            obstacle: inflated.
+            e: the encounter of an avoidance by Eq. 17.
+            stop: size of the region of stopping and sidestepping; None: the published form.
+        """
         size = dimensions(e, SCALAR)
         lane_left_m = obstacle.y_min_m - size.overhang_left_m
         lane_right_m = obstacle.y_max_m + size.overhang_right_m
+        manoeuvre = placed(obstacle, size)
         return cls(
             obstacle=obstacle,
             keep_out=Box(
                 obstacle.x_min_m - e.run_on_m, obstacle.x_max_m, obstacle.y_min_m, obstacle.y_max_m
             ),
-            extent=Box(
-                obstacle.x_min_m - size.front_m,
-                obstacle.x_min_m + size.pob_depth_m,
-                lane_left_m - size.coast_left_m,
-                lane_right_m + size.coast_right_m,
-            ),
+            extent=manoeuvre if stop is None else placed(obstacle, stop),
+            apart=manoeuvre if stop is None else placed(obstacle, stop, overhang_share=0.5),
+            manoeuvre=manoeuvre,
             lane_left_m=lane_left_m,
             lane_right_m=lane_right_m,
             drift_left_m=size.drift_left_m,
@@ -252,14 +267,30 @@ class RegionOfInfluence:
             obstacle=self.obstacle.shifted_by(x_m, y_m),
             keep_out=self.keep_out.shifted_by(x_m, y_m),
             extent=self.extent.shifted_by(x_m, y_m),
+            apart=self.apart.shifted_by(x_m, y_m),
+            manoeuvre=self.manoeuvre.shifted_by(x_m, y_m),
             lane_left_m=self.lane_left_m + y_m,
             lane_right_m=self.lane_right_m + y_m,
         )
 
     @property
     def x_pob_m(self) -> float:
-        """The post-obstacle border."""
-        return self.extent.x_max_m
+        """The post-obstacle border of an avoidance by Eq. 17."""
+        return self.manoeuvre.x_max_m
+
+    @property
+    def approach_x_m(self) -> float:
+        """Where an avoidance may begin at the earliest: the farther of the two fronts."""
+        return min(self.extent.x_min_m, self.manoeuvre.x_min_m)
+
+    @property
+    def departure_x_m(self) -> float:
+        """Where the obstacle has been passed at the latest: the farther of the two borders."""
+        return max(self.extent.x_max_m, self.manoeuvre.x_max_m)
+
+    def conflicts_with(self, other: RegionOfInfluence) -> bool:
+        """Tell whether the region of one obstacle is not free for the other's sake."""
+        return self.apart.intersects(other.apart)
 
     @property
     def conflict_band_y_m(self) -> tuple[float, float]:
@@ -273,6 +304,18 @@ class RegionOfInfluence:
         """Tell whether the vehicle at (x, y), flying along x, would meet the obstacle."""
         left_m, right_m = self.conflict_band_y_m
         return left_m <= y_m <= right_m and x_m <= self.obstacle.x_max_m
+
+
+def placed(obstacle: Box, size: Dimensions[float], overhang_share: float = 1.0) -> Box:
+    """Return a region around its inflated obstacle, or the given share of what it has beside it."""
+    left_m = size.overhang_left_m + size.coast_left_m
+    right_m = size.overhang_right_m + size.coast_right_m
+    return Box(
+        obstacle.x_min_m - size.front_m,
+        obstacle.x_min_m + size.pob_depth_m,
+        obstacle.y_min_m - overhang_share * left_m,
+        obstacle.y_max_m + overhang_share * right_m,
+    )
 
 
 def boundary_depth_at(

@@ -1,14 +1,23 @@
 """Where the vehicle may run on to when the setpoint stream stops, for any setpoint.
 
 The run stays in the bounding box of the setpoint's position and of points that are linear in its
-position, velocity and acceleration (two-tier theory, section 6): along a cubic piece each of them
-is a cubic again, so that they are rows of a QP and can be certified like the path itself.
+position, velocity and acceleration (THEORY.md, "Stop and sidestep"): along a cubic piece each of
+them is a cubic again, so that they are rows of a QP and can be certified like the path itself.
 """
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import TYPE_CHECKING, Final
+
+from onboard.contract.agility import available_limits
+from onboard.contract.arithmetic import SCALAR
+
+if TYPE_CHECKING:
+    from onboard.contract.arithmetic import Arithmetic
+    from onboard.contract.terms import Terms
+    from onboard.geometry.frames import Q
 
 
 @dataclass(frozen=True)
@@ -26,7 +35,45 @@ class RunOn:
         return max((kappa_s * speed_mps for kappa_s, _ in self.gains), default=0.0)
 
 
-NO_RUN_ON = RunOn()
+NO_RUN_ON: Final = RunOn()
+
+
+def contract_run_on(terms: Terms[float], speed_max_mps: float | None = None) -> RunOn:
+    """Return how the vehicle of a contract runs on; nothing without passive safety.
+
+    A measured run replaces the model where it is longer.  It says nothing of a setpoint that
+    brakes: the run is then taken to be no shorter.
+
+    Args:
+        terms: of the contract.
+        speed_max_mps: greatest Euclidean speed of a setpoint, where it exceeds the cruise speed.
+    """
+    if not terms.passive_safety:
+        return NO_RUN_ON
+    fastest_mps = max(terms.cruise_speed_mps, speed_max_mps or 0.0)
+    kappa_s, c_s2 = _model(terms, fastest_mps, SCALAR)
+    frozen = terms.setpoint_loss_model == "frozen"
+    timeout_s, measured_s = terms.setpoint_loss_timeout_s, _measured_slope_s(terms, SCALAR)
+    first = () if frozen else ((timeout_s, 0.0), (timeout_s, timeout_s**2 / 2.0))
+    # Not a number, above the speed at which it was measured, stays so: nothing certifies then.
+    longest_s = kappa_s if measured_s <= kappa_s else measured_s  # noqa: FURB136
+    if frozen or longest_s != kappa_s:
+        first = (*first, (longest_s, 0.0))
+    return RunOn((*first, (longest_s, c_s2)))
+
+
+def run_on_slope_s(terms: Terms[Q], ops: Arithmetic[Q]) -> Q:
+    """Return kappa, the run per speed of a setpoint without acceleration; 0 without the clause.
+
+    Not a number above the speed at which a run was measured: there it is unknown.
+    """
+    zero = terms.cruise_speed_mps * 0.0
+    if not terms.passive_safety:
+        return zero
+    kappa_s, _ = _model(terms, terms.cruise_speed_mps, ops)
+    measured_s = _measured_slope_s(terms, ops)
+    # What is not a number stays so.
+    return ops.where(measured_s <= kappa_s, zero + kappa_s, measured_s)
 
 
 def frozen_run_on(kappa_s: float, *, gain_per_s: float, velocity_gain_per_s: float) -> RunOn:
@@ -65,16 +112,72 @@ def coasting_run_on(
         speed_max_mps: greatest Euclidean speed of a setpoint.
         acceleration_max_mps2: greatest Euclidean acceleration of a setpoint.
     """
-    fastest_mps = speed_max_mps + acceleration_max_mps2 * timeout_s
-    stopping_s = lag_s + fastest_mps / (2.0 * brake_mps2)
-    half_s2 = timeout_s**2 / 2.0
-    return RunOn(
-        (
-            (timeout_s, 0.0),
-            (timeout_s, half_s2),
-            (timeout_s + stopping_s, half_s2 + timeout_s * stopping_s),
-        )
+    last = _braking_gains(
+        timeout_s, lag_s, brake_mps2, speed_max_mps + acceleration_max_mps2 * timeout_s
     )
+    return RunOn(((timeout_s, 0.0), (timeout_s, timeout_s**2 / 2.0), last))
+
+
+def frozen_run_m(terms: Terms[Q], speed_mps: Q, forward_mps2: Q, ops: Arithmetic[Q]) -> Q:
+    """Return the longest modelled run of an autopilot that keeps flying to the last setpoint [m].
+
+    The setpoint may still accelerate: at a, it has to have a² T/2L left to its greatest speed,
+    where the jerk takes the limit L back within T.
+
+    Args:
+        terms: of a contract with that model.
+        speed_mps: greatest speed of a setpoint.
+        forward_mps2: L.
+        ops: for floats or arrays.
+    """
+    kappa_s, c_s2 = _model(terms, speed_mps, ops)
+    lost_s2 = kappa_s * terms.attitude_lag_s
+    part_s2 = c_s2 * c_s2 / (2.0 * ops.maximum(lost_s2, lost_s2 * 0.0 + 1e-9))
+    gained_s2 = ops.where(c_s2 >= lost_s2, c_s2 - lost_s2 / 2.0, part_s2)
+    return kappa_s * speed_mps + gained_s2 * forward_mps2
+
+
+def _model(terms: Terms[Q], speed_max_mps: Q, ops: Arithmetic[Q]) -> tuple[Q, Q]:
+    """Return kappa [s] and c [s²] of the farthest point of the model."""
+    x_mps2, y_mps2 = available_limits(terms, ops)
+    gain_per_s, velocity_gain_per_s = terms.setpoint_gain_per_s, terms.setpoint_velocity_gain_per_s
+    if gain_per_s is not None and velocity_gain_per_s is not None:
+        moving, resting = _overshoots(gain_per_s, terms.attitude_lag_s, ops)
+        return moving / gain_per_s, resting / (gain_per_s * velocity_gain_per_s)
+    timeout_s, lag_s = terms.setpoint_loss_timeout_s, terms.attitude_lag_s
+    # A reference still has to take its acceleration back, within T at its jerk limit, before it
+    # exceeds its own greatest speed: that much less does a coast add to the speed.
+    taken_back_s = ops.maximum(lag_s, lag_s * 0.0 + 1e-9)
+    shorter_s = ops.minimum(taken_back_s, timeout_s)
+    gained_s = timeout_s - shorter_s + shorter_s * shorter_s / (2.0 * taken_back_s)
+    fastest_mps = speed_max_mps + ops.sqrt(x_mps2 * x_mps2 + y_mps2 * y_mps2) * gained_s
+    # It may fly in any direction when it has to brake.
+    return _braking_gains(timeout_s, lag_s, ops.minimum(x_mps2, y_mps2), fastest_mps)
+
+
+def _measured_slope_s(terms: Terms[Q], ops: Arithmetic[Q]) -> Q:
+    """Return a measured run per speed; 0 without one, not a number above the speed of it."""
+    zero = terms.cruise_speed_mps * 0.0
+    run_on_m, measured_at_mps = terms.setpoint_loss_run_on_m, terms.setpoint_loss_run_on_speed_mps
+    if run_on_m is None:
+        return zero
+    if measured_at_mps is None:
+        measured_at_mps = terms.cruise_speed_mps
+    covered = terms.cruise_speed_mps <= measured_at_mps
+    return ops.where(covered, zero + run_on_m / measured_at_mps, zero + math.nan)
+
+
+def _braking_gains(timeout_s: Q, lag_s: Q, brake_mps2: Q, fastest_mps: Q) -> tuple[Q, Q]:
+    """Return kappa [s] and c [s²] of the point that bounds braking after a coast.
+
+    Args:
+        timeout_s: of the coast.
+        lag_s: until braking acts.
+        brake_mps2: with which the autopilot stops.
+        fastest_mps: greatest Euclidean speed at the end of the coast.
+    """
+    stopping_s = lag_s + fastest_mps / (2.0 * brake_mps2)
+    return timeout_s + stopping_s, timeout_s * timeout_s / 2.0 + timeout_s * stopping_s
 
 
 def overshoot(gain_per_s: float, lag_s: float) -> float:
@@ -82,8 +185,16 @@ def overshoot(gain_per_s: float, lag_s: float) -> float:
 
     Starting with the velocity that the feed-forward asks for; 1 where the loop does not overshoot.
     """
-    damping = 0.5 / math.sqrt(gain_per_s * lag_s)
-    if damping >= 1.0:
-        return 1.0
-    root = math.sqrt(1.0 - damping**2)
-    return 1.0 + math.exp(-damping * math.pi / root)
+    return _overshoots(gain_per_s, lag_s, SCALAR)[0]
+
+
+def _overshoots(gain_per_s: Q, lag_s: Q, ops: Arithmetic[Q]) -> tuple[Q, Q]:
+    """Return the overshoot of what starts with its velocity, and of what starts at rest."""
+    product = gain_per_s * lag_s
+    excess = 4.0 * product - 1.0
+    root = ops.sqrt(ops.maximum(excess, excess * 0.0 + 1e-12))
+    none = 1.0 + 0.0 * excess
+    turned_rad = math.pi - ops.atan2(root, none)
+    moving = none + ops.sqrt(product) * ops.exp(-turned_rad / root)
+    resting = none + ops.exp(-math.pi / root)
+    return ops.where(excess > 0.0, moving, none), ops.where(excess > 0.0, resting, none)

@@ -4,9 +4,15 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from typing import Generic
+from typing import Any, Generic, Literal
 
-from onboard.files.contract_file import Contract, InputSet
+from onboard.files.contract_file import (
+    Contract,
+    EnvironmentTerms,
+    FrozenSetpoint,
+    InputSet,
+    VehicleTerms,
+)
 from onboard.geometry.frames import Q
 
 
@@ -15,7 +21,8 @@ class Terms(Generic[Q]):
     """Every number of a contract in SI units, as floats or as arrays of one shape.
 
     `mission_altitude_m`, the lowest height of the mission above the local origin, is not a key of a
-    contract; where it is None, the clause about it is left out.
+    contract; where it is None, the clause about it is left out.  `separation_shares` are along and
+    across the leg, of `obstacle_separation_min_m`; None where that holds in every direction.
     """
 
     roll_max_rad: Q
@@ -43,6 +50,10 @@ class Terms(Generic[Q]):
     drag_per_s: Q
     setpoint_loss_run_on_m: Q | None = None
     setpoint_loss_run_on_speed_mps: Q | None = None
+    setpoint_loss_model: Literal["coast", "frozen"] = "coast"
+    setpoint_gain_per_s: Q | None = None
+    setpoint_velocity_gain_per_s: Q | None = None
+    separation_shares: tuple[float, float] | None = None
     wind_max_mps: Q | None = None
     mission_altitude_m: Q | None = None
     stop: bool = True
@@ -72,6 +83,8 @@ class Terms(Generic[Q]):
             setpoint_loss_timeout_s=vehicle.setpoint_loss_timeout_s,
             setpoint_loss_run_on_m=vehicle.setpoint_loss_run_on_m,
             setpoint_loss_run_on_speed_mps=vehicle.setpoint_loss_run_on_speed_mps,
+            **_setpoint_loss(vehicle),
+            separation_shares=_separation_shares(environment),
             recentring_speed_mps=vehicle.recentring_speed_mps,
             tracking_error_z_m=vehicle.tracking_error_z_m,
             heading_error_rad=math.radians(vehicle.heading_error_deg),
@@ -108,8 +121,13 @@ class Terms(Generic[Q]):
         """Part of the field of view that is ahead whatever the heading error (theory I)."""
         return self.field_of_view_rad - 2.0 * self.heading_error_rad
 
+    @property
+    def stops(self) -> bool:
+        """Whether regions are those of stopping and sidestepping; else those of the paper."""
+        return self.stop and self.input_set == "inner"
+
     def idealised(self) -> Terms[Q]:
-        """Return the paper's idealisation: no size, no errors, no delays, no wind."""
+        """Return the paper's idealisation: it swerves, with no size, errors, delays or wind."""
         zero = self.cruise_speed_mps * 0.0
         return replace(
             self,
@@ -124,5 +142,27 @@ class Terms(Generic[Q]):
             tracking_error_z_m=zero,
             heading_error_rad=zero,
             wind_max_mps=None,
+            stop=False,
             passive_safety=False,
         )
+
+
+def _setpoint_loss(vehicle: VehicleTerms) -> dict[str, Any]:
+    """Return the terms about what the autopilot does without setpoints."""
+    loss = vehicle.setpoint_loss
+    if not isinstance(loss, FrozenSetpoint):
+        return {"setpoint_loss_model": "coast"}
+    return {
+        "setpoint_loss_model": "frozen",
+        "setpoint_gain_per_s": loss.gain_per_s,
+        "setpoint_velocity_gain_per_s": loss.velocity_gain_per_s,
+    }
+
+
+def _separation_shares(environment: EnvironmentTerms) -> tuple[float, float] | None:
+    """Return what a stated pair [along, across] is of its diagonal; None without one."""
+    if environment.separation_box_m is None:
+        return None
+    along_m, across_m = environment.separation_box_m
+    diagonal_m = environment.separation_any_way_m
+    return along_m / diagonal_m, across_m / diagonal_m

@@ -40,6 +40,7 @@ LATER_KEYS: Final[dict[str, tuple[str, ...]]] = {
         "heading_error_deg",
         "estimator_reset_max_m",
         "drag_per_s",
+        "setpoint_loss",
     ),
     "requirements": ("progress",),
     "environment": ("wind_max_mps",),
@@ -53,6 +54,28 @@ def pinned_run_on_speed(vehicle: dict[str, Any], speed_mps: Any) -> dict[str, An
     usable = isinstance(speed_mps, int | float) and math.isfinite(speed_mps) and speed_mps > 0.0
     stated = vehicle.get(key) is not None
     return vehicle if stated or not usable else vehicle | {key: float(speed_mps)}
+
+
+class FrozenSetpoint(FileModel):
+    """The autopilot keeps flying to the last setpoint after a loss of the stream, as PX4 does."""
+
+    model: Literal["frozen"]
+    gain_per_s: Positive = Field(description="of the position controller; PX4: MPC_XY_P")
+    velocity_gain_per_s: Positive = Field(
+        description="of the velocity controller; PX4: MPC_XY_VEL_P_ACC"
+    )
+
+
+class CoastingSetpoint(FileModel):
+    """The autopilot integrates the last setpoint, then brakes, as ArduPilot does."""
+
+    model: Literal["coast"]
+    timeout_s: NonNegative | None = Field(
+        None, description="until it brakes; replaces setpoint_loss_timeout_s"
+    )
+
+
+SetpointLoss = Annotated[FrozenSetpoint | CoastingSetpoint, Field(discriminator="model")]
 
 
 class VehicleTerms(FileModel):
@@ -77,6 +100,9 @@ class VehicleTerms(FileModel):
         None,
         description="speed at which the run-on was measured; null: the file's cruise speed",
     )
+    setpoint_loss: SetpointLoss | None = Field(
+        None, description="how the vehicle runs on when the stream stops; null: it coasts"
+    )
     recentring_speed_mps: NonNegative = Field(
         0.0, description="lateral speed of the way back to the leg line after an avoidance; 0: none"
     )
@@ -92,6 +118,25 @@ class VehicleTerms(FileModel):
     drag_per_s: NonNegative = Field(
         0.45, description="deceleration per airspeed: how much tilt a steady wind takes (trim)"
     )
+
+    @model_validator(mode="before")
+    @classmethod
+    def _loss_has_one_timeout(cls, data: Any) -> Any:
+        """Move the timeout of a coasting autopilot to the key that has always held it."""
+        loss = data.get("setpoint_loss") if isinstance(data, dict) else None
+        if not isinstance(loss, dict) or loss.get("model") != "coast":
+            return data
+        timeout_s = loss.get("timeout_s")
+        if timeout_s is None:
+            return data
+        stated_s = data.get("setpoint_loss_timeout_s", timeout_s)
+        if stated_s != timeout_s:
+            raise ValueError(
+                f"setpoint_loss.timeout_s = {timeout_s} s contradicts setpoint_loss_timeout_s = "
+                f"{stated_s} s; state one of them"
+            )
+        moved = {key: value for key, value in loss.items() if key != "timeout_s"}
+        return data | {"setpoint_loss": moved, "setpoint_loss_timeout_s": timeout_s}
 
     @model_validator(mode="before")
     @classmethod

@@ -19,6 +19,7 @@ from onboard.guidance.envelope import broken_clauses
 from onboard.guidance.navigator import Navigator
 from onboard.guidance.phases import Phase
 from onboard.mavlink.endpoint import MavlinkEndpoint
+from onboard.mavlink.profiles.setpoint_loss import loss_model_refusal
 from onboard.monitoring.estimator.position_quality import DEAD_RECKONING_S
 from onboard.monitoring.flight_authorization import FlightAuthorizationGate
 from onboard.monitoring.supervisor import MonitorSupervisor
@@ -133,6 +134,9 @@ class ControlAuthority:
         if broken and not self._fly_outside_contract:
             text = f"the contract does not comply ({', '.join(broken)})"
             found.append(Refusal(RefusalKind.CONTRACT, text))
+        wrong_loss = loss_model_refusal(self._link.profile, assessment.contract)
+        if wrong_loss is not None and not self._fly_outside_contract:
+            found.append(Refusal(RefusalKind.CONTRACT, wrong_loss, "setpoint_loss"))
         unauthorized = self._authorization.refusal(now_unix_s)
         if unauthorized is not None:
             found.append(Refusal(RefusalKind.PREFLIGHT, unauthorized))

@@ -96,7 +96,7 @@ class InductionPlanner:
             exit_speed_mps=exit_speed_mps,
             climb_m=climb_max_m,
             climb_preferred=climb_max_m > 0.0,
-            coast_time_s=self._situation.assessment.inflated.encounter.coast_time_s,
+            coast_time_s=self._situation.assessment.inflated.manoeuvre_encounter.coast_time_s,
         )
 
 
@@ -134,7 +134,7 @@ class AvoidanceStep:
         """Plan the step around an obstacle whose region begins by the next tick."""
         current = self._situation.reference.current
         assert current is not None  # noqa: S101  what cruises has a reference
-        front_m = obstacle.region.extent.x_min_m
+        front_m = obstacle.region.approach_x_m
         start_s = current.from_time(now_s).first_time_s(X, front_m)
         # An obstacle first seen inside its region is planned against from where the vehicle is.
         start_s = now_s if start_s is None or start_s < now_s else min(start_s, now_s + TICK_S)
@@ -170,7 +170,9 @@ class AvoidanceStep:
     def _check_pre_condition(self, start: State, obstacle: Obstacle, now_s: float) -> None:
         """Report where a step does not start as the contract says; it is planned all the same."""
         assessment = self._situation.assessment
-        allowed_m = assessment.inflated.encounter.speed_mps * assessment.terms.reaction_time_s
+        allowed_m = (
+            assessment.inflated.manoeuvre_encounter.speed_mps * assessment.terms.reaction_time_s
+        )
         condition: Condition = pre_condition(
             start,
             obstacle.region,
@@ -179,7 +181,7 @@ class AvoidanceStep:
         )
         if condition.holds:
             return
-        late_m = start.position_leg_m[X] - obstacle.region.extent.x_min_m
+        late_m = start.position_leg_m[X] - obstacle.region.approach_x_m
         late = Violation(Assumption.LATE_FIRST_SIGHT, late_m, allowed_m, "m", obstacle.id)
         other = Event(now_s, EventName.PRE_CONDITION, Severity.ERROR, "; ".join(condition.failures))
         self._situation.emit(late.event(now_s) if late_m > allowed_m else other)

@@ -298,7 +298,7 @@ def pre_condition(
     """
     x_m, y_m, _ = state.position_leg_m
     speed_mps, lateral_mps, _ = state.velocity_leg_mps
-    late_by_m, drift_mps = x_m - region.extent.x_min_m, region.lateral_speed_mps
+    late_by_m, drift_mps = x_m - region.approach_x_m, region.lateral_speed_mps
     band = "conflict band {:.2f} to {:.2f} m".format(*region.conflict_band_y_m)
     off_course = f"y = {y_m:.2f} m is not on a collision course ({band})"
     fast = f"speed {speed_mps:.2f} m/s (expected 0 to {speed_max_mps:.2f} m/s)"

@@ -203,6 +203,9 @@ def slows_in_time(before: Assessment, speed_mps: float, adapted: Assessment) -> 
     arguments are those of `slowing_distance`.
     """
     terms = before.terms
-    known_m = terms.detection_range_m - before.inflated.encounter.speed_mps * terms.frame_age_max_s
+    known_m = (
+        terms.detection_range_m
+        - before.inflated.manoeuvre_encounter.speed_mps * terms.frame_age_max_s
+    )
     needed_m = adapted.inflated.required_detection_range_m
     return slowing_distance(before, speed_mps, adapted) + needed_m < known_m

@@ -151,7 +151,9 @@ class DetectionEvaluator:
             placement.track_id,
             seen.corners_ned_m,
             # What a sensor states less than the contract, the contract covers already.
-            error_m + displacement_m if displacement_m > 0.0 else seen.uncertainty_m,
+            # A box at an angle to the leg has its corners off by more than its faces.
+            math.sqrt(2.0) * (error_m if displacement_m > 0.0 else seen.uncertainty_m)
+            + displacement_m,
             apart_from=self._apart_from(placement, seen, now_s),
             error_max_m=flight.assessment.face_error_m,
             in_full=seen.in_full and seen.blur_m == 0.0,

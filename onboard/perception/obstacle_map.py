@@ -120,7 +120,7 @@ class ObstacleMap:
         self._tracks: dict[str, _Track] = {}
         self._obstacles: dict[str, Obstacle] = {}
         self._obstacle_of_track: dict[str, str] = {}
-        # (front of the region, id), sorted; with the longest region it bounds every search.
+        # (where an avoidance may begin, id), sorted; the longest region bounds every search.
         self._order: list[tuple[float, str]] = []
         self._longest_region_m = 0.0
         # The same for each strip of a metre across the leg, of the obstacles that conflict with it.
@@ -253,7 +253,7 @@ class ObstacleMap:
         )
 
     def between(self, x_min_m: float, x_max_m: float) -> Iterator[Obstacle]:
-        """Obstacles whose regions reach into [x_min_m, x_max_m], in the order of their fronts."""
+        """Obstacles whose regions or manoeuvres reach into an interval, as the leg meets them."""
         return self._reaching(self._order, x_min_m, x_max_m)
 
     def boxes_between(self, x_min_m: float, x_max_m: float) -> Iterator[Box]:
@@ -266,11 +266,11 @@ class ObstacleMap:
     ) -> Iterator[Obstacle]:
         start = bisect.bisect_left(order, (x_min_m - self._longest_region_m, ""))
         for index in range(start, len(order)):
-            front_m, obstacle_id = order[index]
-            if front_m > x_max_m:
+            approach_x_m, obstacle_id = order[index]
+            if approach_x_m > x_max_m:
                 return
             obstacle = self._obstacles[obstacle_id]
-            if obstacle.region.extent.x_max_m >= x_min_m:
+            if obstacle.region.departure_x_m >= x_min_m:
                 yield obstacle
 
     def obstacle_of_interest(self, x_m: float, y_m: float, *, horizon_m: float) -> Obstacle | None:
@@ -290,10 +290,10 @@ class ObstacleMap:
         return min(ahead, key=lambda obstacle: obstacle.region.keep_out.x_min_m, default=None)
 
     def conflicts(self, obstacle: Obstacle) -> Iterator[Obstacle]:
-        """Other obstacles whose Regions of Influence intersect this one's."""
-        extent = obstacle.region.extent
-        for other in self.between(extent.x_min_m, extent.x_max_m):
-            if other.id != obstacle.id and other.region.extent.intersects(extent):
+        """Other obstacles whose Regions of Influence conflict with this one's."""
+        region = obstacle.region
+        for other in self.between(region.approach_x_m, region.departure_x_m):
+            if other.id != obstacle.id and other.region.conflicts_with(region):
                 yield other
 
     def _place(self, obstacle: Obstacle) -> None:
@@ -308,10 +308,11 @@ class ObstacleMap:
         self._obstacles[obstacle.id] = obstacle
         for member in obstacle.members:
             self._obstacle_of_track[member] = obstacle.id
-        extent = obstacle.region.extent
+        region = obstacle.region
         for order in self._orders_of(obstacle):
-            bisect.insort(order, (extent.x_min_m, obstacle.id))
-        self._longest_region_m = max(self._longest_region_m, extent.x_max_m - extent.x_min_m)
+            bisect.insort(order, (region.approach_x_m, obstacle.id))
+        length_m = region.departure_x_m - region.approach_x_m
+        self._longest_region_m = max(self._longest_region_m, length_m)
 
     def _may_merge(self, one: Obstacle, other: Obstacle) -> bool:
         if self._contradict(one, other):
@@ -343,7 +344,7 @@ class ObstacleMap:
         del self._obstacles[obstacle.id]
         for member in obstacle.members:
             del self._obstacle_of_track[member]
-        key = (obstacle.region.extent.x_min_m, obstacle.id)
+        key = (obstacle.region.approach_x_m, obstacle.id)
         for order in self._orders_of(obstacle):
             del order[bisect.bisect_left(order, key)]
         return obstacle.members

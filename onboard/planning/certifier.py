@@ -262,10 +262,10 @@ def _check_exit(findings: _Findings, problem: AvoidanceProblem) -> None:
 
 def _check_coast(findings: _Findings, problem: AvoidanceProblem) -> None:
     """Passive safety (theory H): coast from any instant, then brake sideways inside the region."""
-    w, extent = problem.envelope.limits, problem.region.extent
+    w, room = problem.envelope.limits, problem.region.manoeuvre
     for name, sign, face_m, brake_mps2 in (
-        ("right", 1.0, extent.y_max_m, w.left_mps2),
-        ("left", -1.0, -extent.y_min_m, w.right_mps2),
+        ("right", 1.0, room.y_max_m, w.left_mps2),
+        ("left", -1.0, -room.y_min_m, w.right_mps2),
     ):
         reach_m, time_s = _coast_reach(
             findings.trajectory, sign, problem.coast_time_s, brake_mps2, face_m

@@ -143,11 +143,11 @@ class AvoidanceProblem:
         region, start, limits = self.region, self.start.axis(Y), self.envelope.across
         if side == "right":
             face_m, lane_m = region.keep_out.y_max_m, region.lane_right_m
-            coast_m = region.extent.y_max_m - lane_m
+            coast_m = region.manoeuvre.y_max_m - lane_m
         else:
             start, limits = AxisState(*(-value for value in start)), limits.mirrored()
             face_m, lane_m = -region.keep_out.y_min_m, -region.lane_left_m
-            coast_m = -region.extent.y_min_m - lane_m
+            coast_m = -region.manoeuvre.y_min_m - lane_m
         speed_max_mps = coast_m / self.coast_time_s if self.coast_time_s else math.inf
         return Sidestep(start, limits, face_m, lane_m, speed_max_mps)
 

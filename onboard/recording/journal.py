@@ -213,9 +213,7 @@ def _distance_m(box: Box, x_m: float, y_m: float) -> float:
 
 def _obstacle(obstacle: Obstacle, leg: LegFrame, assessment: Assessment) -> KnownObstacle:
     region = obstacle.region
-    lane = Box(
-        region.extent.x_min_m, region.extent.x_max_m, region.lane_left_m, region.lane_right_m
-    )
+    lane = Box(region.approach_x_m, region.x_pob_m, region.lane_left_m, region.lane_right_m)
     return KnownObstacle(
         id=obstacle.id,
         measured_ned_m=outline_of(obstacle.measured, leg),
@@ -228,7 +226,7 @@ def _obstacle(obstacle: Obstacle, leg: LegFrame, assessment: Assessment) -> Know
 
 def _collision_set_boundary(region: RegionOfInfluence, assessment: Assessment) -> FloatArray:
     """Points (N, 3) of the collision set boundary, leg frame, from the left to the right."""
-    box, speed_mps = region.obstacle, assessment.inflated.encounter.speed_mps
+    box, speed_mps = region.obstacle, assessment.inflated.manoeuvre_encounter.speed_mps
     y_m = np.linspace(box.y_min_m, box.y_max_m, _BOUNDARY_POINTS)
     depths_m = [boundary_depth_at(y, box, assessment.limits, speed_mps) for y in y_m.tolist()]
     return np.column_stack((box.x_min_m - np.array(depths_m), y_m, np.zeros_like(y_m)))

@@ -760,7 +760,7 @@ def test_handed_back_just_before_a_region_it_is_flown_round_at_once(
     rig.obstacles = [box((20.0, 0.1))]
     rig.run(0.5)
     (known,) = rig.autonomy.navigator.obstacles
-    front_m = known.region.extent.x_min_m
+    front_m = known.region.approach_x_m
     rig.be_flown_to(front_m - short_of_region_m)
     rig.velocity_ned_mps = (speed_mps, 0.0, 0.0)
     rig.run(0.5)

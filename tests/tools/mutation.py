@@ -25,9 +25,12 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[2]
-_AGILITY, _CLAUSES, _CONTRACT, _DERIVATION, _RECENTRING, _REGION, _TERMS = (
+_AGILITY, _CLAUSES, _CONTRACT, _DERIVATION, _RECENTRING, _REGION, _TERMS, _RUN_ON, _STOP = (
     f"tests/onboard/contract/test_{name}.py"
-    for name in ["agility", "clauses", "assessment", "derivation", "recentring", "region", "terms"]
+    for name in (
+        *("agility", "clauses", "assessment", "derivation", "recentring", "region", "terms"),
+        *("run_on", "stop_region"),
+    )
 )
 _BY_HAND = (
     "test_lane_of_a_worked_example",
@@ -42,14 +45,16 @@ _BY_HAND = (
 TESTS = {
     "onboard/contract/agility.py": (_AGILITY, _CONTRACT),
     "onboard/contract/arithmetic.py": (_AGILITY, _CONTRACT, _RECENTRING),
-    "onboard/contract/clauses.py": (_CLAUSES, _CONTRACT, _RECENTRING),
-    "onboard/contract/assessment.py": (_CONTRACT, _RECENTRING),
-    "onboard/contract/derivation.py": (_DERIVATION, _CONTRACT, _RECENTRING),
+    "onboard/contract/clauses.py": (_CLAUSES, _CONTRACT, _STOP, _RECENTRING),
+    "onboard/contract/assessment.py": (_CONTRACT, _STOP, _RECENTRING),
+    "onboard/contract/derivation.py": (_DERIVATION, _STOP, _CONTRACT, _RECENTRING),
     "onboard/contract/terms.py": (_TERMS, _CONTRACT, _RECENTRING),
     "onboard/contract/recentring.py": (_RECENTRING,),
+    "onboard/contract/run_on.py": (_RUN_ON, _STOP),
+    "onboard/contract/stop_region.py": (_STOP,),
     "onboard/contract/region.py": (
         *(f"{_REGION}::{name}" for name in _BY_HAND),
-        *(_REGION, _RECENTRING, _CONTRACT),
+        *(_REGION, _RECENTRING, _CONTRACT, _STOP),
     ),
 }
 

@@ -6,6 +6,7 @@ import random
 from typing import Any, Final
 
 from gcs_tools.campaign.generator.case import Extent
+from gcs_tools.campaign.generator.fields import one_obstacle_fits
 from onboard.contract.assessment import Assessment, assess
 from onboard.files.contract_file import Contract
 
@@ -19,6 +20,10 @@ _REACTION_TIME_S: Final = (0.15, 0.25)
 # range makes a region longer than any leg.  A fix changes the flight that each seed means.
 _FIELD_SHARE: Final = 0.5
 _FIELD_TILT_MAX_DEG: Final = 15.0
+# The others are flown by an ideal PX4 (`sitl.plant.controller.ControllerGains`).
+_IDEAL_TERMS: Final = {
+    "setpoint_loss": {"model": "frozen", "gain_per_s": 1.3, "velocity_gain_per_s": 4.5}
+}
 
 
 def compliant_contract(
@@ -48,13 +53,13 @@ def compliant_contract(
     ample = assess(Contract.model_validate(terms))
     required = {clause.name: clause.required for clause in ample.clauses}
     terms["sensor"]["detection_range_m"] = required_range_m(ample) * draw.uniform(1.01, 1.5)
+    view_deg = max(required["field_of_view"], required.get("seen_free_view", 0.0))
     terms["sensor"]["field_of_view_deg"] = min(
-        _AMPLE_DEG, max(60.0, required["field_of_view"] * draw.uniform(1.01, 1.4))
+        _AMPLE_DEG, max(60.0, view_deg * draw.uniform(1.01, 1.4))
     )
     terms["environment"]["obstacle_separation_min_m"] = required["separation"] * 1.001
     contract = Contract.model_validate(terms)
-    region = ample.inflated.region
-    one_fits = region.front_m + ample.inflated.roi_length_m < extent.length_m[0]
+    one_fits = one_obstacle_fits(ample, extent.length_m[0])
     return contract if one_fits and assess(contract).compliant else None
 
 
@@ -76,7 +81,7 @@ def _ample_terms(
             "attitude_lag_s": draw.uniform(0.15, 0.2),
             "setpoint_loss_timeout_s": 0.5,
             "recentring_speed_mps": draw.choice((0.0, 0.0, draw.uniform(0.1, 0.4))),
-            **(_field_terms(draw) if as_in_the_field else {}),
+            **(_field_terms(draw) if as_in_the_field else _IDEAL_TERMS),
         },
         "requirements": {"stop": stop, "passive_safety": passive_safety},
         "sensor": {

@@ -5,15 +5,17 @@ from __future__ import annotations
 import math
 import random
 from dataclasses import replace
-from typing import Literal
+from typing import Final, Literal
 
 import numpy as np
 
 from gcs_tools.scenario import Scenario
-from onboard.contract.assessment import assess
+from onboard.contract.assessment import Assessment, assess
 from onboard.files.contract_file import Contract
 from onboard.files.obstacle_field import Obstacle, ObstacleField
 
+# Most way that is left before the first obstacle may be avoided.
+_START_ROOM_M: Final = 4.0
 Breach = Literal["larger", "closer", "range", "speed"]
 
 
@@ -21,11 +23,13 @@ def obstacles_along_leg(
     draw: random.Random, contract: Contract, heading_rad: float, length_m: float
 ) -> ObstacleField:
     """Draw obstacles one after another, each about as near to the last as the contract allows."""
-    derived = assess(contract).inflated
+    assessment = assess(contract)
+    derived = assessment.inflated
     separation_m = contract.environment.separation_any_way_m
     half_m = contract.environment.obstacle_size_max_m / 2.0
-    along_m = derived.region.front_m + half_m + derived.margin_m + draw.uniform(0.5, 4.0)
-    last_m = length_m - (derived.roi_length_m - derived.region.front_m) - 0.5
+    before_m, behind_m = clear_lengths_m(assessment)
+    along_m = before_m + draw.uniform(0.5, _START_ROOM_M)
+    last_m = length_m - behind_m - 0.5
     placed: list[Obstacle] = []
     while along_m < last_m:
         # Head-on half of the time; else anywhere up to just beside the vehicle's path.
@@ -34,6 +38,23 @@ def obstacles_along_leg(
         placed.append(_obstacle(draw, contract, heading_rad, centre_m, str(len(placed))))
         along_m += separation_m * draw.choice((1.05, draw.uniform(1.05, 1.6)))
     return ObstacleField.of(placed)
+
+
+def clear_lengths_m(assessment: Assessment) -> tuple[float, float]:
+    """Return the way before and behind an obstacle's centre on which it may be avoided, in metres.
+
+    No leg may start or end there.
+    """
+    derived, terms = assessment.inflated, assessment.terms
+    half_m = terms.obstacle_size_max_m / 2.0 + derived.margin_m
+    before_m = max(derived.region.front_m, derived.manoeuvre.front_m) + half_m
+    return before_m, max(derived.manoeuvre.pob_depth_m - terms.body_m, half_m)
+
+
+def one_obstacle_fits(assessment: Assessment, length_m: float) -> bool:
+    """Tell whether a leg of this length takes an obstacle wherever the draw puts it."""
+    before_m, behind_m = clear_lengths_m(assessment)
+    return before_m + _START_ROOM_M + behind_m + 0.5 < length_m
 
 
 def _obstacle(

@@ -107,7 +107,7 @@ def reach_m(assessment: Assessment, mission: Mission) -> float:
 def corridor_m(assessment: Assessment, mission: Mission) -> float:
     """Return how far beside its legs a mission may take the vehicle."""
     targets_m = (leg.target_half_width_m for leg in mission.legs)
-    return max(assessment.inflated.roi_width_m / 2.0, *targets_m)
+    return max(assessment.inflated.manoeuvre_width_m / 2.0, *targets_m)
 
 
 def tilt_required_deg(assessment: Assessment) -> float:

@@ -22,6 +22,7 @@ from onboard.guidance.departure import START_TOLERANCE_M
 from onboard.mavlink.profiles.parameter_rules import ReportedParameters
 from onboard.mavlink.profiles.profile import CONSTANT_POSITION, NEEDED_ESTIMATOR_FLAGS
 from onboard.mavlink.profiles.registry import known_profiles
+from onboard.mavlink.profiles.setpoint_loss import loss_model_in_words, loss_model_refusal
 from onboard.monitoring.detections import CLOCK_TOLERANCE_S
 
 RATE_MIN_HZ = 5.0
@@ -56,6 +57,7 @@ def evaluate(
         _link_delay(facts, terms.reaction_time_s),
         _clock(facts),
         _estimator(facts),
+        *_setpoint_loss(facts, assessment),
         *_parameters(facts, assessment, mission),
         takeover_finding(facts.profile.take_over, facts.parameters, heard=facts.radio_heard),
     ]
@@ -84,6 +86,15 @@ def _parameters(
         facts.parameters, facts.version, complete=facts.parameters_complete
     )
     return check_parameters(facts.profile.parameters, reported, assessment, mission)
+
+
+def _setpoint_loss(facts: VehicleFacts, assessment: Assessment) -> list[Finding]:
+    contract = assessment.contract
+    if not contract.requirements.passive_safety:
+        return []
+    refusal = loss_model_refusal(facts.profile, contract)
+    text = refusal or loss_model_in_words(contract)
+    return [_known("setpoint_loss", holds=refusal is None, text=text)]
 
 
 def _known(name: str, *, holds: bool, text: str) -> Finding:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, Final
 
-from onboard.contract.run_on import NO_RUN_ON, RunOn, coasting_run_on
+from onboard.contract.run_on import RunOn, contract_run_on
 from onboard.planning.rest_certifier import RestLimits
 
 if TYPE_CHECKING:
@@ -37,29 +37,12 @@ def rest_limits_of(assessment: Assessment, *, any_heading: bool) -> RestLimits:
     )
 
 
-def run_on_of(assessment: Assessment) -> RunOn:
-    """Return how the vehicle runs on after a loss of the stream; nothing without the clause."""
-    terms, limits = assessment.terms, assessment.limits
-    if not terms.passive_safety:
-        return NO_RUN_ON
-    run_on = coasting_run_on(
-        terms.setpoint_loss_timeout_s,
-        lag_s=terms.attitude_lag_s,
-        # It may fly in any direction then.
-        brake_mps2=min(limits.brake_mps2, limits.forward_mps2, limits.left_mps2, limits.right_mps2),
-        speed_max_mps=terms.cruise_speed_mps,
-        acceleration_max_mps2=math.hypot(
-            max(limits.brake_mps2, limits.forward_mps2), max(limits.left_mps2, limits.right_mps2)
-        ),
-    )
-    measured_m = terms.setpoint_loss_run_on_m
-    if measured_m is None:
-        return run_on
-    measured_at_mps = terms.setpoint_loss_run_on_speed_mps or terms.cruise_speed_mps
-    # What was measured replaces the model where it is longer (two-tier theory, section 6).  It says
-    # nothing of a setpoint that brakes: the run is then taken to be no shorter.
-    *first, (kappa_s, c_s2) = run_on.gains
-    measured_s = measured_m / measured_at_mps
-    if measured_s <= kappa_s:
-        return run_on
-    return RunOn((*first, (measured_s, 0.0), (measured_s, c_s2)))
+def run_on_of(assessment: Assessment, speed_max_mps: float | None = None) -> RunOn:
+    """Return how the vehicle runs on after a loss of the stream; nothing without the clause.
+
+    Args:
+        assessment: the contract in force.
+        speed_max_mps: greatest Euclidean speed of a setpoint, where it may exceed the contract's
+            speed along the leg.
+    """
+    return contract_run_on(assessment.terms, speed_max_mps)

@@ -191,6 +191,8 @@ ARDUPILOT: Final = AutopilotProfile(
     ),
     # It echoes the setpoint that it took last.
     target_gain_max_per_s=0.0,
+    # GUIDED integrates the last velocity and acceleration until GUID_TIMEOUT, then stops.
+    after_setpoint_loss="coast",
     needs_health_request=True,
     firmware=_FIRMWARE,
     parameters=ParameterFacts(

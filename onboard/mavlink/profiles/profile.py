@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
-from typing import Final, NamedTuple
+from typing import Final, Literal, NamedTuple
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
@@ -254,6 +254,8 @@ class AutopilotProfile:
         take_over: how the pilot takes it over.
         target_gain_max_per_s: POSITION_TARGET_LOCAL_NED may show the velocity that we asked for
             plus the position error times a gain up to this; 0 if it echoes setpoints as they are.
+        after_setpoint_loss: how it runs on when the setpoint stream stops, as a contract's
+            setpoint_loss.model; None if that is not known.
         needs_health_request: whether it sends nothing of its health unless asked.
         firmware: which is known; None if none is.
         parameters: None if they are not known.
@@ -267,6 +269,7 @@ class AutopilotProfile:
     take_off: TakeOff
     take_over: TakeOver
     target_gain_max_per_s: float
+    after_setpoint_loss: Literal["coast", "frozen"] | None = None
     needs_health_request: bool = False
     firmware: Firmware | None = None
     parameters: ParameterFacts | None = None

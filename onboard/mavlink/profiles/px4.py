@@ -153,6 +153,8 @@ PX4: Final = AutopilotProfile(
         sticks_ignored=_NO_STICKS,
     ),
     target_gain_max_per_s=GAIN_MAX_PER_S,
+    # PositionControl.cpp goes on tracking the last position, velocity and acceleration.
+    after_setpoint_loss="frozen",
     firmware=Firmware(
         Measured((1, 16), ("dev", "alpha"), "main of February 2025"), oldest=(1, 14), newest=(1, 18)
     ),

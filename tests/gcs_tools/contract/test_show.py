@@ -23,13 +23,16 @@ PUBLISHED = {
     "roi_width_m",
     "required_detection_range_m",
     "required_separation_m",
+    "required_separation_box_m",
     "stopping_distance_m",
 }
 
 
-def depth_m(speed_mps: float, size_m: float, accel_mps2: float) -> tuple[float, float]:
-    """D and t_m for equal limits on all sides."""
-    t_m = min(speed_mps / accel_mps2, math.sqrt(2.0 * size_m / (2.0 * accel_mps2)))
+def depth_m(
+    speed_mps: float, size_m: float, accel_mps2: float, across_mps2: float | None = None
+) -> tuple[float, float]:
+    """D and t_m for equal limits on both sides; across as along unless stated."""
+    t_m = min(speed_mps / accel_mps2, math.sqrt(size_m / (across_mps2 or accel_mps2)))
     return speed_mps * t_m - accel_mps2 * t_m**2 / 2.0, t_m
 
 
@@ -74,23 +77,41 @@ def test_nominal_quantities(clearway: Clearway, config: Path, case: Case) -> Non
     assert nominal["roi_width_m"] == pytest.approx(width_m)
     assert nominal["required_detection_range_m"] == pytest.approx(d)
     assert nominal["required_separation_m"] == pytest.approx(math.hypot(length_m, width_m))
+    assert nominal["required_separation_box_m"] == pytest.approx([length_m, width_m])
     assert nominal["stopping_distance_m"] == pytest.approx(recovery_m)
 
 
-def test_inflated_detection_range(clearway: Clearway, config: Path) -> None:
+@pytest.mark.parametrize(("input_set", "stops"), [("inner", True), ("paper", False)])
+def test_inflated_reading(clearway: Clearway, config: Path, input_set: str, *, stops: bool) -> None:
+    """It stops and sidesteps; on the paper's box, by the reference and the errors of before."""
     ran = clearway(
-        "contract", "show", "--contract", config / "default_contract.yaml", "--format", "json"
-    )
+        "contract", "show", "--contract", config / "default_contract.yaml", "--format", "json",
+        "--input-set", input_set,
+    )  # fmt: skip
     inflated = json.loads(ran.out)["inflated"]
     a = G * math.tan(math.radians(15.0))
-    radius_m, tracking_m, face_m = 0.30, 0.35, 0.05
+    radius_m, tracking_m, face_m = 0.30, 0.35, 0.05 * math.sqrt(2.0)
     face_m += 2.0 * (12.0 + math.sqrt(2.0) * 4.0) * math.sin(math.radians(2.0 / 2.0))
-    speed_mps, late_s, timeout_s = 2.8 + 0.45, 0.20 + 0.27, 0.5
+    late_s, timeout_s, lag_s = 0.20 + 0.27, 0.5, 0.27
     margin_m = radius_m + tracking_m + 2.0 * face_m
-    d, _ = depth_m(speed_mps, 4.0 + 2.0 * margin_m, a)
-    run_on_m = speed_mps * timeout_s + speed_mps**2 / (2.0 * a)
-    needed_m = margin_m + d + speed_mps * late_s + tracking_m + run_on_m
-    assert inflated["required_detection_range_m"] == pytest.approx(needed_m)
+    size_m = 4.0 + 2.0 * margin_m
+    if stops:
+        speed_mps = 2.8
+        coasted_mps = speed_mps + math.sqrt(2.0) * a * (timeout_s - lag_s / 2.0)
+        run_on_m = speed_mps * (timeout_s + lag_s + coasted_mps / (2.0 * a))
+        front_m = run_on_m + speed_mps * late_s + 0.15
+        along_m, across_m = front_m + size_m, 0.5 + size_m
+        assert inflated["required_separation_box_m"] == pytest.approx([along_m, across_m])
+        assert inflated["required_separation_m"] == pytest.approx(math.hypot(along_m, across_m))
+    else:
+        speed_mps = 2.8 + 0.45
+        d, _ = depth_m(speed_mps, size_m, a, a / math.cos(math.radians(15.0)))
+        front_m = d + speed_mps * late_s + speed_mps * timeout_s + speed_mps**2 / (2.0 * a)
+        assert inflated["required_separation_box_m"] == [
+            inflated["roi_length_m"],
+            inflated["roi_width_m"],
+        ]
+    assert inflated["required_detection_range_m"] == pytest.approx(margin_m + front_m + tracking_m)
     assert inflated["stopping_distance_m"] == pytest.approx(
         speed_mps * late_s + speed_mps**2 / (2.0 * a)
     )
@@ -110,7 +131,7 @@ def test_clauses_and_verdict(clearway: Clearway, config: Path) -> None:
             "name", "required", "declared", "margin", "unit", "holds", "concerns", "reason",
         }  # fmt: skip
     assert document["binding"] == "separation"
-    assert clauses["separation"]["declared"] == 28.0
+    assert clauses["separation"]["declared"] == 16.5
 
 
 def test_a_contract_that_does_not_comply_is_shown(clearway: Clearway, config: Path) -> None:

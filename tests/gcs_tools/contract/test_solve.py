@@ -68,7 +68,7 @@ def test_the_answer_agrees_with_dense_trials(key: str) -> None:
 
 
 def test_fastest_speed_has_its_closed_form() -> None:
-    """Pointed: D = V t* - b t*²/2 at the detection range, for the paper's point mass."""
+    """Pointed: D = V t* - b t*²/2 at the detection range, for a point that swerves."""
     ideal = {
         "radius_m": 0.0,
         "tracking_error_m": 0.0,
@@ -78,16 +78,16 @@ def test_fastest_speed_has_its_closed_form() -> None:
     }
     document = EXAMPLE.model_dump()
     document["vehicle"] |= ideal
-    document["sensor"] |= {"position_error_m": 0.0, "detection_range_m": 4.0}
+    document["sensor"] |= {"position_error_m": 0.0, "detection_range_m": 6.0}
     document["environment"] |= {"obstacle_separation_min_m": 1000.0}
     document["requirements"] = {"stop": False, "passive_safety": False}
     solution = solve(Contract.model_validate(document), "vehicle.cruise_speed_mps")
     limit = solution.limit
     assert limit is not None
-    # The edge at S/2 = 2 m has to be seen at 4 m: D = √(16 - 4) m.
+    # The corner at S = 4 m has to be seen at 6 m: D = √(36 - 16) m.
     b = 9.80665 * math.tan(math.radians(15.0))
     clear_s = math.sqrt(4.0 / b)
-    assert limit.value == pytest.approx(math.sqrt(12.0) / clear_s + b * clear_s / 2.0, rel=1e-9)
+    assert limit.value == pytest.approx(math.sqrt(20.0) / clear_s + b * clear_s / 2.0, rel=1e-9)
     assert limit.beyond.clause == "edge_visibility"
 
 
@@ -118,7 +118,7 @@ def test_direction_is_part_of_the_answer() -> None:
     assert solve(EXAMPLE, "vehicle.cruise_speed_mps").answer == "largest"
     assert solve(EXAMPLE, "sensor.detection_range_m").answer == "smallest"
     assert solve(EXAMPLE, "environment.obstacle_separation_min_m").answer == "smallest"
-    assert solve(EXAMPLE, "vehicle.velocity_error_mps.0").answer == "largest"
+    assert solve(EXAMPLE, "vehicle.tracking_error_m").answer == "largest"
     assert solve(EXAMPLE, "vehicle.pitch_max_deg").answer == "between"
 
 
@@ -243,7 +243,7 @@ def test_the_paper_set_is_solved_on_request(clearway: Clearway, config: Path) ->
 @pytest.mark.parametrize(
     ("key", "overrides", "words"),
     [
-        ("vehicle.cruise_speed_mps", (), ("complies up to 3.", "m/s", "above: separation")),
+        ("vehicle.cruise_speed_mps", (), ("complies up to 4.", "m/s", "above: passive_safety")),
         ("sensor.detection_range_m", (), ("complies from 6.", "below: passive_safety")),
         ("environment.obstacle_separation_min_m", ("sensor.detection_range_m=1",), ("no value",)),
         (

@@ -75,7 +75,7 @@ def test_many_blocks_are_one_surface() -> None:
 
 def test_a_surface_changes_side_where_solve_says() -> None:
     surface = surface_of(
-        "vehicle.cruise_speed_mps=3:3.3:3001", "sensor.detection_range_m=12:13:2", "margin"
+        "vehicle.cruise_speed_mps=4.8:5.1:3001", "sensor.detection_range_m=12:13:2", "margin"
     )
     limit = solve(EXAMPLE, "vehicle.cruise_speed_mps").limit
     assert limit is not None

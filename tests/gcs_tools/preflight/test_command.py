@@ -141,13 +141,13 @@ def test_a_pair_of_separations_asks_for_one_of_the_two() -> None:
 
 
 def test_start_and_end_lie_outside_every_region() -> None:
-    region = PAPER.region_around(Box(19.5, 20.5, -0.5, 0.5), 0.0).extent
+    region = PAPER.region_around(Box(19.5, 20.5, -0.5, 0.5), 0.0)
     in_the_way = [obstacle("1", (20.0, 0.0))]
     for end_m, clear in [
-        (region.x_min_m - 0.6, True),
-        (region.x_min_m - 0.4, False),
-        (region.x_max_m - 0.1, False),
-        (region.x_max_m + 0.1, True),
+        (region.approach_x_m - 0.6, True),
+        (region.approach_x_m - 0.4, False),
+        (region.departure_x_m - 0.1, False),
+        (region.departure_x_m + 0.1, True),
     ]:
         flown = mission((end_m, 0.0), half_width_m=0.5)
         assert rules(in_the_way, flown)["end_clear"].holds is clear

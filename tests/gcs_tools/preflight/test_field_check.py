@@ -127,7 +127,9 @@ def test_the_nearest_neighbour_is_the_nearest(points: list[tuple[float, float]])
 
 def test_regions_at_a_place_share_a_point_with_it() -> None:
     (leg,) = legs_of(PAPER, boxes((20.0, 0.0), (60.0, 0.0)), None)
-    x_min_m, x_max_m, y_min_m, y_max_m = leg.regions_m[0]
+    low_m = np.minimum(leg.regions.extent_m[0], leg.regions.manoeuvre_m[0])
+    high_m = np.maximum(leg.regions.extent_m[0], leg.regions.manoeuvre_m[0])
+    (x_min_m, _, y_min_m, _), (_, x_max_m, _, y_max_m) = low_m, high_m
     assert leg.regions_at(Box(x_max_m, x_max_m + 1.0, y_max_m, y_max_m + 1.0)) == [0]
     assert leg.regions_at(Box(x_max_m + 1e-6, x_max_m + 1.0, y_min_m, y_max_m)) == []
     assert leg.regions_at(Box(x_min_m, 99.0, y_min_m, y_max_m)) == [0, 1]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from functools import partial
 from random import Random
 from typing import Any
 
@@ -13,8 +12,9 @@ from hypothesis import strategies as st
 
 from gcs_tools.preflight import field_check
 from gcs_tools.preflight.command import check
-from gcs_tools.preflight.field_check import check_field, region_extents
+from gcs_tools.preflight.field_check import check_field
 from gcs_tools.preflight.field_merging import PAIRS_MAX, Merged, merge
+from gcs_tools.preflight.field_regions import region_boxes
 from onboard.contract.assessment import assess
 from onboard.files.contract_file import load_contract
 from onboard.files.obstacle_field import Obstacle, ObstacleField
@@ -29,7 +29,7 @@ SIZE_MAX_M = PAPER.terms.obstacle_size_max_m
 
 
 def merged(boxes_m: FloatArray) -> Merged:
-    return merge(boxes_m, partial(region_extents, PAPER), SIZE_MAX_M)
+    return merge(boxes_m, lambda each_m: region_boxes(PAPER, each_m).apart_m, SIZE_MAX_M)
 
 
 def discovered(boxes_m: FloatArray, order: list[int]) -> ObstacleMap:

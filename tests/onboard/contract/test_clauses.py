@@ -32,7 +32,7 @@ def derived(**changes: Any) -> Derived[float]:
     ("changes", "further"),
     [
         ({"stop": False, "passive_safety": False}, set()),
-        ({"stop": True, "passive_safety": False}, {"stop", "sensor_silence"}),
+        ({"stop": True, "passive_safety": False}, {"stop", "sensor_silence", "seen_free_view"}),
         ({"stop": False, "passive_safety": True}, {"passive_safety"}),
         ({"stop": False, "passive_safety": False, "wind_max_mps": 0.0}, {"wind"}),
         ({"stop": False, "passive_safety": False, "recentring_speed_mps": 0.2}, {"recentring"}),
@@ -110,7 +110,7 @@ def test_what_costs_time_only_concerns_progress_where_only_seen_space_is_flown_i
     progress = {name for name, each in concern.items() if each == "progress"}
     assert progress == PROGRESS_CLAUSES
     assert concern.keys() - progress == {
-        "thrust", "wind", "ground_clearance", "stop", "passive_safety"
+        "thrust", "wind", "ground_clearance", "stop", "passive_safety", "seen_free_view"
     }  # fmt: skip
     assert {clause.concerns for clause in found(**every, stop=False).values()} == {"safety"}
 

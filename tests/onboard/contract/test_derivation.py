@@ -27,7 +27,8 @@ def met(**changes: Any) -> Encounter[float]:
 
 
 def derived(**changes: Any) -> Derived[float]:
-    return derive(changed(**changes), SCALAR)
+    """The published form."""
+    return derive(changed(stop=False, **changes), SCALAR)
 
 
 def test_the_encounter_is_at_the_highest_speeds() -> None:
@@ -80,12 +81,14 @@ def test_the_face_error_grows_with_heading_and_range(error_rad: float, range_m: 
     terms = changed(heading_error_rad=error_rad, detection_range_m=range_m)
     farthest_m = range_m + math.sqrt(2.0) * TERMS.obstacle_size_max_m
     chord_m = 2.0 * farthest_m * math.sin(error_rad / 2.0)
-    assert face_error_m(terms, SCALAR) == pytest.approx(TERMS.position_error_m + chord_m)
+    assert face_error_m(terms, SCALAR) == pytest.approx(
+        math.sqrt(2.0) * TERMS.position_error_m + chord_m
+    )
 
 
 def test_obstacles_are_inflated_by_body_and_twice_the_map_error() -> None:
     margin_m = derived().margin_m
-    assert margin_m == pytest.approx(TERMS.body_m + 2.0 * TERMS.position_error_m)
+    assert margin_m == pytest.approx(TERMS.body_m + 2.0 * math.sqrt(2.0) * TERMS.position_error_m)
     e = derived().encounter
     assert e.size_across_m == pytest.approx(TERMS.obstacle_size_max_m + 2.0 * margin_m)
     assert e.size_along_m == e.size_across_m
@@ -113,19 +116,14 @@ def test_the_thinnest_obstacle_has_its_border_farthest_behind_its_centre() -> No
     assert thin.roi_length_m >= thick.roi_length_m
 
 
-def test_the_edge_to_see_is_the_nearest_one_where_stopping_is_possible() -> None:
-    flat = derived(obstacle_size_max_m=40.0)
-    assert flat.region.flat
-    drift_m = max(flat.region.drift_left_m, flat.region.drift_right_m)
-    assert flat.edge_offset_m == pytest.approx(flat.margin_m + drift_m)
-
-
-def test_the_edge_to_see_is_the_one_to_pass_where_it_is_not() -> None:
-    pointed = derived(cruise_speed_mps=9.0, obstacle_size_max_m=1.0)
-    assert not pointed.region.flat
-    e, t_m = pointed.encounter, pointed.region.avoidance_time_s
-    passing_m = e.lateral_speed_mps * (t_m + e.attitude_lag_s) + e.right_mps2 * t_m**2 / 2.0
-    assert pointed.edge_offset_m == pytest.approx(passing_m)
+@pytest.mark.parametrize("size_max_m", [40.0, 1.0])
+def test_the_edge_to_see_is_the_far_corner_of_a_front_that_is_just_touched(
+    size_max_m: float,
+) -> None:
+    """Flat or pointed: an avoidance has to know all that it swerves round."""
+    found = derived(cruise_speed_mps=9.0, obstacle_size_max_m=size_max_m)
+    drift_m = max(found.region.drift_left_m, found.region.drift_right_m)
+    assert found.edge_offset_m == pytest.approx(found.margin_m + size_max_m + drift_m)
 
 
 def test_stopping_counts_reaction_and_lag() -> None:

@@ -135,7 +135,7 @@ def test_clause_adds_up_what_the_contract_states(contract: Contract) -> None:
     """The default contract: silence is noticed after 0.32 s, a dead daemon coasts for 0.5 s."""
     clause = clause_of(changed(contract, recentring_speed_mps=0.3))
     w, v, limit = 0.3 + 0.1, 2.8 - 0.2, 9.80665 * math.tan(math.radians(15.0))
-    margin_m = (0.30 + 0.25 + 2.0 * 0.05) + 0.25
+    margin_m = (0.30 + 0.25 + 2.0 * 0.05 * math.sqrt(2.0)) + 0.25
     room_m = margin_m + w * w / (2.0 * limit) + w * (0.15 + 0.3 + TICK_S) + 0.3 * 0.5
     slope_rad = math.atan2(w, v)
     needed_rad = 2.0 * (slope_rad + math.asin(room_m * math.cos(slope_rad) / 12.0))
@@ -191,10 +191,14 @@ def test_a_heading_error_turns_what_is_seen_to_the_side(contract: Contract) -> N
 def test_recentring_widens_every_region(contract: Contract) -> None:
     before = assess(contract).inflated
     after = assess(changed(contract, recentring_speed_mps=0.3)).inflated
-    assert after.encounter.lateral_speed_mps == pytest.approx(0.4)
-    assert after.encounter.coast_drift_m == pytest.approx(0.15)
-    assert after.roi_width_m > before.roi_width_m
-    assert after.region.drift_left_m > before.region.drift_left_m + 0.15
+    assert after.manoeuvre_encounter.lateral_speed_mps == pytest.approx(0.4)
+    assert after.manoeuvre_encounter.coast_drift_m == pytest.approx(0.15)
+    assert after.manoeuvre_width_m > before.manoeuvre_width_m
+    assert after.manoeuvre.drift_left_m > before.manoeuvre.drift_left_m + 0.15
+    # Where it stops, the reference alone counts: its drift, on either side of face and overhang.
+    assert after.encounter.lateral_speed_mps == pytest.approx(0.3)
+    assert after.region.drift_left_m > before.region.drift_left_m == 0.0
+    assert after.roi_width_m > before.roi_width_m + 2.0 * after.region.drift_left_m - 1e-9
     assert assess(changed(contract, recentring_speed_mps=0.3)).nominal == assess(contract).nominal
 
 

@@ -33,6 +33,9 @@ def test_every_number_of_the_file_is_a_term(contract: Contract) -> None:
             value = getattr(section, key)
             if key == "velocity_error_mps":
                 assert (terms.velocity_error_x_mps, terms.velocity_error_y_mps) == value
+            elif key == "setpoint_loss":
+                assert terms.setpoint_loss_model == "coast"
+                assert value is None
             elif key.endswith("_deg"):
                 radians = getattr(terms, key.replace("_deg", "_rad"))
                 assert radians == pytest.approx(math.radians(value))
@@ -70,6 +73,8 @@ def test_the_ideal_has_no_size_no_errors_no_delays_and_no_wind() -> None:
     assert all(getattr(ideal, name) == 0.0 for name in IDEAL_IN_THE_PAPER)
     assert ideal.wind_max_mps is None
     assert not ideal.passive_safety
-    kept = {f.name for f in fields(Terms)} - {*IDEAL_IN_THE_PAPER, "wind_max_mps", "passive_safety"}
+    kept = {f.name for f in fields(Terms)} - {*IDEAL_IN_THE_PAPER, "wind_max_mps"}
+    kept -= {"passive_safety", "stop"}
+    assert not ideal.stop
     assert all(getattr(ideal, name) == getattr(real, name) for name in kept)
     assert ideal.idealised() == ideal

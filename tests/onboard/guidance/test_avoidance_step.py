@@ -49,7 +49,7 @@ def test_the_plan_starts_at_the_front_of_the_region(flight: PerfectFlight) -> No
     flight.cruise_at_full_speed()
     flight.run_until(FlightState.AVOIDING)
     (problem,) = flight.planner.problems
-    assert problem.start.position_leg_m[0] == pytest.approx(obstacle.region.extent.x_min_m)
+    assert problem.start.position_leg_m[0] == pytest.approx(obstacle.region.approach_x_m)
     assert flight.now_s <= problem.start_s <= flight.now_s + TICK_S
     assert problem.start.velocity_leg_mps == pytest.approx((2.8, 0.0, 0.0))
     assert problem.region == obstacle.region
@@ -115,7 +115,7 @@ def test_from_a_slow_entry_a_slow_exit_is_taken_where_no_faster_one_is(
     flight: PerfectFlight,
 ) -> None:
     probe = flight.see(55.0, 0.0, name="far")
-    flight.see(55.3 - probe.region.extent.x_min_m, 0.2)
+    flight.see(55.3 - probe.region.approach_x_m, 0.2)
     flight.planner.exit_max_mps = 2.0
     flight.depart()
     flight.run_until(FlightState.AVOIDING)
@@ -131,7 +131,7 @@ def test_from_a_slow_entry_a_slow_exit_is_taken_where_no_faster_one_is(
 
 def test_an_obstacle_first_seen_late_is_reported(cruising: PerfectFlight) -> None:
     probe = cruising.see(100.0, 0.0, name="far")
-    front_m = 100.0 - probe.region.extent.x_min_m
+    front_m = 100.0 - probe.region.approach_x_m
     cruising.see(cruising.reference.position_leg_m[0] + front_m - 0.7, 0.2)
     cruising.tick()
     assert cruising.state is FlightState.AVOIDING
@@ -139,14 +139,14 @@ def test_an_obstacle_first_seen_late_is_reported(cruising: PerfectFlight) -> Non
     encounter_mps = cruising.navigator.assessment.inflated.encounter.speed_mps
     limit_m = encounter_mps * cruising.navigator.assessment.terms.reaction_time_s
     (problem,) = cruising.planner.problems
-    late_m = problem.start.position_leg_m[0] - problem.region.extent.x_min_m
+    late_m = problem.start.position_leg_m[0] - problem.region.approach_x_m
     assert late_m >= 0.7 + 2.8 * TICK_S > limit_m
     assert text == f"late_first_sight (front/1): {late_m:.2f}, limit {limit_m:.2f} m"
 
 
 def test_another_broken_pre_condition_is_reported(cruising: PerfectFlight) -> None:
     obstacle = cruising.see(40.0, 0.0)
-    here = State((obstacle.region.extent.x_min_m, 0.0, 0.0), (3.5, 0.0, 0.0))
+    here = State((obstacle.region.approach_x_m, 0.0, 0.0), (3.5, 0.0, 0.0))
     cruising.navigator._avoidance_step._check_pre_condition(here, obstacle, cruising.now_s)
     assert cruising.texts("pre_condition") == ["speed 3.50 m/s (expected 0 to 2.80 m/s)"]
 

@@ -85,7 +85,7 @@ def advance(flight: PerfectFlight) -> str | None:
 def test_an_obstacle_is_met_where_its_region_begins_before_the_next_tick(
     cruising: PerfectFlight, ahead_m: float, met: bool
 ) -> None:
-    front_m = cruising.see(40.0, 0.0).region.extent.x_min_m
+    front_m = cruising.see(40.0, 0.0).region.approach_x_m
     assert 0.01 < 2.8 * TICK_S < 0.1
     here = State((front_m - ahead_m, 0.0, 0.0), (2.8, 0.0, 0.0))
     cruising.navigator._cruise.replan(here, cruising.now_s)
@@ -102,7 +102,7 @@ def test_an_obstacle_beside_the_way_is_not_met(cruising: PerfectFlight, y_m: flo
 
 def test_an_obstacle_beyond_the_end_of_the_leg_is_not_met(cruising: PerfectFlight) -> None:
     obstacle = cruising.see(66.0, 0.0)
-    assert obstacle.region.extent.x_min_m < 60.0 < obstacle.region.keep_out.x_min_m
+    assert obstacle.region.approach_x_m < 60.0 < obstacle.region.keep_out.x_min_m
     cruising.run_until(FlightState.ARRIVED)
     assert cruising.planner.problems == []
     assert cruising.texts("violation") == []
@@ -194,7 +194,7 @@ def test_the_corridor_reaches_as_far_ahead_as_it_says(
     recentring.run_until(FlightState.RECENTRING)
     x_m, y_m, _ = recentring.reference.position_leg_m
     probe = recentring.see(140.0, 0.0, size_m=(0.5, 0.5), name="probe")
-    front_m = 140.0 - probe.region.extent.x_min_m
+    front_m = 140.0 - probe.region.approach_x_m
     beside_m = y_m + corridor.side_m / 2.0
     recentring.see(x_m + corridor.reach_m + front_m + ahead_m, beside_m, size_m=(0.5, 0.5))
     recentring.tick()
@@ -251,7 +251,7 @@ def test_for_another_mission_it_stops_as_soon_as_it_can(cruising: PerfectFlight)
 
 def test_an_obstacle_met_before_the_stop_is_avoided_first(cruising: PerfectFlight) -> None:
     obstacle = cruising.see(40.0, 0.0)
-    front_m = obstacle.region.extent.x_min_m
+    front_m = obstacle.region.approach_x_m
     cruising.run(30.0, until=lambda: cruising.reference.position_leg_m[0] > front_m - 0.3)
     cruising.navigator.change_mission(mission_to((0.0, 60.0)), cruising.now_s)
     end_m, keep_out_m = final_x_m(cruising), obstacle.region.keep_out.x_min_m

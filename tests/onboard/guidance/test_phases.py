@@ -210,7 +210,7 @@ def test_a_drift_begins_and_ends_in_cruise() -> None:
 
 
 def test_pre_condition_holds_at_the_front_of_the_region(region: RegionOfInfluence) -> None:
-    state = at(region.extent.x_min_m, 0.0)
+    state = at(region.approach_x_m, 0.0)
     condition = pre_condition(state, region, speed_max_mps=SPEED_MPS, late_m=0.0)
     assert condition.holds
     assert condition.failures == ()
@@ -234,7 +234,7 @@ def test_pre_condition_names_what_fails(
     region: RegionOfInfluence, change: dict[str, float], expected: str
 ) -> None:
     state = at(
-        region.extent.x_min_m + change.get("x_m", 0.0),
+        region.approach_x_m + change.get("x_m", 0.0),
         change.get("y_m", 0.0),
         change.get("vx_mps", SPEED_MPS),
         change.get("vy_mps", 0.0),
@@ -244,7 +244,7 @@ def test_pre_condition_names_what_fails(
 
 
 def test_pre_condition_names_everything_that_fails(region: RegionOfInfluence) -> None:
-    state = at(region.extent.x_min_m + 1.0, 2.0, 5.0, 1.0)
+    state = at(region.approach_x_m + 1.0, 2.0, 5.0, 1.0)
     condition = pre_condition(state, region, speed_max_mps=SPEED_MPS, late_m=0.05)
     assert not condition.holds
     assert len(condition.failures) == 4

@@ -82,7 +82,7 @@ def test_an_adopted_contract_holds_for_envelope_and_regions(flight: PerfectFligh
     flight.situation.adopt(assess_terms(assessment.contract, terms))
     after = flight.navigator.obstacles.of_track("front/1")
     assert after is not None
-    assert after.region.extent.x_min_m > before.region.extent.x_min_m
+    assert after.region.approach_x_m > before.region.approach_x_m
     assert flight.situation.envelope == envelope_of(flight.navigator.assessment)
     assert flight.situation.envelope.speed_max_mps == 1.0
 

@@ -97,7 +97,7 @@ def test_obstacle_of_interest_is_met_within_the_horizon(obstacle_map: ObstacleMa
     obstacle_map.add("behind it", square((20.0, 0.0)), 0.0)
     ahead = obstacle_map.of_track("ahead")
     assert ahead is not None
-    front_m = ahead.region.extent.x_min_m
+    front_m = ahead.region.approach_x_m
     assert obstacle_map.obstacle_of_interest(front_m - 0.2, 0.0, horizon_m=0.1) is None
     found = obstacle_map.obstacle_of_interest(front_m - 0.2, 0.0, horizon_m=0.3)
     assert found is ahead
@@ -121,8 +121,8 @@ def test_search_agrees_with_looking_at_every_obstacle(
         obstacle_map.add(str(number), square((north_m, east_m), side_m), 0.0)
 
     def reaches(obstacle: Obstacle) -> bool:
-        extent = obstacle.region.extent
-        return extent.x_min_m <= x_m + length_m and extent.x_max_m >= x_m
+        region = obstacle.region
+        return region.approach_x_m <= x_m + length_m and region.departure_x_m >= x_m
 
     found = {obstacle.id for obstacle in obstacle_map.between(x_m, x_m + length_m)}
     assert found == {obstacle.id for obstacle in obstacle_map if reaches(obstacle)}

@@ -99,7 +99,7 @@ def _draw_start(
         room_mps2 = math.sqrt(2.0 * envelope.jerk_max_mps3[0] * (top_mps - speed_mps))
         forward_mps2 = rng.random() * min(envelope.limits.forward_mps2 / 2.0, room_mps2)
     late_m = encounter.speed_mps * encounter.reaction_time_s
-    x_m = region.extent.x_min_m + late_m * rng.choice([0.0, 0.0, 1.0, rng.random()])
+    x_m = region.approach_x_m + late_m * rng.choice([0.0, 0.0, 1.0, rng.random()])
     y_m, lateral_mps = _draw_lateral(rng, encounter, region)
     # The post-condition asks for the entry speed again (Eq. 17); symmetric limits regain any.
     exit_mps = speed_mps if variety.lopsided else rng.choice([speed_mps, top_mps])

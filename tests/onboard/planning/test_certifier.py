@@ -252,7 +252,7 @@ def test_coasting_reach_agrees_with_dense_sampling() -> None:
     """Passive safety: exact, so the largest coast time that certifies is the sampled one."""
     for seed in range(20):
         problem, trajectory = certified(seed)
-        w, extent = problem.envelope.limits, problem.region.extent
+        w, room = problem.envelope.limits, problem.region.manoeuvre
         slack_m = math.inf
         coast_s = problem.coast_time_s
         for time_s in np.linspace(trajectory.start_s, trajectory.end_s, 4000):
@@ -260,19 +260,19 @@ def test_coasting_reach_agrees_with_dense_sampling() -> None:
             y_m, v_mps = state.position_leg_m[1], state.velocity_leg_mps[1]
             if v_mps >= 0.0:
                 reach_m = y_m + v_mps * coast_s + v_mps * v_mps / (2.0 * w.left_mps2)
-                slack_m = min(slack_m, extent.y_max_m - reach_m)
+                slack_m = min(slack_m, room.y_max_m - reach_m)
             if v_mps <= 0.0:
                 reach_m = y_m + v_mps * coast_s - v_mps * v_mps / (2.0 * w.right_mps2)
-                slack_m = min(slack_m, reach_m - extent.y_min_m)
+                slack_m = min(slack_m, reach_m - room.y_min_m)
         for change_m, valid in ((-1e-3, True), (+1e-3, False)):
             inset_m = slack_m + change_m
             tight = dataclasses.replace(
                 problem.region,
-                extent=Box(
-                    extent.x_min_m,
-                    extent.x_max_m,
-                    extent.y_min_m + inset_m,
-                    extent.y_max_m - inset_m,
+                manoeuvre=Box(
+                    room.x_min_m,
+                    room.x_max_m,
+                    room.y_min_m + inset_m,
+                    room.y_max_m - inset_m,
                 ),
             )
             certificate = certify_avoidance(trajectory, dataclasses.replace(problem, region=tight))
@@ -293,7 +293,7 @@ def test_every_clause_of_the_region_is_checked() -> None:
         certificate = certify_avoidance(trajectory, dataclasses.replace(problem, region=narrowed))
         assert certificate.failures == (text,)
     shorter = dataclasses.replace(
-        region, extent=dataclasses.replace(region.extent, x_max_m=region.x_pob_m - 0.01)
+        region, manoeuvre=dataclasses.replace(region.manoeuvre, x_max_m=region.x_pob_m - 0.01)
     )
     failures = certify_avoidance(trajectory, dataclasses.replace(problem, region=shorter)).failures
     assert failures[0] == "beyond the post-obstacle border by 0.01 m"

@@ -79,7 +79,7 @@ def test_without_jerk_limit_and_slack_it_is_the_vertex_of_theorem_1() -> None:
     limits = AccelerationLimits(2.0, 2.0, 1.0, 1.0)
     encounter = ideal_encounter(limits, 4.0, (1.0, 2.0))
     region = RegionOfInfluence.around(Box(0.0, 1.0, -1.0, 1.0), encounter)
-    start = State((region.extent.x_min_m, 0.0, 0.0), (4.0, 0.0, 0.0))
+    start = State((region.approach_x_m, 0.0, 0.0), (4.0, 0.0, 0.0))
     envelope = Envelope(limits, 20.0, (math.inf,) * 3, 4.0)
     problem = AvoidanceProblem(start, 0.0, region, envelope, exit_speed_mps=4.0)
     trajectory = vertex_manoeuvre(problem, "right")

@@ -87,7 +87,7 @@ def test_starts_near_rest_have_short_plans(
     """From the front of the region to the obstacle, anywhere in its way, on either side."""
     problem = draw(Random(seed), variety)
     region, cruise_mps = problem.region, problem.envelope.speed_max_mps
-    (left_m, right_m), front_m = region.conflict_band_y_m, region.extent.x_min_m
+    (left_m, right_m), front_m = region.conflict_band_y_m, region.approach_x_m
     entry_mps = slow * min(cruise_mps, 1.0)
     # As far as from where the vehicle could still stop, with the longest lag that is drawn.
     stop_m = 1e-4 + entry_mps**2 / problem.envelope.limits.brake_mps2 + 2.0 * 0.4 * abs(entry_mps)
@@ -112,7 +112,7 @@ def test_starts_near_rest_have_short_plans(
 def test_a_plan_that_takes_too_long_is_not_flown(planner: Planner, exit_speed_mps: float) -> None:
     """What a hand-over at rest before a region once asked for: 6,383 s."""
     problem = draw(Random(3), Variety(passive_safety=True))
-    start = State((problem.region.extent.x_min_m + 0.1, 0.1, 0.0), (exit_speed_mps, 0.0, 0.0))
+    start = State((problem.region.approach_x_m + 0.1, 0.1, 0.0), (exit_speed_mps, 0.0, 0.0))
     creeping = dataclasses.replace(problem, start=start, exit_speed_mps=exit_speed_mps)
     for side in ("left", "right"):
         formula = vertex_manoeuvre(creeping, side)
@@ -353,7 +353,7 @@ def test_the_ideal_encounter_of_the_paper_is_planned(planner: Planner) -> None:
         jerk_max_mps3=jerk,
         speed_max_mps=2.8,
     )
-    start = State((region.extent.x_min_m, 0.1, 0.0), (2.8, 0.0, 0.0))
+    start = State((region.approach_x_m, 0.1, 0.0), (2.8, 0.0, 0.0))
     plan = planned(planner, AvoidanceProblem(start, 0.0, region, envelope, 2.8))
     assert plan.kind == "qp"
     assert plan.side == "right"

@@ -100,6 +100,7 @@ def mirrored(problem: AvoidanceProblem) -> AvoidanceProblem:
             obstacle=flipped(region.obstacle),
             keep_out=flipped(region.keep_out),
             extent=flipped(region.extent),
+            manoeuvre=flipped(region.manoeuvre),
             lane_left_m=-region.lane_right_m,
             lane_right_m=-region.lane_left_m,
         ),

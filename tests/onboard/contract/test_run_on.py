@@ -1,0 +1,204 @@
+"""Where the vehicle runs on to after a loss of the stream: every state of a slow simulation."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+
+from onboard.contract.arithmetic import ARRAY, SCALAR
+from onboard.contract.assessment import Terms, assess
+from onboard.contract.run_on import contract_run_on, overshoot, run_on_slope_s
+from onboard.files.contract_file import load_contract
+from onboard.geometry.frames import FloatArray
+from tests.gcs_tools.running import CONFIG
+from tests.onboard.contract.stop_and_sidestep import Coasts, FliesOn
+from tests.onboard.contract.test_assessment import as_arrays, contract
+
+
+def frozen(gain_per_s: float = 0.95, velocity_gain_per_s: float = 1.8) -> dict[str, Any]:
+    return {
+        "model": "frozen",
+        "gain_per_s": gain_per_s,
+        "velocity_gain_per_s": velocity_gain_per_s,
+    }
+
+
+def last_states(terms: Terms[float], limits: FloatArray, count: int) -> FloatArray:
+    """Setpoints of references that keep speed and jerk: they can still take their jerk back.
+
+    Rows of x, y, speeds and accelerations (N, 6), many of them at a limit.
+    """
+    random = np.random.default_rng(3)
+    accelerations = limits * random.choice((-1.0, 1.0, 0.0, 0.5, -0.5), (count, 2))
+    accelerations *= random.choice((1.0, 0.7), (count, 1))
+    turn_rad = random.uniform(-math.pi, math.pi, count)
+    fastest_mps = terms.cruise_speed_mps * random.choice((1.0, 0.99, 0.5, 0.0), count)
+    speeds = fastest_mps[:, np.newaxis] * np.column_stack((np.cos(turn_rad), np.sin(turn_rad)))
+    # Start where the acceleration has been taken back, and go back in time to where it was full.
+    jerk_mps3 = limits / terms.attitude_lag_s
+    before_s = np.abs(accelerations) / jerk_mps3
+    back = speeds - accelerations * before_s / 2.0
+    keeps = np.ones(count, dtype=bool)
+    for share in np.linspace(0.0, 1.0, 21):
+        time_s = share * before_s.max(axis=1, keepdims=True)
+        short_s = np.minimum(time_s, before_s)
+        jerk = np.sign(accelerations) * jerk_mps3
+        then = back + accelerations * short_s - jerk * short_s**2 / 2.0
+        keeps &= np.hypot(*then.T) <= terms.cruise_speed_mps + 1e-9
+    return np.hstack((np.zeros((count, 2)), back, accelerations))[keeps]
+
+
+def farthest_outside_m(
+    places: list[FloatArray], states: FloatArray, gains: tuple[tuple[float, float], ...]
+) -> float:
+    """Largest distance of any place from the bounding box of the points that bound the run."""
+    points = np.array(
+        [
+            np.zeros_like(states[:, 2:4]),
+            *(kappa_s * states[:, 2:4] + c_s2 * states[:, 4:6] for kappa_s, c_s2 in gains),
+        ]
+    )
+    low, high = points.min(axis=0), points.max(axis=0)
+    return max(float(np.maximum(low - each, each - high).max()) for each in places)
+
+
+def limits_of(terms: Terms[float]) -> FloatArray:
+    limits = assess(contract(roll_max_deg=math.degrees(terms.roll_max_rad))).limits
+    return np.array((limits.brake_mps2, limits.left_mps2))
+
+
+@pytest.mark.parametrize("timeout_s", [0.05, 0.2, 0.5, 1.0])
+@pytest.mark.parametrize("roll_max_deg", [15.0, 25.0])
+def test_a_coast_ends_within_its_points(timeout_s: float, roll_max_deg: float) -> None:
+    """It may be faster in the end than any setpoint, by what the acceleration still adds."""
+    terms = Terms.of(contract(setpoint_loss_timeout_s=timeout_s, roll_max_deg=roll_max_deg))
+    limits = limits_of(terms)
+    states = last_states(terms, limits, 4000)
+    assert len(states) > 1000
+    assert np.abs(states[:, 4:6]).max(axis=0) == pytest.approx(limits)
+    autopilot = Coasts(timeout_s, terms.attitude_lag_s, float(limits.min()))
+    places = [each.copy() for each in autopilot.places_m(states)]
+    gains = contract_run_on(terms).gains
+    assert farthest_outside_m(places, states, gains) < 5e-3  # steps of 0.01 s
+    # What bounds only setpoints without acceleration is left.
+    kappa_s = timeout_s + terms.attitude_lag_s + terms.cruise_speed_mps / (2.0 * limits.min())
+    if timeout_s >= 0.2:
+        short = (*gains[:-1], (kappa_s, timeout_s**2 / 2.0 + timeout_s * kappa_s / 2.0))
+        assert farthest_outside_m(places, states, short) > 0.05
+
+
+@pytest.mark.parametrize(("gain_per_s", "lag_s"), [(0.95, 0.2), (0.95, 0.26), (1.3, 0.15)])
+def test_what_flies_on_to_the_last_setpoint_stays_within_its_points(
+    gain_per_s: float, lag_s: float
+) -> None:
+    terms = Terms.of(contract(setpoint_loss=frozen(gain_per_s), attitude_lag_s=lag_s))
+    states = last_states(terms, limits_of(terms), 3000)
+    autopilot = FliesOn(gain_per_s, 1.8, lag_s)
+    places = [each.copy() for each in autopilot.places_m(states)]
+    gains = contract_run_on(terms).gains
+    assert farthest_outside_m(places, states, gains) < 5e-3
+    assert farthest_outside_m(places, states, gains[:1]) > 0.05  # the acceleration counts
+
+
+@pytest.mark.parametrize(("gain_per_s", "lag_s"), [(1.5, 0.27), (2.0, 0.3), (1.5, 0.4)])
+def test_a_loop_that_overshoots_runs_on_no_farther_than_its_overshoot(
+    gain_per_s: float, lag_s: float
+) -> None:
+    """Forward: what is farthest of speeds with no acceleration, and of what speeds up."""
+    terms = Terms.of(contract(setpoint_loss=frozen(gain_per_s), attitude_lag_s=lag_s))
+    states = np.array([(0, 0, v, 0, a, 0) for v in (0.0, 1.0, 2.8) for a in (0.0, 2.6)], float)
+    places = FliesOn(gain_per_s, 1.8, lag_s).places_m(states)
+    reached_m = np.max([each[:, 0].copy() for each in places], axis=0)
+    (kappa_s, _), (_, c_s2) = contract_run_on(terms).gains
+    assert np.all(reached_m <= kappa_s * states[:, 2] + c_s2 * states[:, 4] + 5e-3)
+    assert overshoot(gain_per_s, lag_s) > 1.01
+    # All of it is needed.
+    assert np.all(reached_m[[1, 4]] >= np.array((c_s2 * 2.6, kappa_s * 2.8)) - 0.03)
+
+
+def test_a_loop_that_is_slow_enough_does_not_overshoot() -> None:
+    assert overshoot(0.95, 0.2) == 1.0
+    assert overshoot(0.95, 0.0) == 1.0
+    assert 1.0 < overshoot(1.5, 0.27) < overshoot(1.5, 0.5) < 2.0
+
+
+# --- what was measured on firmware, in metres, at 2.8 m/s
+
+MEASURED_M = {
+    "ardupilot": (2.5, 2.9, 3.4),  # cruise, and 0.25 to 2.8 s into an avoidance
+    "px4_default_parameters": (3.0, 3.7, 4.3, 4.4, 4.7),
+    "px4": (2.97, 3.22),  # cruise; start of an avoidance
+}
+
+
+@pytest.mark.parametrize("name", MEASURED_M)
+def test_shipped_contracts_cover_the_runs_that_were_measured(name: str) -> None:
+    terms = Terms.of(load_contract(CONFIG / f"{name}_contract.yaml"))
+    assert contract_run_on(terms).reach_m(2.8) >= max(MEASURED_M[name])
+
+
+def test_the_model_of_a_px4_explains_most_of_its_measured_run() -> None:
+    """Gain 0.95/s: 3.0 m straight, 4.5 m speeding up; 4.7 m were measured, so that counts."""
+    path = CONFIG / "px4_default_parameters_contract.yaml"
+    document = load_contract(path).model_dump()
+    document["vehicle"]["setpoint_loss_run_on_m"] = None
+    model = contract_run_on(Terms.of(type(load_contract(path)).model_validate(document)))
+    limit_mps2 = assess(load_contract(path)).limits.forward_mps2
+    assert model.reach_m(2.8) == pytest.approx(2.95, abs=0.05)
+    (_, _), (kappa_s, c_s2) = model.gains
+    assert kappa_s * 2.8 + c_s2 * limit_mps2 == pytest.approx(4.49, abs=0.05)
+
+
+# --- which counts
+
+
+def gains_of(**changes: Any) -> tuple[tuple[float, float], ...]:
+    return contract_run_on(Terms.of(contract(**changes))).gains
+
+
+def test_a_measured_run_replaces_the_model_only_where_it_is_longer() -> None:
+    for loss in (None, frozen()):
+        model = gains_of(setpoint_loss=loss)
+        short = gains_of(setpoint_loss=loss, setpoint_loss_run_on_m=0.5)
+        assert short == model
+        longer = gains_of(setpoint_loss=loss, setpoint_loss_run_on_m=8.4)
+        # No shorter for a setpoint that brakes, and longer for one that speeds up.
+        np.testing.assert_allclose(longer[-2:], ((3.0, 0.0), (3.0, model[-1][1])))
+
+
+def test_above_its_speed_a_measured_run_is_unknown() -> None:
+    faster: dict[str, Any] = {"setpoint_loss_run_on_m": 3.4, "setpoint_loss_run_on_speed_mps": 2.8}
+    terms = Terms.of(contract(**faster))
+    for speed_mps, known in ((2.8, True), (2.9, False)):
+        at_speed = Terms(**{**vars(terms), "cruise_speed_mps": speed_mps})
+        assert math.isfinite(contract_run_on(at_speed).gains[-1][0]) is known
+        assert math.isfinite(run_on_slope_s(at_speed, SCALAR)) is known
+
+
+@pytest.mark.parametrize("loss", [None, frozen(), frozen(1.5)])
+@pytest.mark.parametrize("measured_m", [None, 5.0])
+def test_the_front_counts_on_what_is_certified(
+    loss: dict[str, Any] | None, measured_m: float | None
+) -> None:
+    """One story: the slope of the closed form is the largest of the certifier's points."""
+    changes: dict[str, Any] = {"setpoint_loss": loss, "setpoint_loss_run_on_m": measured_m}
+    terms = Terms.of(contract(**changes))
+    slope_s = max(kappa_s for kappa_s, _ in contract_run_on(terms).gains)
+    assert run_on_slope_s(terms, SCALAR) == pytest.approx(slope_s)
+    np.testing.assert_allclose(run_on_slope_s(as_arrays(terms, 3), ARRAY), slope_s)
+
+
+def test_setpoints_that_may_be_faster_run_on_farther_when_they_coast() -> None:
+    terms = Terms.of(contract())
+    slow, fast = contract_run_on(terms), contract_run_on(terms, 3.5)
+    assert fast.gains[-1][0] > slow.gains[-1][0]
+    assert contract_run_on(terms, 1.0) == slow
+
+
+def test_without_passive_safety_nothing_runs_on() -> None:
+    terms = Terms.of(contract(passive_safety=False))
+    assert contract_run_on(terms).gains == ()
+    assert run_on_slope_s(terms, SCALAR) == 0.0
