@@ -5,8 +5,10 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import Final
 
 from onboard.contract.assessment import TICK_S
 from onboard.events import Event, EventName, Severity
@@ -15,6 +17,7 @@ from onboard.guidance.clear_check import ClearCheck
 from onboard.guidance.cruise import Cruise
 from onboard.guidance.fallback import Fallback
 from onboard.guidance.phases import Condition, Trigger, post_condition, pre_condition
+from onboard.guidance.shield import Shield
 from onboard.guidance.situation import Avoidance, Situation
 from onboard.monitoring.assumptions import Assumption, Violation
 from onboard.motion.trajectory import State, X
@@ -22,6 +25,8 @@ from onboard.perception.obstacle_map import Obstacle
 from onboard.planning.planner import Plan, Planner
 from onboard.planning.problem import AvoidanceProblem, exit_speeds_mps
 
+# Planning takes a while: without a plan that certifies it is tried again after this.
+RETRY_S: Final = 0.2
 # The speed of a cruise may exceed the contract's by round-off.
 _ROUND_OFF_MPS = 1e-9
 
@@ -87,7 +92,8 @@ class InductionPlanner:
     def _problem(
         self, obstacle: Obstacle, start: State, start_s: float, exit_speed_mps: float
     ) -> AvoidanceProblem:
-        climb_max_m = self._situation.route.mission.climb_max_m
+        # The set is seen at one height.
+        climb_max_m = self._situation.route.mission.climb_max_m * (not self._situation.shielded)
         return AvoidanceProblem(
             start=start,
             start_s=start_s,
@@ -109,6 +115,7 @@ class AvoidanceStep:
         fallback: what is left if no plan is.
         cruise: goes on after the step.
         planner: makes plans.
+        shield: certifies that what they begin with ends at rest; None where that is not required.
     """
 
     def __init__(
@@ -118,10 +125,14 @@ class AvoidanceStep:
         fallback: Fallback,
         cruise: Cruise,
         planner: InductionPlanner,
+        shield: Shield | None = None,
     ) -> None:
         self._situation, self._clear_check = situation, clear_check
         self._fallback, self._cruise, self._planner = fallback, cruise, planner
+        self._shield = shield
         self._planned: list[PlannedStep] = []
+        # Which obstacle no plan was found around, and when to try again.
+        self._unplanned, self._retry_s = "", -math.inf
 
     def take_planned(self) -> list[PlannedStep]:
         """Return and forget the plans made since the last call."""
@@ -131,7 +142,13 @@ class AvoidanceStep:
     # ------------------------------------------------------------------ from begin to end
 
     def begin(self, obstacle: Obstacle, now_s: float) -> None:
-        """Plan the step around an obstacle whose region begins by the next tick."""
+        """Plan the step around an obstacle whose region begins by the next tick.
+
+        Where the vehicle stops in time all the same, it cruises on without a plan that certifies,
+        and tries again a little later.
+        """
+        if self._shield is not None and obstacle.id == self._unplanned and now_s < self._retry_s:
+            return
         current = self._situation.reference.current
         assert current is not None  # noqa: S101  what cruises has a reference
         front_m = obstacle.region.extent.x_min_m
@@ -141,8 +158,11 @@ class AvoidanceStep:
         start = current.sample(start_s)
         self._check_pre_condition(start, obstacle, now_s)
         avoidance = self._planner.plan(obstacle, start, start_s, start.velocity_leg_mps[X])
-        if avoidance is None:
+        if avoidance is None and self._shield is None:
             self._report_no_plan(obstacle, now_s)
+            return
+        if avoidance is None or not self._may_fly(avoidance, now_s):
+            self._unplanned, self._retry_s = obstacle.id, now_s + RETRY_S
             return
         self._fly(avoidance, now_s)
         text = f"avoiding {obstacle.id} ({avoidance.plan.kind})"
@@ -192,9 +212,15 @@ class AvoidanceStep:
         step = PlannedStep(avoidance.plan, avoidance.obstacle, situation.leg, plan_time_s)
         self._planned.append(step)
 
+    def _may_fly(self, avoidance: Avoidance, now_s: float) -> bool:
+        return self._shield is None or self._shield.accepts(avoidance.plan.trajectory, now_s)
+
     def _report_no_plan(self, obstacle: Obstacle, now_s: float) -> None:
         none = Violation(Assumption.PLAN_EXISTS, 0.0, 1.0, "plans", obstacle.id)
-        self._fallback.report_and_hold(none, now_s)
+        if self._shield is None:
+            self._fallback.report_and_hold(none, now_s)
+        else:
+            self._shield.report_and_divert(none, now_s)
 
     # ------------------------------------------------------------------ what turns out on the way
 
@@ -243,6 +269,8 @@ class AvoidanceStep:
         avoidance = self._situation.avoidance
         if avoidance is None or now_s >= avoidance.plan.trajectory.end_s:
             return
+        if self._shield is not None:
+            return  # what is flown is certified in the set that has been shifted, or braked for
         if not self._clear_check.is_clear(avoidance.plan.trajectory.from_time(now_s)):
             self._fallback.hold(violation, now_s)
 
@@ -253,7 +281,7 @@ class AvoidanceStep:
         if start is None:
             return False
         replanned = self._planner.plan(obstacle, start, start_s, avoidance.entry_speed_mps)
-        if replanned is None:
+        if replanned is None or not self._may_fly(replanned, now_s):
             return False
         self._fly(replanned, now_s)
         text = f"replanned around {obstacle.id} ({replanned.plan.kind})"

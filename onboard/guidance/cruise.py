@@ -7,6 +7,7 @@ from onboard.events import Event, EventName, Severity
 from onboard.guidance.envelope import envelope_from
 from onboard.guidance.fallback import Fallback
 from onboard.guidance.phases import FlightState, Trigger
+from onboard.guidance.shield import Shield
 from onboard.guidance.situation import Situation
 from onboard.monitoring.assumptions import Assumption, Violation
 from onboard.motion.trajectory import State, X
@@ -21,10 +22,13 @@ class Cruise:
     Args:
         situation: what is flown, and what is known.
         fallback: what is left if the cruise cannot go on.
+        shield: threads the rest of a leg that ends too near to an obstacle; None without one.
     """
 
-    def __init__(self, situation: Situation, fallback: Fallback) -> None:
-        self._situation, self._fallback = situation, fallback
+    def __init__(
+        self, situation: Situation, fallback: Fallback, shield: Shield | None = None
+    ) -> None:
+        self._situation, self._fallback, self._shield = situation, fallback, shield
         # Theory F: a drift may begin once the vehicle has flown straight on from here far enough.
         self._straight_from_x_m = 0.0
 
@@ -48,7 +52,7 @@ class Cruise:
             recentring_mps=terms.recentring_speed_mps if drifting else 0.0,
         )
         cruise = stopping or situation.braking_from(state, start_s)
-        situation.reference.fly(cruise)
+        situation.reference.intend(cruise)
         envelope = envelope_from(state, situation.envelope)
         certificate = certify_clear(cruise, state, start_s, envelope)
         if not certificate.valid:
@@ -67,7 +71,7 @@ class Cruise:
 
         Returns:
             the obstacle whose region begins before the next tick; None to cruise on, or if the leg
-            ends too near to an obstacle and the vehicle brakes to hover.
+            ends too near to an obstacle, so that the vehicle threads on, or brakes to hover.
         """
         situation = self._situation
         current = situation.reference.current
@@ -83,7 +87,10 @@ class Cruise:
         if end_x_m <= obstacle.region.x_pob_m and not situation.state.changes_mission:
             short_m = obstacle.region.x_pob_m - end_x_m
             too_near = Violation(Assumption.LEG_END_CLEAR, short_m, 0.0, "m", obstacle.id)
-            self._fallback.report_and_hold(too_near, now_s)
+            if self._shield is None:
+                self._fallback.report_and_hold(too_near, now_s)
+            else:
+                self._shield.report_and_divert(too_near, now_s)
             return None
         return obstacle
 

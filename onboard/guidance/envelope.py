@@ -69,6 +69,12 @@ def has_best_effort(assessment: Assessment) -> bool:
     return requirements.progress == "best_effort" and requirements.stop
 
 
+def is_shielded(assessment: Assessment) -> bool:
+    """Tell whether the induction flies, but only what carries a certified way to rest with it."""
+    requirements = assessment.contract.requirements
+    return requirements.progress == "guaranteed" and requirements.stop
+
+
 def broken_clauses(assessment: Assessment) -> list[str]:
     """Return which clauses keep the service in STANDBY; with best effort, those of safety."""
     best_effort = has_best_effort(assessment)

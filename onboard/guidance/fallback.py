@@ -46,7 +46,9 @@ class Fallback:
             how = "braking to hover where the vehicle is now"
             situation.reference.fly(braking)
             situation.rest_held = False
-        elif not situation.rest_held:
+        elif situation.rest_held:
+            situation.reference.fly_guard()
+        else:
             braking, how = self._way_to_hover(now_s)
             situation.reference.fly(braking)
         text = f"holding: {violation}; {how}"

@@ -13,9 +13,11 @@ from onboard.guidance.dense.thread import Thread
 from onboard.guidance.envelope import at_rest_speed_mps
 from onboard.guidance.fallback import Fallback
 from onboard.guidance.phases import FlightState, Trigger
+from onboard.guidance.shield import Shield
 from onboard.guidance.situation import Situation
 from onboard.monitoring.assumptions import Assumption, Violation
 from onboard.motion.trajectory import State
+from onboard.planning import closed_form
 from onboard.vehicle_state import Pose
 
 # A leg starts once the nose points along it, at rest, and the sensor has looked there since.
@@ -29,19 +31,26 @@ class LegProgress:
         situation: what is flown, and what is known.
         fallback: what is left if a leg ends away from its target.
         cruise: flies the leg once the nose is aligned.
-        thread: flies it with best effort instead; None where passing is guaranteed.
+        thread: flies it in the space seen free; None where no way to rest is required.
+        shield: certifies the cruise there.
     """
 
     def __init__(
-        self, situation: Situation, fallback: Fallback, cruise: Cruise, thread: Thread | None
+        self,
+        situation: Situation,
+        fallback: Fallback,
+        cruise: Cruise,
+        thread: Thread | None,
+        shield: Shield | None = None,
     ) -> None:
         self._situation, self._fallback, self._cruise = situation, fallback, cruise
-        self._thread = thread
+        self._thread, self._shield = thread, shield
         self._aligned_since_s: float | None = None
 
     def take_control(self, pose: Pose, now_s: float) -> None:
         """Come to a hover and start, or resume, the current leg (CONTROL_GRANTED)."""
-        granted = Trigger.CONTROL_GRANTED if self._thread is None else Trigger.BEST_EFFORT_GRANTED
+        best_effort = self._situation.best_effort
+        granted = Trigger.BEST_EFFORT_GRANTED if best_effort else Trigger.CONTROL_GRANTED
         self._situation.fire(granted, now_s)
         self._begin_leg(self._situation.measured_state(pose), pose, now_s)
 
@@ -54,6 +63,8 @@ class LegProgress:
         situation.rest_held = False
         if self._thread is not None:
             self._thread.release()
+        if self._shield is not None:
+            self._shield.release()
         situation.avoidance = None
         situation.obstacles.rejoin()
         self._restart_route()
@@ -111,15 +122,36 @@ class LegProgress:
         self._finish_leg(state, pose, now_s)
 
     def _begin_leg(self, state: State, pose: Pose, now_s: float) -> None:
-        if self._thread is None:
-            self._align(state, now_s)
-        else:
+        self._situation.rest_held = self._thread is not None
+        if self._thread is not None and self._situation.best_effort:
             self._thread.begin_leg(state, pose.yaw_rad, now_s)
-            self._situation.rest_held = True
+        else:
+            self._align(state, now_s)
+
+    def cruise_again(self, now_s: float) -> None:
+        """Begin to cruise where THREAD has seen that the vehicle may rest, if it still flies."""
+        situation = self._situation
+        state = situation.reference.sample(now_s)
+        if situation.state is FlightState.LOOKING and state is not None:
+            situation.fire(Trigger.START_SEEN, now_s)
+            self._align(state, now_s)
 
     def _align(self, state: State, now_s: float) -> None:
-        """Hover and turn the nose, and with it the sensor, along the leg."""
-        self._situation.reference.fly(self._situation.braking_from(state, now_s))
+        """Hover and turn the nose, and with it the sensor, along the leg.
+
+        A vehicle that is to hold a way to rest comes to the height of the leg meanwhile, at which
+        the space around it is seen.
+        """
+        situation = self._situation
+        situation.reference.heading_rad = 0.0
+        if self._thread is None or not situation.shielded:
+            hover = situation.braking_from(state, now_s)
+        else:
+            # At rest already, but for what it stops within its tracking error.
+            self._thread.release()
+            at_rest = State(state.position_leg_m, (0.0, 0.0, 0.0))
+            hover = closed_form.cruise(at_rest, now_s, situation.envelope, 0.0, z_m=0.0)
+        situation.reference.fly(hover)
         self._aligned_since_s = None
 
     def _await_alignment(self, pose: Pose, now_s: float) -> None:
@@ -136,6 +168,11 @@ class LegProgress:
         elif now_s - self._aligned_since_s >= look_s:
             state = situation.reference.sample(now_s)
             assert state is not None  # noqa: S101  aligning implies a reference
+            if self._shield is not None and not self._shield.rest(state, now_s):
+                situation.fire(Trigger.START_UNSEEN, now_s)
+                assert self._thread is not None  # noqa: S101  the shield has it
+                self._thread.begin_leg(state, pose.yaw_rad, now_s)
+                return
             situation.fire(Trigger.ALIGNED, now_s)
             self._cruise.fly_from(state, now_s)
 
@@ -152,8 +189,9 @@ class LegProgress:
         # From where the vehicle is: the last leg may have left it beside its end (erratum 16).
         north_m, east_m, _ = situation.leg.position_ned((x_m, y_m, 0.0))
         if situation.route.begin_next(north_m, east_m):
+            back = situation.shielded and situation.state.in_seen_space
+            situation.fire(Trigger.BACK_TO_CRUISE if back else Trigger.LEG_FLOWN, now_s)
             situation.rebuild_map()
-            situation.fire(Trigger.LEG_FLOWN, now_s)
             # After a climb the vehicle may still be a little above the cruise height.
             self._begin_leg(State((0.0, 0.0, z_m), (0.0, 0.0, 0.0)), pose, now_s)
         else:

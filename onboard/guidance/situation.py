@@ -12,7 +12,7 @@ from onboard.event_limiter import EventLimiter
 from onboard.events import Event, EventName, Severity
 from onboard.files.mission_file import Mission
 from onboard.geometry.frames import LegFrame
-from onboard.guidance.envelope import envelope_of, has_best_effort
+from onboard.guidance.envelope import envelope_of, has_best_effort, is_shielded
 from onboard.guidance.phases import FlightState, Trigger, next_state
 from onboard.guidance.reference import Reference
 from onboard.guidance.route import Route
@@ -97,6 +97,11 @@ class Situation:
         """Whether the mission is flown where passing obstacles is not guaranteed, and safely so."""
         return has_best_effort(self.assessment)
 
+    @property
+    def shielded(self) -> bool:
+        """Whether cruise and avoidance are flown only with a certified way to rest."""
+        return is_shielded(self.assessment)
+
     # ------------------------------------------------------------------ what changes
 
     def fire(self, trigger: Trigger, now_s: float, *, text: str = "") -> None:
@@ -174,7 +179,7 @@ class Situation:
         STANDBY, on the line from the start of the leg.  None where the vehicle flies in the space
         seen free only: there no size and no distance is assumed of any obstacle.
         """
-        if self.best_effort:
+        if self._assumes_nothing:
             return []
         state = self.reference.sample(now_s)
         x_m, y_m = (0.0, 0.0) if state is None else state.position_leg_m[:2]
@@ -190,7 +195,11 @@ class Situation:
         return [self.obstacles.of_track(each.members[0]) or each for each in met]
 
     @property
+    def _assumes_nothing(self) -> bool:
+        return self.best_effort or self.state.in_seen_space
+
+    @property
     def _merged_size_max_m(self) -> float:
         # Gaps in a dense field must not be merged away: nothing there depends on regions.
-        merging = self.adaptive and not self.best_effort
+        merging = self.adaptive and not self._assumes_nothing
         return measured_size_max(self.assessment.terms) if merging else 0.0

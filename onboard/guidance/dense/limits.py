@@ -37,8 +37,14 @@ def rest_limits_of(assessment: Assessment, *, any_heading: bool) -> RestLimits:
     )
 
 
-def run_on_of(assessment: Assessment) -> RunOn:
-    """Return how the vehicle runs on after a loss of the stream; nothing without the clause."""
+def run_on_of(assessment: Assessment, speed_max_mps: float | None = None) -> RunOn:
+    """Return how the vehicle runs on after a loss of the stream; nothing without the clause.
+
+    Args:
+        assessment: the contract in force.
+        speed_max_mps: greatest Euclidean speed of a setpoint, where it may exceed the contract's
+            speed along the leg.
+    """
     terms, limits = assessment.terms, assessment.limits
     if not terms.passive_safety:
         return NO_RUN_ON
@@ -47,7 +53,7 @@ def run_on_of(assessment: Assessment) -> RunOn:
         lag_s=terms.attitude_lag_s,
         # It may fly in any direction then.
         brake_mps2=min(limits.brake_mps2, limits.forward_mps2, limits.left_mps2, limits.right_mps2),
-        speed_max_mps=terms.cruise_speed_mps,
+        speed_max_mps=max(terms.cruise_speed_mps, speed_max_mps or 0.0),
         acceleration_max_mps2=math.hypot(
             max(limits.brake_mps2, limits.forward_mps2), max(limits.left_mps2, limits.right_mps2)
         ),
