@@ -5,12 +5,14 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Final
 
 from onboard.contract.assessment import TICK_S
+from onboard.contract.region import RegionOfInfluence
 from onboard.events import Event, EventName, Severity
 from onboard.geometry.frames import LegFrame
 from onboard.guidance.clear_check import ClearCheck
@@ -20,7 +22,7 @@ from onboard.guidance.phases import Condition, Trigger, post_condition, pre_cond
 from onboard.guidance.shield import Shield
 from onboard.guidance.situation import Avoidance, Situation
 from onboard.monitoring.assumptions import Assumption, Violation
-from onboard.motion.trajectory import State, X
+from onboard.motion.trajectory import State, X, Y
 from onboard.perception.obstacle_map import Obstacle
 from onboard.planning.planner import Plan, Planner
 from onboard.planning.problem import AvoidanceProblem, exit_speeds_mps
@@ -80,8 +82,9 @@ class InductionPlanner:
         """
         current = None if self._situation.avoidance is None else self._situation.avoidance.plan
         began_s, found = self._stopwatch(), None
-        for exit_mps in exit_speeds_mps(entry_mps, self._situation.envelope.speed_max_mps):
-            problem = self._problem(obstacle, start, start_s, exit_mps)
+        exits_mps = exit_speeds_mps(entry_mps, self._situation.envelope.speed_max_mps)
+        for region, exit_mps in itertools.product(self._regions(obstacle, start), exits_mps):
+            problem = self._problem(region, start, start_s, exit_mps)
             plan = self._planner.plan(problem, current)
             if isinstance(plan, Plan) and plan.kind != "brake":
                 found = Avoidance(obstacle, plan, entry_mps, exit_mps)
@@ -89,15 +92,28 @@ class InductionPlanner:
         self.plan_times_s.append(self._stopwatch() - began_s)
         return found
 
+    def _regions(self, obstacle: Obstacle, start: State) -> list[RegionOfInfluence]:
+        """Return the region to plan in; before it, one with the lane that leads to the target.
+
+        A leg is flown to its end only if it ends within the target: a side on which no way back to
+        it is needed comes first.  Without a way to rest the paper's choice is kept.
+        """
+        region = obstacle.region
+        half_m = self._situation.route.leg.target_half_width_m
+        if not self._situation.shielded or abs(start.position_leg_m[Y]) >= half_m:
+            return [region]
+        left_m, right_m = max(region.lane_left_m, -half_m), min(region.lane_right_m, half_m)
+        return [replace(region, lane_left_m=left_m, lane_right_m=right_m), region]
+
     def _problem(
-        self, obstacle: Obstacle, start: State, start_s: float, exit_speed_mps: float
+        self, region: RegionOfInfluence, start: State, start_s: float, exit_speed_mps: float
     ) -> AvoidanceProblem:
         # The set is seen at one height.
         climb_max_m = self._situation.route.mission.climb_max_m * (not self._situation.shielded)
         return AvoidanceProblem(
             start=start,
             start_s=start_s,
-            region=obstacle.region,
+            region=region,
             envelope=self._situation.envelope,
             exit_speed_mps=exit_speed_mps,
             climb_m=climb_max_m,
@@ -149,6 +165,7 @@ class AvoidanceStep:
         """
         if self._shield is not None and obstacle.id == self._unplanned and now_s < self._retry_s:
             return
+        obstacle = self._situation.to_avoid(obstacle)
         current = self._situation.reference.current
         assert current is not None  # noqa: S101  what cruises has a reference
         front_m = obstacle.region.extent.x_min_m
@@ -280,6 +297,7 @@ class AvoidanceStep:
         start = self._situation.reference.sample(start_s)
         if start is None:
             return False
+        obstacle = self._situation.to_avoid(obstacle)
         replanned = self._planner.plan(obstacle, start, start_s, avoidance.entry_speed_mps)
         if replanned is None or not self._may_fly(replanned, now_s):
             return False

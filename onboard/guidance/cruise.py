@@ -79,7 +79,7 @@ class Cruise:
         here = current.sample(now_s)
         x_m, y_m, _ = here.position_leg_m
         horizon_m = current.sample(now_s + TICK_S).position_leg_m[X] - x_m
-        obstacle = situation.obstacles.obstacle_of_interest(x_m, y_m, horizon_m=horizon_m)
+        obstacle = self._obstacle_to_avoid(x_m, y_m, horizon_m)
         end_x_m = current.final.position_leg_m[X]
         if obstacle is None or end_x_m < obstacle.region.keep_out.x_min_m:
             self._recentre(here, now_s)
@@ -93,6 +93,17 @@ class Cruise:
                 self._shield.report_and_divert(too_near, now_s)
             return None
         return obstacle
+
+    def _obstacle_to_avoid(self, x_m: float, y_m: float, horizon_m: float) -> Obstacle | None:
+        """Return the first obstacle on the way of which the avoidance begins within a horizon."""
+        situation = self._situation
+        if self._shield is None:
+            return situation.obstacles.obstacle_of_interest(x_m, y_m, horizon_m=horizon_m)
+        seen_m = situation.assessment.terms.detection_range_m
+        first = situation.obstacles.obstacle_of_interest(x_m, y_m, horizon_m=seen_m)
+        if first is None or situation.to_avoid(first).region.extent.x_min_m > x_m + horizon_m:
+            return None
+        return first
 
     def _recentre(self, here: State, now_s: float) -> None:
         """Begin or end the drift back to the leg line (theory F)."""

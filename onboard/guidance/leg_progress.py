@@ -184,7 +184,10 @@ class LegProgress:
         allowed_m = situation.route.leg.target_half_width_m
         if beside_m > allowed_m and not situation.state.changes_mission:
             missed = Violation(Assumption.TARGET_REACHED, beside_m, allowed_m, "m")
-            self._fallback.report_and_hold(missed, now_s)
+            if self._shield is not None and self._shield.guards:
+                self._shield.report_and_divert(missed, now_s)
+            else:
+                self._fallback.report_and_hold(missed, now_s)
             return
         # From where the vehicle is: the last leg may have left it beside its end (erratum 16).
         north_m, east_m, _ = situation.leg.position_ned((x_m, y_m, 0.0))

@@ -21,7 +21,7 @@ from onboard.guidance.dense.seen_space import NothingSeen, SeenSpace, take_opera
 from onboard.guidance.envelope import envelope_from
 from onboard.guidance.phases import FlightState, Phase, Trigger
 from onboard.guidance.tails import ways_to_rest
-from onboard.motion.trajectory import Trajectory
+from onboard.motion.trajectory import Trajectory, X
 from onboard.planning.rest_certifier import RestLimits, certify_rest, velocity_points_mps
 
 if TYPE_CHECKING:
@@ -194,13 +194,13 @@ class Shield:
         if head is None:
             return False
         for way in ways_to_rest(head, intended, situation.envelope):
-            if self._certifies(way, start, now_s):
+            if self._certifies(way, start, now_s, switch=head.final):
                 self._guarded, situation.reference.guard = intended, way
                 self.certified = True
                 self._due_s, self._switch_s = now_s + RENEWAL_S, head.end_s
                 self.renewals += 1
                 if self.renewals % _MARGIN_EVERY == 1:
-                    self._state_margin(way, start, now_s)
+                    self._state_margin(way, start, now_s, head.final)
                 return True
         self._due_s = now_s
         return False
@@ -217,23 +217,32 @@ class Shield:
             return None
         return flown.from_time(now_s).until(begins_s).followed_by(ahead)
 
-    def _certifies(self, way: Trajectory, start: State, now_s: float, more_m: float = 0.0) -> bool:
-        limits = self._limits(way, start, more_m)
+    def _certifies(
+        self,
+        way: Trajectory,
+        start: State,
+        now_s: float,
+        *,
+        switch: State | None = None,
+        more_m: float = 0.0,
+    ) -> bool:
+        limits = self._limits(way, switch or start, more_m)
         return certify_rest(way, start, now_s, limits, self._seen.grid()).valid
 
-    def _limits(self, way: Trajectory, start: State, more_m: float) -> RestLimits:
+    def _limits(self, way: Trajectory, switch: State, more_m: float) -> RestLimits:
         """Return the limits of what the induction flies: along the leg, its nose aligned.
 
+        An acceleration that braking has yet to end at the switch leads beyond the cruise speed.
         Sideways speed is bounded by nothing but W, so that the run-on is taken for the greatest
         speed of this very way.
         """
         situation = self._situation
         assessment = situation.assessment
-        envelope = envelope_from(start, situation.envelope)
-        points_mps = velocity_points_mps(way)[:, :, :2]
+        envelope = envelope_from(switch, situation.envelope)
         speed_mps = envelope.speed_max_mps + _SPEED_TOLERANCE_MPS
-        if points_mps[:, :, 0].max() <= speed_mps:
-            speed_mps = max(speed_mps, float(np.hypot(*points_mps.reshape(-1, 2).T).max()))
+        if way.velocity_range_mps(X)[1] <= speed_mps:
+            points_mps = velocity_points_mps(way)[:, :, :2].reshape(-1, 2)
+            speed_mps = max(speed_mps, float(np.hypot(*points_mps.T).max()))
         limits = assessment.limits
         jerk_x_mps3, jerk_y_mps3, _ = envelope.jerk_max_mps3
         return RestLimits(
@@ -251,9 +260,9 @@ class Shield:
             jerk_y_max_mps3=jerk_y_mps3,
         )
 
-    def _state_margin(self, way: Trajectory, start: State, now_s: float) -> None:
+    def _state_margin(self, way: Trajectory, start: State, now_s: float, switch: State) -> None:
         self.margin_m = 0.0
         for margin_m in _MARGINS_M:
-            if not self._certifies(way, start, now_s, margin_m):
+            if not self._certifies(way, start, now_s, switch=switch, more_m=margin_m):
                 return
             self.margin_m = margin_m

@@ -6,6 +6,7 @@ The parts decide; they hold no state of the flight beyond what only they need.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Final
 
 from onboard.contract.assessment import Assessment
 from onboard.event_limiter import EventLimiter
@@ -22,6 +23,10 @@ from onboard.perception.obstacle_map import Obstacle, ObstacleMap
 from onboard.planning.closed_form import brake_to_hover
 from onboard.planning.planner import Plan
 from onboard.vehicle_state import Pose
+
+# Between an obstacle and what is seen free lie at most a cell that it touches, one that the
+# certifier rounds out to, and the bins of bearing.
+GRID_MARGIN_M: Final = 0.2
 
 
 @dataclass(frozen=True)
@@ -167,6 +172,17 @@ class Situation:
             self.leg.position_leg(pose.position_ned_m),
             self.leg.vector_leg(pose.velocity_ned_mps),
         )
+
+    def to_avoid(self, obstacle: Obstacle) -> Obstacle:
+        """Return an obstacle as a plan around it has to take it.
+
+        Where the plan has to be certified in the space seen free, whose cells next to a face are
+        never free, the plan keeps away by that much more.
+        """
+        if not self.shielded:
+            return obstacle
+        error_m = max(obstacle.position_error_m, self.assessment.face_error_m) + GRID_MARGIN_M
+        return replace(obstacle, region=self.assessment.region_around(obstacle.measured, error_m))
 
     def braking_from(self, state: State, now_s: float) -> Trajectory:
         """Return the trajectory that brakes to hover from a state."""
