@@ -121,10 +121,10 @@ def _motion_failures(trajectory: Trajectory, limits: RestLimits) -> list[str]:
     brake, forward, left, right = limits.acceleration_max_mps2
     acceleration = np.concatenate((trajectory.acceleration_leg_mps2, trajectory.ends[2]))
     ax, ay = acceleration[:, X], acceleration[:, Y]
-    jerk = np.abs(trajectory.jerk_leg_mps3)
+    jerk = np.abs(trajectory.jerk_leg_mps3[:, :2])
     across_mps3 = limits.jerk_y_max_mps3
-    jerk_max_mps3 = np.array((limits.jerk_max_mps3,) * 3)
-    jerk_max_mps3[Y] = limits.jerk_max_mps3 if across_mps3 is None else across_mps3
+    along_mps3 = limits.jerk_max_mps3
+    jerk_max_mps3 = np.array((along_mps3, along_mps3 if across_mps3 is None else across_mps3))
     speed = np.hypot(*velocity_points_mps(trajectory)[:, :, :2].reshape(-1, 2).T)
     for clause, excess, tolerance, unit in (
         ("braking limit exceeded", -ax - brake, ACCELERATION_TOLERANCE_MPS2, "m/s²"),
