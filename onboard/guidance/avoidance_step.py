@@ -9,7 +9,6 @@ import itertools
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Final
 
 from onboard.contract.assessment import TICK_S
 from onboard.contract.region import RegionOfInfluence
@@ -20,15 +19,13 @@ from onboard.guidance.cruise import Cruise
 from onboard.guidance.fallback import Fallback
 from onboard.guidance.phases import Condition, Trigger, post_condition, pre_condition
 from onboard.guidance.shield import Shield
-from onboard.guidance.situation import Avoidance, Situation
+from onboard.guidance.situation import RETRY_S, Avoidance, Situation
 from onboard.monitoring.assumptions import Assumption, Violation
 from onboard.motion.trajectory import State, X, Y
 from onboard.perception.obstacle_map import Obstacle
 from onboard.planning.planner import Plan, Planner
 from onboard.planning.problem import AvoidanceProblem, exit_speeds_mps
 
-# Planning takes a while: without a plan that certifies it is tried again after this.
-RETRY_S: Final = 0.2
 # The speed of a cruise may exceed the contract's by round-off.
 _ROUND_OFF_MPS = 1e-9
 
@@ -168,7 +165,7 @@ class AvoidanceStep:
         obstacle = self._situation.to_avoid(obstacle)
         current = self._situation.reference.current
         assert current is not None  # noqa: S101  what cruises has a reference
-        front_m = obstacle.region.extent.x_min_m
+        front_m = self._situation.avoids_from_x_m(obstacle)
         start_s = current.from_time(now_s).first_time_s(X, front_m)
         # An obstacle first seen inside its region is planned against from where the vehicle is.
         start_s = now_s if start_s is None or start_s < now_s else min(start_s, now_s + TICK_S)

@@ -101,9 +101,10 @@ class Cruise:
             return situation.obstacles.obstacle_of_interest(x_m, y_m, horizon_m=horizon_m)
         seen_m = situation.assessment.terms.detection_range_m
         first = situation.obstacles.obstacle_of_interest(x_m, y_m, horizon_m=seen_m)
-        if first is None or situation.to_avoid(first).region.extent.x_min_m > x_m + horizon_m:
+        if first is None:
             return None
-        return first
+        begins_m = situation.avoids_from_x_m(situation.to_avoid(first))
+        return first if begins_m <= x_m + horizon_m else None
 
     def _recentre(self, here: State, now_s: float) -> None:
         """Begin or end the drift back to the leg line (theory F)."""

@@ -20,6 +20,7 @@ from onboard.guidance.dense.limits import run_on_of
 from onboard.guidance.dense.seen_space import NothingSeen, SeenSpace, take_operators_word
 from onboard.guidance.envelope import envelope_from
 from onboard.guidance.phases import FlightState, Phase, Trigger
+from onboard.guidance.situation import GUARD_AHEAD_S
 from onboard.guidance.tails import ways_to_rest
 from onboard.motion.trajectory import Trajectory, X
 from onboard.planning.rest_certifier import RestLimits, certify_rest, velocity_points_mps
@@ -30,10 +31,8 @@ if TYPE_CHECKING:
     from onboard.monitoring.assumptions import Violation
     from onboard.motion.trajectory import State
 
-# A certificate is renewed this often, and every tick once that fails.
-RENEWAL_S: Final = 0.1
-# What is intended is certified for this long, braking after it: two ticks to try again.
-AHEAD_S: Final = RENEWAL_S + 2.0 * TICK_S
+# A certificate is renewed this often, and every tick once that fails: two ticks are left then.
+RENEWAL_S: Final = GUARD_AHEAD_S - 2.0 * TICK_S
 # At rest before the first way: so long to find one, before the leg is threaded.
 _PATIENCE_S: Final = 1.0
 # The margin is stated for every so many renewals, in these steps.
@@ -208,7 +207,7 @@ class Shield:
     def _head(self, intended: Trajectory, now_s: float) -> Trajectory | None:
         """Return what is flown until the intended trajectory starts, and that until the switch."""
         begins_s = max(intended.start_s, now_s)
-        ahead = intended.until(now_s + AHEAD_S).from_time(begins_s)
+        ahead = intended.until(now_s + GUARD_AHEAD_S).from_time(begins_s)
         if begins_s <= now_s:
             return ahead
         reference = self._situation.reference

@@ -8,7 +8,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import Final
 
-from onboard.contract.assessment import Assessment
+from onboard.contract.assessment import TICK_S, Assessment
 from onboard.event_limiter import EventLimiter
 from onboard.events import Event, EventName, Severity
 from onboard.files.mission_file import Mission
@@ -27,6 +27,11 @@ from onboard.vehicle_state import Pose
 # Between an obstacle and what is seen free lie at most a cell that it touches, one that the
 # certifier rounds out to, and the bins of bearing.
 GRID_MARGIN_M: Final = 0.2
+
+# What is intended is certified for this long ahead, braking after it (`onboard.guidance.shield`).
+GUARD_AHEAD_S: Final = 0.1 + 2.0 * TICK_S
+# Planning takes a while: without a plan that certifies it is tried again after this.
+RETRY_S: Final = 0.2
 
 
 @dataclass(frozen=True)
@@ -183,6 +188,21 @@ class Situation:
             return obstacle
         error_m = max(obstacle.position_error_m, self.assessment.face_error_m) + GRID_MARGIN_M
         return replace(obstacle, region=self.assessment.region_around(obstacle.measured, error_m))
+
+    def avoids_from_x_m(self, obstacle: Obstacle) -> float:
+        """Return the place along the leg from which an obstacle, as `to_avoid` has it, is avoided.
+
+        That is the front of its region, or before it, where the vehicle could not stop any more
+        from there: it is stopped by the shield otherwise.
+        """
+        front_m = obstacle.region.extent.x_min_m
+        if not self.shielded:
+            return front_m
+        terms, brake_mps2 = self.assessment.terms, self.assessment.limits.brake_mps2
+        speed_mps = terms.cruise_speed_mps
+        stopping_m = speed_mps**2 / (2.0 * brake_mps2) + speed_mps * terms.attitude_lag_s
+        decided_m = speed_mps * (GUARD_AHEAD_S + 2.0 * RETRY_S)
+        return min(front_m, obstacle.region.keep_out.x_min_m - stopping_m - decided_m)
 
     def braking_from(self, state: State, now_s: float) -> Trajectory:
         """Return the trajectory that brakes to hover from a state."""
