@@ -94,6 +94,18 @@ class Cruise:
             return None
         return obstacle
 
+    def keep_guarded(self, shield: Shield, now_s: float) -> None:
+        """Have what is intended certified; where what is flown has left it, go on from there."""
+        situation = self._situation
+        flown = situation.reference.sample(now_s)
+        renewed = shield.advance(now_s)
+        off_course = situation.state.cruising_freely and shield.is_off_course(now_s)
+        if not renewed and off_course and flown is not None:
+            self.fly_from(flown, now_s)
+            renewed = shield.guards and shield.advance(now_s)
+        if not renewed and shield.guards:
+            shield.divert_if_due(now_s)
+
     def _obstacle_to_avoid(self, x_m: float, y_m: float, horizon_m: float) -> Obstacle | None:
         """Return the first obstacle on the way of which the avoidance begins within a horizon."""
         situation = self._situation

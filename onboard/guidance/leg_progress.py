@@ -115,25 +115,27 @@ class LegProgress:
             self._await_alignment(pose, now_s)
         return not state.cruising_freely
 
-    def end_leg(self, pose: Pose, now_s: float) -> None:
-        """End a leg where the vehicle has come to rest."""
-        state = self._situation.reference.sample(now_s)
+    def thread_on(self, thread: Thread, pose: Pose, now_s: float) -> None:
+        """Thread until the next tick; end a leg that has been flown, or cruise where that begins.
+
+        Where passing is guaranteed, a place that has been looked at all round starts the cruise.
+        """
+        situation, confirming = self._situation, thread.confirms_start
+        flown = thread.advance(pose, now_s)
+        state = situation.reference.sample(now_s)
         assert state is not None  # noqa: S101  what threads has a reference
-        self._finish_leg(state, pose, now_s)
+        looked = confirming and not thread.confirms_start
+        if flown:
+            self._finish_leg(state, pose, now_s)
+        elif looked and situation.shielded and situation.state is FlightState.LOOKING:
+            situation.fire(Trigger.START_SEEN, now_s)
+            self._align(state, now_s)
 
     def _begin_leg(self, state: State, pose: Pose, now_s: float) -> None:
         self._situation.rest_held = self._thread is not None
         if self._thread is not None and self._situation.best_effort:
             self._thread.begin_leg(state, pose.yaw_rad, now_s)
         else:
-            self._align(state, now_s)
-
-    def cruise_again(self, now_s: float) -> None:
-        """Begin to cruise where THREAD has seen that the vehicle may rest, if it still flies."""
-        situation = self._situation
-        state = situation.reference.sample(now_s)
-        if situation.state is FlightState.LOOKING and state is not None:
-            situation.fire(Trigger.START_SEEN, now_s)
             self._align(state, now_s)
 
     def _align(self, state: State, now_s: float) -> None:

@@ -60,9 +60,8 @@ class Navigator:
         induction_planner = InductionPlanner(situation, planner, stopwatch)
         self.plan_times_s = induction_planner.plan_times_s
         self._fallback = fallback = Fallback(situation, clear_check)
-        stops = situation.best_effort or situation.shielded
-        self.thread = thread = Thread(situation, fallback) if stops else None
-        self.shield = shield = None if thread is None else Shield(situation, thread)
+        self.thread = thread = Thread(situation, fallback) if assessment.terms.stop else None
+        self.shield = shield = Shield(situation, thread) if thread else None
         self._cruise = cruise = Cruise(situation, fallback, shield)
         self._leg_progress = LegProgress(situation, fallback, cruise, thread, shield)
         self._avoidance_step = AvoidanceStep(
@@ -119,25 +118,9 @@ class Navigator:
         return self.state.in_seen_space or (self.situation.shielded and self.flying)
 
     @property
-    def rest_certified(self) -> bool | None:
-        """Whether what is flown is a way to rest in the space seen free; None without one."""
-        if self.shield is not None and self.shield.certified is not None:
-            return self.shield.certified
-        return None if self.thread is None else self.thread.way.certified
-
-    @property
-    def rest_margin_m(self) -> float | None:
-        """By how much the body could be larger in it, in steps; None if that was not found."""
-        if self.shield is not None and self.shield.certified is not None:
-            return self.shield.margin_m
-        return None if self.thread is None else self.thread.way.margin_m
-
-    @property
     def pointing_rad(self) -> float | None:
         """Where the nose is told to point, clockwise from north; None while it turns."""
-        threads = self.thread is not None and self.state.in_seen_space
-        turning = threads and self.thread is not None and not self.thread.nose_steady
-        if turning or not self.moving:
+        if (self.thread is not None and self.thread.turns_nose) or not self.moving:
             return None
         return wrap_angle(self.leg.heading_rad + self.situation.reference.heading_rad)
 
@@ -156,9 +139,8 @@ class Navigator:
 
     def see_by(self, seen: SeenSpace) -> None:
         """Fly, where a way to rest has to be held, in the space that this set says is free."""
-        for part in (self.thread, self.shield):
-            if part is not None:
-                part.see_by(seen)
+        if self.shield is not None:
+            self.shield.see_by(seen)
 
     def departure_refusals(self, pose: Pose) -> list[Refusal]:
         """Return why the leg may not be started or resumed from here; empty if it may."""
@@ -187,11 +169,7 @@ class Navigator:
     def advance(self, pose: Pose, now_s: float) -> None:
         """Decide what is flown until the next tick."""
         if self.thread is not None and self.state.in_seen_space:
-            confirming = self.thread.confirms_start
-            if self.thread.advance(pose, now_s):
-                self._leg_progress.end_leg(pose, now_s)
-            elif confirming and self.situation.shielded and not self.thread.confirms_start:
-                self._leg_progress.cruise_again(now_s)
+            self._leg_progress.thread_on(self.thread, pose, now_s)
             return
         if self.phase is Phase.AVOID:
             self._avoidance_step.advance(now_s)
@@ -200,15 +178,4 @@ class Navigator:
             if obstacle is not None:
                 self._avoidance_step.begin(obstacle, now_s)
         if self.shield is not None and self.shield.guards:
-            self._renew_guard(self.shield, now_s)
-
-    def _renew_guard(self, shield: Shield, now_s: float) -> None:
-        """Certify what is intended; where what is flown has left it, intend to go on from there."""
-        flown = self.situation.reference.sample(now_s)
-        renewed = shield.advance(now_s)
-        off_course = not renewed and self.cruising_freely and shield.is_off_course(now_s)
-        if off_course and flown is not None:
-            self._cruise.fly_from(flown, now_s)
-            renewed = shield.advance(now_s)
-        if not renewed and shield.guards:
-            shield.divert_if_due(now_s)
+            self._cruise.keep_guarded(self.shield, now_s)

@@ -26,6 +26,8 @@ from onboard.motion.trajectory import Trajectory, X
 from onboard.planning.rest_certifier import RestLimits, certify_rest, velocity_points_mps
 
 if TYPE_CHECKING:
+    from onboard.geometry.frames import FloatArray
+    from onboard.geometry.free_grid import FreeGrid
     from onboard.guidance.dense.thread import Thread
     from onboard.guidance.situation import Situation
     from onboard.monitoring.assumptions import Violation
@@ -67,9 +69,9 @@ class Shield:
         self._due_s = self._switch_s = -math.inf
 
     def see_by(self, seen: SeenSpace) -> None:
-        """Certify in this set; before, nothing is free."""
+        """Fly in the space that this set says was seen free; before, nothing was."""
         self._seen = seen
-        seen.relied_on = True
+        self._thread.see_by(seen)
 
     @property
     def guards(self) -> bool:
@@ -78,6 +80,39 @@ class Shield:
         state = situation.state
         moving = state.cruising_freely or state.phase is Phase.AVOID
         return situation.shielded and moving
+
+    # ------------------------------------------------------------------ for the record
+
+    @property
+    def rest_certified(self) -> bool | None:
+        """Whether what is flown is a way to rest in the space seen free; None without one."""
+        return self._thread.way.certified if self.certified is None else self.certified
+
+    @property
+    def rest_margin_m(self) -> float | None:
+        """By how much the body could be larger in it, in steps; None if that was not found."""
+        return self._thread.way.margin_m if self.certified is None else self.margin_m
+
+    @property
+    def free_grid(self) -> FreeGrid | None:
+        """The seen-free set, leg frame; None before it matters."""
+        return self._thread.free_grid if self.certified is None else self._seen.grid()
+
+    @property
+    def held_way(self) -> Trajectory | None:
+        """The way to rest that is flown."""
+        guard = self._situation.reference.guard
+        return self._thread.held_way if guard is None else guard
+
+    @property
+    def guide_path_leg_m(self) -> FloatArray | None:
+        """The way to try, (k, 2); None where no way leads on, or none is sought."""
+        return self._thread.guide_path_leg_m if self.certified is None else None
+
+    @property
+    def pause_reason(self) -> str | None:
+        """Why the vehicle rests; None while it flies on."""
+        return self._thread.pause_reason
 
     # ------------------------------------------------------------------ at rest, before a leg
 

@@ -109,6 +109,11 @@ class Thread:
         return self._leg.pause.count
 
     @property
+    def turns_nose(self) -> bool:
+        """Whether the nose may still be on its way to where it was told to point."""
+        return self._situation.state.in_seen_space and not self.nose_steady
+
+    @property
     def confirms_start(self) -> bool:
         """Whether the vehicle looks all round, since the place where it hovers has to be seen."""
         return self._confirming
