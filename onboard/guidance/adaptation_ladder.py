@@ -12,10 +12,10 @@ from onboard.contract.assessment import Assessment
 from onboard.events import Event, EventName, Severity
 from onboard.guidance.avoidance_step import AvoidanceStep
 from onboard.guidance.cruise import Cruise
+from onboard.guidance.dense.shield import Shield
 from onboard.guidance.envelope import peak_speed_mps
 from onboard.guidance.fallback import Fallback
 from onboard.guidance.phases import Phase
-from onboard.guidance.shield import Shield
 from onboard.guidance.situation import Situation
 from onboard.monitoring.adaptation import (
     Adaptation,

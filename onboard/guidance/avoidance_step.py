@@ -1,30 +1,24 @@
-"""One step of the induction: plan around an obstacle of interest, fly the plan, cruise on.
-
-`AvoidanceStep` checks and follows a plan; `InductionPlanner` makes it.
-"""
+"""One step of the induction: begin a plan around an obstacle, check it, follow it, cruise on."""
 
 from __future__ import annotations
 
-import itertools
 import math
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 from onboard.contract.assessment import TICK_S
-from onboard.contract.region import RegionOfInfluence
 from onboard.events import Event, EventName, Severity
 from onboard.geometry.frames import LegFrame
 from onboard.guidance.clear_check import ClearCheck
 from onboard.guidance.cruise import Cruise
+from onboard.guidance.dense.shield import Shield
 from onboard.guidance.fallback import Fallback
+from onboard.guidance.induction_planner import InductionPlanner
 from onboard.guidance.phases import Condition, Trigger, post_condition, pre_condition
-from onboard.guidance.shield import Shield
 from onboard.guidance.situation import RETRY_S, Avoidance, Situation
 from onboard.monitoring.assumptions import Assumption, Violation
-from onboard.motion.trajectory import State, X, Y
+from onboard.motion.trajectory import State, X
 from onboard.perception.obstacle_map import Obstacle
-from onboard.planning.planner import Plan, Planner
-from onboard.planning.problem import AvoidanceProblem, exit_speeds_mps
+from onboard.planning.planner import Plan
 
 # The speed of a cruise may exceed the contract's by round-off.
 _ROUND_OFF_MPS = 1e-9
@@ -45,78 +39,6 @@ class PlannedStep:
     obstacle: Obstacle
     leg: LegFrame
     plan_time_s: float
-
-
-class InductionPlanner:
-    """Plans around one obstacle under the contract in force.
-
-    Args:
-        situation: what is flown, and what is known.
-        planner: Eq. 17.
-        stopwatch: reads a clock in seconds, only to report how long planning took.
-
-    Attributes:
-        plan_times_s: duration of each planning, in order.
-    """
-
-    def __init__(
-        self, situation: Situation, planner: Planner, stopwatch: Callable[[], float]
-    ) -> None:
-        self._situation, self._planner, self._stopwatch = situation, planner, stopwatch
-        self.plan_times_s: list[float] = []
-
-    def plan(
-        self, obstacle: Obstacle, start: State, start_s: float, entry_mps: float
-    ) -> Avoidance | None:
-        """Return the first plan that certifies and passes the obstacle.
-
-        Args:
-            obstacle: what to avoid.
-            start: where the plan starts, leg frame.
-            start_s: when it starts.
-            entry_mps: speed along the leg at the beginning of the step; exit speeds are tried
-                from it downwards.
-        """
-        current = None if self._situation.avoidance is None else self._situation.avoidance.plan
-        began_s, found = self._stopwatch(), None
-        exits_mps = exit_speeds_mps(entry_mps, self._situation.envelope.speed_max_mps)
-        for region, exit_mps in itertools.product(self._regions(obstacle, start), exits_mps):
-            problem = self._problem(region, start, start_s, exit_mps)
-            plan = self._planner.plan(problem, current)
-            if isinstance(plan, Plan) and plan.kind != "brake":
-                found = Avoidance(obstacle, plan, entry_mps, exit_mps)
-                break
-        self.plan_times_s.append(self._stopwatch() - began_s)
-        return found
-
-    def _regions(self, obstacle: Obstacle, start: State) -> list[RegionOfInfluence]:
-        """Return the region to plan in; before it, one with the lane that leads to the target.
-
-        A leg is flown to its end only if it ends within the target: a side on which no way back to
-        it is needed comes first.  Without a way to rest the paper's choice is kept.
-        """
-        region = obstacle.region
-        half_m = self._situation.route.leg.target_half_width_m
-        if not self._situation.shielded or abs(start.position_leg_m[Y]) >= half_m:
-            return [region]
-        left_m, right_m = max(region.lane_left_m, -half_m), min(region.lane_right_m, half_m)
-        return [replace(region, lane_left_m=left_m, lane_right_m=right_m), region]
-
-    def _problem(
-        self, region: RegionOfInfluence, start: State, start_s: float, exit_speed_mps: float
-    ) -> AvoidanceProblem:
-        # The set is seen at one height.
-        climb_max_m = self._situation.route.mission.climb_max_m * (not self._situation.shielded)
-        return AvoidanceProblem(
-            start=start,
-            start_s=start_s,
-            region=region,
-            envelope=self._situation.envelope,
-            exit_speed_mps=exit_speed_mps,
-            climb_m=climb_max_m,
-            climb_preferred=climb_max_m > 0.0,
-            coast_time_s=self._situation.assessment.inflated.encounter.coast_time_s,
-        )
 
 
 class AvoidanceStep:
@@ -162,15 +84,17 @@ class AvoidanceStep:
         """
         if self._shield is not None and obstacle.id == self._unplanned and now_s < self._retry_s:
             return
-        obstacle = self._situation.to_avoid(obstacle)
+        again, seen = obstacle.id == self._unplanned, obstacle
+        obstacle = self._situation.to_avoid(seen)
         current = self._situation.reference.current
         assert current is not None  # noqa: S101  what cruises has a reference
-        front_m = self._situation.avoids_from_x_m(obstacle)
+        front_m = obstacle.region.extent.x_min_m
         start_s = current.from_time(now_s).first_time_s(X, front_m)
         # An obstacle first seen inside its region is planned against from where the vehicle is.
         start_s = now_s if start_s is None or start_s < now_s else min(start_s, now_s + TICK_S)
         start = current.sample(start_s)
-        self._check_pre_condition(start, obstacle, now_s)
+        if not again:
+            self._check_pre_condition(start, seen, now_s)
         avoidance = self._planner.plan(obstacle, start, start_s, start.velocity_leg_mps[X])
         if avoidance is None and self._shield is None:
             self._report_no_plan(obstacle, now_s)
@@ -178,6 +102,7 @@ class AvoidanceStep:
         if avoidance is None or not self._may_fly(avoidance, now_s):
             self._unplanned, self._retry_s = obstacle.id, now_s + RETRY_S
             return
+        self._unplanned = ""
         self._fly(avoidance, now_s)
         text = f"avoiding {obstacle.id} ({avoidance.plan.kind})"
         self._situation.fire(Trigger.PRE_CONDITION, now_s, text=text)

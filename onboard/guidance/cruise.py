@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from onboard.contract.assessment import TICK_S
 from onboard.events import Event, EventName, Severity
+from onboard.guidance.dense.shield import Shield
 from onboard.guidance.envelope import envelope_from
 from onboard.guidance.fallback import Fallback
 from onboard.guidance.phases import FlightState, Trigger
-from onboard.guidance.shield import Shield
 from onboard.guidance.situation import Situation
 from onboard.monitoring.assumptions import Assumption, Violation
 from onboard.motion.trajectory import State, X
@@ -115,7 +115,7 @@ class Cruise:
         first = situation.obstacles.obstacle_of_interest(x_m, y_m, horizon_m=seen_m)
         if first is None:
             return None
-        begins_m = situation.avoids_from_x_m(situation.to_avoid(first))
+        begins_m = situation.to_avoid(first).region.extent.x_min_m
         return first if begins_m <= x_m + horizon_m else None
 
     def _recentre(self, here: State, now_s: float) -> None:

@@ -6,7 +6,7 @@ import math
 from dataclasses import replace
 from typing import Final
 
-from onboard.contract.agility import GRAVITY_MPS2
+from onboard.contract.agility import GRAVITY_MPS2, AccelerationLimits
 from onboard.contract.assessment import Assessment
 from onboard.motion.axis_profile import coasting_speed
 from onboard.motion.trajectory import State, X
@@ -17,6 +17,9 @@ from onboard.planning.problem import Envelope
 # wanders with it.
 AT_REST_MPS: Final = 0.3
 AT_REST_MAX_MPS: Final = 1.0
+
+# A leg starts once the nose points along it, at rest, and the sensor has looked there since.
+HEADING_TOLERANCE_RAD: Final = math.radians(5.0)
 
 
 def envelope_of(assessment: Assessment) -> Envelope:
@@ -42,6 +45,20 @@ def envelope_from(state: State, envelope: Envelope) -> Envelope:
     """Return an envelope that also admits the speed from which a state has yet to slow down."""
     speed_max_mps = max(envelope.speed_max_mps, peak_speed_mps(state, envelope))
     return replace(envelope, speed_max_mps=speed_max_mps)
+
+
+def any_heading(envelope: Envelope) -> Envelope:
+    """Return limits that hold wherever the nose points: a square in the disc of the least one."""
+    limits = envelope.limits
+    least_mps2 = min(limits.brake_mps2, limits.forward_mps2, limits.left_mps2, limits.right_mps2)
+    least_mps2 /= math.sqrt(2.0)
+    jerk_x_mps3, jerk_y_mps3, jerk_z_mps3 = envelope.jerk_max_mps3
+    jerk_mps3 = min(jerk_x_mps3, jerk_y_mps3) / math.sqrt(2.0)
+    return replace(
+        envelope,
+        limits=AccelerationLimits(least_mps2, least_mps2, least_mps2, least_mps2),
+        jerk_max_mps3=(jerk_mps3, jerk_mps3, jerk_z_mps3),
+    )
 
 
 def peak_speed_mps(state: State, envelope: Envelope) -> float:

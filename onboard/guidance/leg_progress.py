@@ -3,25 +3,21 @@
 from __future__ import annotations
 
 import math
-from typing import Final
 
 from onboard.events import Event, EventData, EventName, Severity
 from onboard.files.mission_file import Mission
 from onboard.geometry.frames import wrap_angle
 from onboard.guidance.cruise import Cruise
+from onboard.guidance.dense.shield import Shield
 from onboard.guidance.dense.thread import Thread
-from onboard.guidance.envelope import at_rest_speed_mps
+from onboard.guidance.envelope import HEADING_TOLERANCE_RAD, at_rest_speed_mps
 from onboard.guidance.fallback import Fallback
 from onboard.guidance.phases import FlightState, Trigger
-from onboard.guidance.shield import Shield
 from onboard.guidance.situation import Situation
 from onboard.monitoring.assumptions import Assumption, Violation
 from onboard.motion.trajectory import State
 from onboard.planning import closed_form
 from onboard.vehicle_state import Pose
-
-# A leg starts once the nose points along it, at rest, and the sensor has looked there since.
-HEADING_TOLERANCE_RAD: Final = math.radians(5.0)
 
 
 class LegProgress:

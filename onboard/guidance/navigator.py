@@ -12,16 +12,17 @@ from onboard.contract.assessment import Assessment
 from onboard.files.mission_file import Mission
 from onboard.geometry.frames import LegFrame, Vector, wrap_angle
 from onboard.guidance.adaptation_ladder import AdaptationLadder
-from onboard.guidance.avoidance_step import AvoidanceStep, InductionPlanner
+from onboard.guidance.avoidance_step import AvoidanceStep
 from onboard.guidance.clear_check import ClearCheck
 from onboard.guidance.cruise import Cruise
 from onboard.guidance.dense.seen_space import SeenSpace
+from onboard.guidance.dense.shield import Shield
 from onboard.guidance.dense.thread import Thread
 from onboard.guidance.departure import Refusal, departure_refusals
 from onboard.guidance.fallback import Fallback
+from onboard.guidance.induction_planner import InductionPlanner
 from onboard.guidance.leg_progress import LegProgress
 from onboard.guidance.phases import FlightState, Phase
-from onboard.guidance.shield import Shield
 from onboard.guidance.situation import Avoidance, Situation
 from onboard.monitoring.assumptions import Violation
 from onboard.motion.trajectory import State
@@ -59,7 +60,7 @@ class Navigator:
         clear_check = ClearCheck(situation)
         induction_planner = InductionPlanner(situation, planner, stopwatch)
         self.plan_times_s = induction_planner.plan_times_s
-        self._fallback = fallback = Fallback(situation, clear_check)
+        self._fallback = fallback = Fallback(situation, clear_check, induction_planner)
         self.thread = thread = Thread(situation, fallback) if assessment.terms.stop else None
         self.shield = shield = Shield(situation, thread) if thread else None
         self._cruise = cruise = Cruise(situation, fallback, shield)
@@ -173,9 +174,8 @@ class Navigator:
             return
         if self.phase is Phase.AVOID:
             self._avoidance_step.advance(now_s)
-        if self.phase is Phase.CRUISE and not self._leg_progress.advance(pose, now_s):
-            obstacle = self._cruise.advance(now_s)
-            if obstacle is not None:
-                self._avoidance_step.begin(obstacle, now_s)
+        cruises = self.phase is Phase.CRUISE and not self._leg_progress.advance(pose, now_s)
+        if cruises and (obstacle := self._cruise.advance(now_s)) is not None:
+            self._avoidance_step.begin(obstacle, now_s)
         if self.shield is not None and self.shield.guards:
             self._cruise.keep_guarded(self.shield, now_s)

@@ -28,7 +28,7 @@ from onboard.vehicle_state import Pose
 # certifier rounds out to, and the bins of bearing.
 GRID_MARGIN_M: Final = 0.2
 
-# What is intended is certified for this long ahead, braking after it (`onboard.guidance.shield`).
+# What is intended is certified for this long ahead, braking after it (`Shield`).
 GUARD_AHEAD_S: Final = 0.1 + 2.0 * TICK_S
 # Planning takes a while: without a plan that certifies it is tried again after this.
 RETRY_S: Final = 0.2
@@ -182,27 +182,21 @@ class Situation:
         """Return an obstacle as a plan around it has to take it.
 
         Where the plan has to be certified in the space seen free, whose cells next to a face are
-        never free, the plan keeps away by that much more.
+        never free, it keeps away by that much more.  Its region begins where the vehicle could not
+        stop any more otherwise: the shield would stop it there.
         """
         if not self.shielded:
             return obstacle
-        error_m = max(obstacle.position_error_m, self.assessment.face_error_m) + GRID_MARGIN_M
-        return replace(obstacle, region=self.assessment.region_around(obstacle.measured, error_m))
-
-    def avoids_from_x_m(self, obstacle: Obstacle) -> float:
-        """Return the place along the leg from which an obstacle, as `to_avoid` has it, is avoided.
-
-        That is the front of its region, or before it, where the vehicle could not stop any more
-        from there: it is stopped by the shield otherwise.
-        """
-        front_m = obstacle.region.extent.x_min_m
-        if not self.shielded:
-            return front_m
-        terms, brake_mps2 = self.assessment.terms, self.assessment.limits.brake_mps2
+        assessment = self.assessment
+        error_m = max(obstacle.position_error_m, assessment.face_error_m) + GRID_MARGIN_M
+        region = assessment.region_around(obstacle.measured, error_m)
+        terms, brake_mps2 = assessment.terms, assessment.limits.brake_mps2
         speed_mps = terms.cruise_speed_mps
         stopping_m = speed_mps**2 / (2.0 * brake_mps2) + speed_mps * terms.attitude_lag_s
         decided_m = speed_mps * (GUARD_AHEAD_S + 2.0 * RETRY_S)
-        return min(front_m, obstacle.region.keep_out.x_min_m - stopping_m - decided_m)
+        front_m = min(region.extent.x_min_m, region.keep_out.x_min_m - stopping_m - decided_m)
+        extent = replace(region.extent, x_min_m=front_m)
+        return replace(obstacle, region=replace(region, extent=extent))
 
     def braking_from(self, state: State, now_s: float) -> Trajectory:
         """Return the trajectory that brakes to hover from a state."""

@@ -23,6 +23,8 @@ ATTEMPTS_MAX: Final = 4000
 _ALTITUDE_M: Final = 3.0
 # The first hover is this near to the start.
 _HOVERS_WITHIN_M: Final = 1.0
+# An operator overlooks no more than this.
+_CLEAR_MAX_M: Final = 4.0
 
 
 def compliant_scenario(
@@ -93,8 +95,10 @@ def flight_scenario(
 
     The operator confirms that the start is clear, where the field leaves it so.
     """
-    clear_m = start_clear_radius_m(assess(contract)) + _HOVERS_WITHIN_M
-    if face_distances_m(obstacles, mission.start_ned_m).min(initial=math.inf) >= clear_m:
+    needed_m = start_clear_radius_m(assess(contract)) + _HOVERS_WITHIN_M
+    clear_m = float(face_distances_m(obstacles, mission.start_ned_m).min(initial=math.inf))
+    clear_m = math.floor(10.0 * min(clear_m, _CLEAR_MAX_M)) / 10.0
+    if clear_m >= needed_m:
         mission = mission.model_copy(update={"start_clear_m": clear_m})
     return Scenario(
         name="",

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from bisect import bisect_right
+from dataclasses import replace
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
+from onboard.contract.agility import AccelerationLimits
 from onboard.motion.trajectory import Trajectory, X, Y, Z
 from onboard.planning.closed_form import brake_to_hover
 
@@ -17,6 +19,8 @@ if TYPE_CHECKING:
 
 # Knots that are nearer to each other than this are one.
 _SAME_S: Final = 1e-9
+# Share of W that gentle braking takes.
+_GENTLE: Final = 0.4
 # Slower than this sideways there is no lateral plan to keep.
 _STRAIGHT_MPS: Final = 1e-3
 
@@ -34,6 +38,8 @@ def ways_to_rest(
     switch_s, state = head.end_s, head.final
     braking = brake_to_hover(state, switch_s, envelope)
     yield head.followed_by(braking)
+    # A setpoint that brakes hard lets the vehicle run back, should the stream be lost.
+    yield head.followed_by(brake_to_hover(state, switch_s, _gentle(envelope)))
     if intended.end_s <= switch_s + _SAME_S:
         return
     planned = intended.from_time(switch_s)
@@ -43,6 +49,19 @@ def ways_to_rest(
     if np.abs(final.velocity_leg_mps).max() > _STRAIGHT_MPS:
         planned = planned.followed_by(brake_to_hover(final, planned.end_s, envelope))
     yield head.followed_by(planned)
+
+
+def _gentle(envelope: Envelope) -> Envelope:
+    limits = envelope.limits
+    return replace(
+        envelope,
+        limits=AccelerationLimits(
+            _GENTLE * limits.brake_mps2,
+            _GENTLE * limits.forward_mps2,
+            _GENTLE * limits.left_mps2,
+            _GENTLE * limits.right_mps2,
+        ),
+    )
 
 
 def _braking_along(braking: Trajectory, planned: Trajectory) -> Trajectory:

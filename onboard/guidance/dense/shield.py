@@ -18,10 +18,10 @@ from onboard.contract.assessment import TICK_S
 from onboard.events import Event, EventName, Severity
 from onboard.guidance.dense.limits import run_on_of
 from onboard.guidance.dense.seen_space import NothingSeen, SeenSpace, take_operators_word
+from onboard.guidance.dense.tails import ways_to_rest
 from onboard.guidance.envelope import envelope_from
 from onboard.guidance.phases import FlightState, Phase, Trigger
 from onboard.guidance.situation import GUARD_AHEAD_S
-from onboard.guidance.tails import ways_to_rest
 from onboard.motion.trajectory import Trajectory, X
 from onboard.planning.rest_certifier import RestLimits, certify_rest, velocity_points_mps
 
