@@ -57,7 +57,7 @@ def seen_free_rules(
     """
     if not assessment.terms.stop:
         return ()
-    rules = (_view(assessment), _range(assessment))
+    rules: tuple[Rule, ...] = (_view(assessment), _range(assessment))
     if mission is not None and mission.start_clear_m is not None:
         rules = (*rules, _start_word(assessment, mission.start_clear_m))
     if obstacles is None or mission is None:
