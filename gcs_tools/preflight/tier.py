@@ -56,7 +56,9 @@ def seen_free_rules(
     """
     if not assessment.terms.stop:
         return ()
-    rules = (_range(assessment),)
+    rules: tuple[Rule, ...] = (_range(assessment),)
+    if mission is not None and mission.start_clear_m is not None:
+        rules = (*rules, _start_word(assessment, mission.start_clear_m))
     if obstacles is None or mission is None:
         return rules
     return (*rules, _start_room(assessment, obstacles, mission))
@@ -76,8 +78,19 @@ def _range(assessment: Assessment) -> Rule:
     )
 
 
+def _start_word(assessment: Assessment, start_clear_m: float) -> Rule:
+    return Rule(
+        "start_clear",
+        start_clear_radius_m(assessment),
+        start_clear_m,
+        "m",
+        "the operator's word: mission.start_clear_m around the first hover nothing stands",
+        concerns="safety",
+    )
+
+
 def _start_room(assessment: Assessment, obstacles: ObstacleField, mission: Mission) -> Rule:
-    distances_m = _face_distances_m(obstacles, mission.start_ned_m)
+    distances_m = face_distances_m(obstacles, mission.start_ned_m)
     required_m = start_clear_radius_m(assessment)
     near = np.flatnonzero(distances_m < required_m)
     return Rule(
@@ -91,7 +104,7 @@ def _start_room(assessment: Assessment, obstacles: ObstacleField, mission: Missi
     )
 
 
-def _face_distances_m(obstacles: ObstacleField, point_ned_m: tuple[float, float]) -> FloatArray:
+def face_distances_m(obstacles: ObstacleField, point_ned_m: tuple[float, float]) -> FloatArray:
     """Return the distance of a point from the nearest face of each obstacle, (N,); 0 inside."""
     offset_m = np.asarray(point_ned_m) - obstacles.center_ned_m
     cosine, sine = np.cos(obstacles.yaw_rad), np.sin(obstacles.yaw_rad)

@@ -50,6 +50,11 @@ class Mission(FileModel):
         "leg",
         description="where the nose points with best effort: along the leg, or where it flies",
     )
+    start_clear_m: Positive | None = Field(
+        None,
+        description="radius around start_ned_m, at altitude_m, in which the operator has confirmed"
+        " that nothing stands; null: not confirmed, so that the vehicle looks all round first",
+    )
     legs: Annotated[tuple[Leg, ...], Field(strict=False, min_length=1)]
 
     @model_validator(mode="after")

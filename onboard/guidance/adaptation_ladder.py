@@ -1,11 +1,18 @@
-"""The response to a failed assumption: fly on under an adapted contract, else brake to hover."""
+"""The response to a failed assumption: fly on under an adapted contract, else brake to hover.
+
+Where a way to rest is always held, an assumption of progress ends no flight: the vehicle flies on
+as far as it sees, or threads the rest of its leg.  One of safety is never adapted to there.
+"""
 
 from __future__ import annotations
+
+from typing import Final
 
 from onboard.contract.assessment import Assessment
 from onboard.events import Event, EventName, Severity
 from onboard.guidance.avoidance_step import AvoidanceStep
 from onboard.guidance.cruise import Cruise
+from onboard.guidance.dense.shield import Shield
 from onboard.guidance.envelope import peak_speed_mps
 from onboard.guidance.fallback import Fallback
 from onboard.guidance.phases import Phase
@@ -17,9 +24,18 @@ from onboard.monitoring.adaptation import (
     slowing_distance,
     slows_in_time,
 )
-from onboard.monitoring.assumptions import Violation
+from onboard.monitoring.assumptions import Assumption, Violation
 from onboard.motion.trajectory import State
 from onboard.vehicle_state import Pose
+
+# With a way to rest that is held, these say only that passing is not guaranteed any more: nothing
+# that is flown depends on how large obstacles are, or how far apart.
+NOTICES: Final = frozenset({Assumption.OBSTACLE_SIZE, Assumption.ROI_INTERSECTION})
+# And these say only that nothing new is seen, or decided, for a while: what is held goes on, and is
+# renewed once that is over, or comes to rest.
+DELAYS: Final = frozenset(
+    {Assumption.DETECTION_AGE, Assumption.REACTION_TIME, Assumption.TICK_OVERRUN}
+)
 
 
 class AdaptationLadder:
@@ -30,6 +46,7 @@ class AdaptationLadder:
         fallback: the last step.
         cruise: slows down.
         avoidance_step: whose plan is checked again under an adapted contract.
+        shield: has the rest of a leg threaded; None where no way to rest is required.
     """
 
     def __init__(
@@ -38,23 +55,39 @@ class AdaptationLadder:
         fallback: Fallback,
         cruise: Cruise,
         avoidance_step: AvoidanceStep,
+        shield: Shield | None = None,
     ) -> None:
         self._situation, self._fallback = situation, fallback
         self._cruise, self._avoidance_step = cruise, avoidance_step
+        self._shield = shield
 
     def respond_to(self, violation: Violation, now_s: float, measured: Pose | None = None) -> None:
         """Respond to a failed assumption, if flying; the arguments are those of `Fallback.hold`."""
         situation = self._situation
         if not situation.state.flying:
             return
-        if situation.state.in_seen_space:
-            # What the set and the way held were built with is never adapted in flight.
-            if not costs_progress_only(violation.assumption):
-                self._fallback.hold(violation, now_s, measured)
-            return
-        adaptation = adapt(situation.assessment, violation) if situation.adaptive else None
-        if adaptation is None or not self._adopt(adaptation, violation, now_s):
+        if self._shield is not None:
+            self._respond_on_held_way(self._shield, violation, now_s, measured)
+        elif not self._adapts(violation, now_s):
             self._fallback.hold(violation, now_s, measured)
+
+    def _respond_on_held_way(
+        self, shield: Shield, violation: Violation, now_s: float, measured: Pose | None
+    ) -> None:
+        assumption = violation.assumption
+        if not costs_progress_only(assumption):
+            # What the set and the way held were built with is never adapted in flight.
+            self._fallback.hold(violation, now_s, measured)
+        elif self._situation.state.in_seen_space or assumption in NOTICES:
+            return
+        elif not self._adapts(violation, now_s) and assumption not in DELAYS and shield.guards:
+            shield.divert(str(violation), now_s)
+
+    def _adapts(self, violation: Violation, now_s: float) -> bool:
+        """Fly on under the contract solved again for a violation, if that helps."""
+        situation = self._situation
+        adaptation = adapt(situation.assessment, violation) if situation.adaptive else None
+        return adaptation is not None and self._adopt(adaptation, violation, now_s)
 
     def _adopt(self, adaptation: Adaptation, violation: Violation, now_s: float) -> bool:
         """Fly on under the adapted contract, if the vehicle can get there from here."""

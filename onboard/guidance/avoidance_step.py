@@ -1,11 +1,8 @@
-"""One step of the induction: plan around an obstacle of interest, fly the plan, cruise on.
-
-`AvoidanceStep` checks and follows a plan; `InductionPlanner` makes it.
-"""
+"""One step of the induction: begin a plan around an obstacle, check it, follow it, cruise on."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import math
 from dataclasses import dataclass, replace
 
 from onboard.contract.assessment import TICK_S
@@ -13,14 +10,15 @@ from onboard.events import Event, EventName, Severity
 from onboard.geometry.frames import LegFrame
 from onboard.guidance.clear_check import ClearCheck
 from onboard.guidance.cruise import Cruise
+from onboard.guidance.dense.shield import Shield
 from onboard.guidance.fallback import Fallback
+from onboard.guidance.induction_planner import InductionPlanner
 from onboard.guidance.phases import Condition, Trigger, post_condition, pre_condition
-from onboard.guidance.situation import Avoidance, Situation
+from onboard.guidance.situation import RETRY_S, Avoidance, Situation
 from onboard.monitoring.assumptions import Assumption, Violation
 from onboard.motion.trajectory import State, X
 from onboard.perception.obstacle_map import Obstacle
-from onboard.planning.planner import Plan, Planner
-from onboard.planning.problem import AvoidanceProblem, exit_speeds_mps
+from onboard.planning.planner import Plan
 
 # The speed of a cruise may exceed the contract's by round-off.
 _ROUND_OFF_MPS = 1e-9
@@ -43,63 +41,6 @@ class PlannedStep:
     plan_time_s: float
 
 
-class InductionPlanner:
-    """Plans around one obstacle under the contract in force.
-
-    Args:
-        situation: what is flown, and what is known.
-        planner: Eq. 17.
-        stopwatch: reads a clock in seconds, only to report how long planning took.
-
-    Attributes:
-        plan_times_s: duration of each planning, in order.
-    """
-
-    def __init__(
-        self, situation: Situation, planner: Planner, stopwatch: Callable[[], float]
-    ) -> None:
-        self._situation, self._planner, self._stopwatch = situation, planner, stopwatch
-        self.plan_times_s: list[float] = []
-
-    def plan(
-        self, obstacle: Obstacle, start: State, start_s: float, entry_mps: float
-    ) -> Avoidance | None:
-        """Return the first plan that certifies and passes the obstacle.
-
-        Args:
-            obstacle: what to avoid.
-            start: where the plan starts, leg frame.
-            start_s: when it starts.
-            entry_mps: speed along the leg at the beginning of the step; exit speeds are tried
-                from it downwards.
-        """
-        current = None if self._situation.avoidance is None else self._situation.avoidance.plan
-        began_s, found = self._stopwatch(), None
-        for exit_mps in exit_speeds_mps(entry_mps, self._situation.envelope.speed_max_mps):
-            problem = self._problem(obstacle, start, start_s, exit_mps)
-            plan = self._planner.plan(problem, current)
-            if isinstance(plan, Plan) and plan.kind != "brake":
-                found = Avoidance(obstacle, plan, entry_mps, exit_mps)
-                break
-        self.plan_times_s.append(self._stopwatch() - began_s)
-        return found
-
-    def _problem(
-        self, obstacle: Obstacle, start: State, start_s: float, exit_speed_mps: float
-    ) -> AvoidanceProblem:
-        climb_max_m = self._situation.route.mission.climb_max_m
-        return AvoidanceProblem(
-            start=start,
-            start_s=start_s,
-            region=obstacle.region,
-            envelope=self._situation.envelope,
-            exit_speed_mps=exit_speed_mps,
-            climb_m=climb_max_m,
-            climb_preferred=climb_max_m > 0.0,
-            coast_time_s=self._situation.assessment.inflated.manoeuvre_encounter.coast_time_s,
-        )
-
-
 class AvoidanceStep:
     """Begins, follows, rechecks and ends an avoidance.
 
@@ -109,6 +50,7 @@ class AvoidanceStep:
         fallback: what is left if no plan is.
         cruise: goes on after the step.
         planner: makes plans.
+        shield: certifies that what they begin with ends at rest; None where that is not required.
     """
 
     def __init__(
@@ -118,10 +60,14 @@ class AvoidanceStep:
         fallback: Fallback,
         cruise: Cruise,
         planner: InductionPlanner,
+        shield: Shield | None = None,
     ) -> None:
         self._situation, self._clear_check = situation, clear_check
         self._fallback, self._cruise, self._planner = fallback, cruise, planner
+        self._shield = shield
         self._planned: list[PlannedStep] = []
+        # Which obstacle no plan was found around, and when to try again.
+        self._unplanned, self._retry_s = "", -math.inf
 
     def take_planned(self) -> list[PlannedStep]:
         """Return and forget the plans made since the last call."""
@@ -131,7 +77,15 @@ class AvoidanceStep:
     # ------------------------------------------------------------------ from begin to end
 
     def begin(self, obstacle: Obstacle, now_s: float) -> None:
-        """Plan the step around an obstacle whose region begins by the next tick."""
+        """Plan the step around an obstacle whose region begins by the next tick.
+
+        Where the vehicle stops in time all the same, it cruises on without a plan that certifies,
+        and tries again a little later.
+        """
+        if self._shield is not None and obstacle.id == self._unplanned and now_s < self._retry_s:
+            return
+        again, seen = obstacle.id == self._unplanned, obstacle
+        obstacle = self._situation.to_avoid(seen)
         current = self._situation.reference.current
         assert current is not None  # noqa: S101  what cruises has a reference
         front_m = obstacle.region.approach_x_m
@@ -139,11 +93,16 @@ class AvoidanceStep:
         # An obstacle first seen inside its region is planned against from where the vehicle is.
         start_s = now_s if start_s is None or start_s < now_s else min(start_s, now_s + TICK_S)
         start = current.sample(start_s)
-        self._check_pre_condition(start, obstacle, now_s)
+        if not again:
+            self._check_pre_condition(start, seen, now_s)
         avoidance = self._planner.plan(obstacle, start, start_s, start.velocity_leg_mps[X])
-        if avoidance is None:
+        if avoidance is None and self._shield is None:
             self._report_no_plan(obstacle, now_s)
             return
+        if avoidance is None or not self._may_fly(avoidance, now_s):
+            self._unplanned, self._retry_s = obstacle.id, now_s + RETRY_S
+            return
+        self._unplanned = ""
         self._fly(avoidance, now_s)
         text = f"avoiding {obstacle.id} ({avoidance.plan.kind})"
         self._situation.fire(Trigger.PRE_CONDITION, now_s, text=text)
@@ -194,9 +153,15 @@ class AvoidanceStep:
         step = PlannedStep(avoidance.plan, avoidance.obstacle, situation.leg, plan_time_s)
         self._planned.append(step)
 
+    def _may_fly(self, avoidance: Avoidance, now_s: float) -> bool:
+        return self._shield is None or self._shield.accepts(avoidance.plan.trajectory, now_s)
+
     def _report_no_plan(self, obstacle: Obstacle, now_s: float) -> None:
         none = Violation(Assumption.PLAN_EXISTS, 0.0, 1.0, "plans", obstacle.id)
-        self._fallback.report_and_hold(none, now_s)
+        if self._shield is None:
+            self._fallback.report_and_hold(none, now_s)
+        else:
+            self._shield.report_and_divert(none, now_s)
 
     # ------------------------------------------------------------------ what turns out on the way
 
@@ -245,6 +210,8 @@ class AvoidanceStep:
         avoidance = self._situation.avoidance
         if avoidance is None or now_s >= avoidance.plan.trajectory.end_s:
             return
+        if self._shield is not None:
+            return  # what is flown is certified in the set that has been shifted, or braked for
         if not self._clear_check.is_clear(avoidance.plan.trajectory.from_time(now_s)):
             self._fallback.hold(violation, now_s)
 
@@ -254,8 +221,9 @@ class AvoidanceStep:
         start = self._situation.reference.sample(start_s)
         if start is None:
             return False
+        obstacle = self._situation.to_avoid(obstacle)
         replanned = self._planner.plan(obstacle, start, start_s, avoidance.entry_speed_mps)
-        if replanned is None:
+        if replanned is None or not self._may_fly(replanned, now_s):
             return False
         self._fly(replanned, now_s)
         text = f"replanned around {obstacle.id} ({replanned.plan.kind})"

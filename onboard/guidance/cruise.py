@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from onboard.contract.assessment import TICK_S
 from onboard.events import Event, EventName, Severity
+from onboard.guidance.dense.shield import Shield
 from onboard.guidance.envelope import envelope_from
 from onboard.guidance.fallback import Fallback
 from onboard.guidance.phases import FlightState, Trigger
@@ -21,10 +22,13 @@ class Cruise:
     Args:
         situation: what is flown, and what is known.
         fallback: what is left if the cruise cannot go on.
+        shield: threads the rest of a leg that ends too near to an obstacle; None without one.
     """
 
-    def __init__(self, situation: Situation, fallback: Fallback) -> None:
-        self._situation, self._fallback = situation, fallback
+    def __init__(
+        self, situation: Situation, fallback: Fallback, shield: Shield | None = None
+    ) -> None:
+        self._situation, self._fallback, self._shield = situation, fallback, shield
         # Theory F: a drift may begin once the vehicle has flown straight on from here far enough.
         self._straight_from_x_m = 0.0
 
@@ -48,7 +52,7 @@ class Cruise:
             recentring_mps=terms.recentring_speed_mps if drifting else 0.0,
         )
         cruise = stopping or situation.braking_from(state, start_s)
-        situation.reference.fly(cruise)
+        situation.reference.intend(cruise)
         envelope = envelope_from(state, situation.envelope)
         certificate = certify_clear(cruise, state, start_s, envelope)
         if not certificate.valid:
@@ -67,7 +71,7 @@ class Cruise:
 
         Returns:
             the obstacle whose region begins before the next tick; None to cruise on, or if the leg
-            ends too near to an obstacle and the vehicle brakes to hover.
+            ends too near to an obstacle, so that the vehicle threads on, or brakes to hover.
         """
         situation = self._situation
         current = situation.reference.current
@@ -75,7 +79,7 @@ class Cruise:
         here = current.sample(now_s)
         x_m, y_m, _ = here.position_leg_m
         horizon_m = current.sample(now_s + TICK_S).position_leg_m[X] - x_m
-        obstacle = situation.obstacles.obstacle_of_interest(x_m, y_m, horizon_m=horizon_m)
+        obstacle = self._obstacle_to_avoid(x_m, y_m, horizon_m)
         end_x_m = current.final.position_leg_m[X]
         if obstacle is None or end_x_m < obstacle.region.keep_out.x_min_m:
             self._recentre(here, now_s)
@@ -83,9 +87,36 @@ class Cruise:
         if end_x_m <= obstacle.region.x_pob_m and not situation.state.changes_mission:
             short_m = obstacle.region.x_pob_m - end_x_m
             too_near = Violation(Assumption.LEG_END_CLEAR, short_m, 0.0, "m", obstacle.id)
-            self._fallback.report_and_hold(too_near, now_s)
+            if self._shield is None:
+                self._fallback.report_and_hold(too_near, now_s)
+            else:
+                self._shield.report_and_divert(too_near, now_s)
             return None
         return obstacle
+
+    def keep_guarded(self, shield: Shield, now_s: float) -> None:
+        """Have what is intended certified; where what is flown has left it, go on from there."""
+        situation = self._situation
+        flown = situation.reference.sample(now_s)
+        renewed = shield.advance(now_s)
+        off_course = situation.state.cruising_freely and shield.is_off_course(now_s)
+        if not renewed and off_course and flown is not None:
+            self.fly_from(flown, now_s)
+            renewed = shield.guards and shield.advance(now_s)
+        if not renewed and shield.guards:
+            shield.divert_if_due(now_s)
+
+    def _obstacle_to_avoid(self, x_m: float, y_m: float, horizon_m: float) -> Obstacle | None:
+        """Return the first obstacle on the way of which the avoidance begins within a horizon."""
+        situation = self._situation
+        if self._shield is None:
+            return situation.obstacles.obstacle_of_interest(x_m, y_m, horizon_m=horizon_m)
+        seen_m = situation.assessment.terms.detection_range_m
+        first = situation.obstacles.obstacle_of_interest(x_m, y_m, horizon_m=seen_m)
+        if first is None:
+            return None
+        begins_m = situation.to_avoid(first).region.approach_x_m
+        return first if begins_m <= x_m + horizon_m else None
 
     def _recentre(self, here: State, now_s: float) -> None:
         """Begin or end the drift back to the leg line (theory F)."""

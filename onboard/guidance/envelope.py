@@ -6,7 +6,7 @@ import math
 from dataclasses import replace
 from typing import Final
 
-from onboard.contract.agility import GRAVITY_MPS2
+from onboard.contract.agility import GRAVITY_MPS2, AccelerationLimits
 from onboard.contract.assessment import Assessment
 from onboard.motion.axis_profile import coasting_speed
 from onboard.motion.trajectory import State, X
@@ -17,6 +17,9 @@ from onboard.planning.problem import Envelope
 # wanders with it.
 AT_REST_MPS: Final = 0.3
 AT_REST_MAX_MPS: Final = 1.0
+
+# A leg starts once the nose points along it, at rest, and the sensor has looked there since.
+HEADING_TOLERANCE_RAD: Final = math.radians(5.0)
 
 
 def envelope_of(assessment: Assessment) -> Envelope:
@@ -44,6 +47,20 @@ def envelope_from(state: State, envelope: Envelope) -> Envelope:
     return replace(envelope, speed_max_mps=speed_max_mps)
 
 
+def any_heading(envelope: Envelope) -> Envelope:
+    """Return limits that hold wherever the nose points: a square in the disc of the least one."""
+    limits = envelope.limits
+    least_mps2 = min(limits.brake_mps2, limits.forward_mps2, limits.left_mps2, limits.right_mps2)
+    least_mps2 /= math.sqrt(2.0)
+    jerk_x_mps3, jerk_y_mps3, jerk_z_mps3 = envelope.jerk_max_mps3
+    jerk_mps3 = min(jerk_x_mps3, jerk_y_mps3) / math.sqrt(2.0)
+    return replace(
+        envelope,
+        limits=AccelerationLimits(least_mps2, least_mps2, least_mps2, least_mps2),
+        jerk_max_mps3=(jerk_mps3, jerk_mps3, jerk_z_mps3),
+    )
+
+
 def peak_speed_mps(state: State, envelope: Envelope) -> float:
     """Return the speed along the leg that is reached while the jerk limit ends an acceleration."""
     x = state.axis(X)
@@ -67,6 +84,12 @@ def has_best_effort(assessment: Assessment) -> bool:
     """Tell whether to fly where passing obstacles is not guaranteed, in seen-free space only."""
     requirements = assessment.contract.requirements
     return requirements.progress == "best_effort" and requirements.stop
+
+
+def is_shielded(assessment: Assessment) -> bool:
+    """Tell whether the induction flies, but only what carries a certified way to rest with it."""
+    requirements = assessment.contract.requirements
+    return requirements.progress == "guaranteed" and requirements.stop
 
 
 def broken_clauses(assessment: Assessment) -> list[str]:

@@ -3,23 +3,21 @@
 from __future__ import annotations
 
 import math
-from typing import Final
 
 from onboard.events import Event, EventData, EventName, Severity
 from onboard.files.mission_file import Mission
 from onboard.geometry.frames import wrap_angle
 from onboard.guidance.cruise import Cruise
+from onboard.guidance.dense.shield import Shield
 from onboard.guidance.dense.thread import Thread
-from onboard.guidance.envelope import at_rest_speed_mps
+from onboard.guidance.envelope import HEADING_TOLERANCE_RAD, at_rest_speed_mps
 from onboard.guidance.fallback import Fallback
 from onboard.guidance.phases import FlightState, Trigger
 from onboard.guidance.situation import Situation
 from onboard.monitoring.assumptions import Assumption, Violation
 from onboard.motion.trajectory import State
+from onboard.planning import closed_form
 from onboard.vehicle_state import Pose
-
-# A leg starts once the nose points along it, at rest, and the sensor has looked there since.
-HEADING_TOLERANCE_RAD: Final = math.radians(5.0)
 
 
 class LegProgress:
@@ -29,19 +27,26 @@ class LegProgress:
         situation: what is flown, and what is known.
         fallback: what is left if a leg ends away from its target.
         cruise: flies the leg once the nose is aligned.
-        thread: flies it with best effort instead; None where passing is guaranteed.
+        thread: flies it in the space seen free; None where no way to rest is required.
+        shield: certifies the cruise there.
     """
 
     def __init__(
-        self, situation: Situation, fallback: Fallback, cruise: Cruise, thread: Thread | None
+        self,
+        situation: Situation,
+        fallback: Fallback,
+        cruise: Cruise,
+        thread: Thread | None,
+        shield: Shield | None = None,
     ) -> None:
         self._situation, self._fallback, self._cruise = situation, fallback, cruise
-        self._thread = thread
+        self._thread, self._shield = thread, shield
         self._aligned_since_s: float | None = None
 
     def take_control(self, pose: Pose, now_s: float) -> None:
         """Come to a hover and start, or resume, the current leg (CONTROL_GRANTED)."""
-        granted = Trigger.CONTROL_GRANTED if self._thread is None else Trigger.BEST_EFFORT_GRANTED
+        best_effort = self._situation.best_effort
+        granted = Trigger.BEST_EFFORT_GRANTED if best_effort else Trigger.CONTROL_GRANTED
         self._situation.fire(granted, now_s)
         self._begin_leg(self._situation.measured_state(pose), pose, now_s)
 
@@ -54,6 +59,8 @@ class LegProgress:
         situation.rest_held = False
         if self._thread is not None:
             self._thread.release()
+        if self._shield is not None:
+            self._shield.release()
         situation.avoidance = None
         situation.obstacles.rejoin()
         self._restart_route()
@@ -104,22 +111,45 @@ class LegProgress:
             self._await_alignment(pose, now_s)
         return not state.cruising_freely
 
-    def end_leg(self, pose: Pose, now_s: float) -> None:
-        """End a leg where the vehicle has come to rest."""
-        state = self._situation.reference.sample(now_s)
+    def thread_on(self, thread: Thread, pose: Pose, now_s: float) -> None:
+        """Thread until the next tick; end a leg that has been flown, or cruise where that begins.
+
+        Where passing is guaranteed, a place that has been looked at all round starts the cruise.
+        """
+        situation, confirming = self._situation, thread.confirms_start
+        flown = thread.advance(pose, now_s)
+        state = situation.reference.sample(now_s)
         assert state is not None  # noqa: S101  what threads has a reference
-        self._finish_leg(state, pose, now_s)
+        looked = confirming and not thread.confirms_start
+        if flown:
+            self._finish_leg(state, pose, now_s)
+        elif looked and situation.shielded and situation.state is FlightState.LOOKING:
+            situation.fire(Trigger.START_SEEN, now_s)
+            self._align(state, now_s)
 
     def _begin_leg(self, state: State, pose: Pose, now_s: float) -> None:
-        if self._thread is None:
-            self._align(state, now_s)
-        else:
+        self._situation.rest_held = self._thread is not None
+        if self._thread is not None and self._situation.best_effort:
             self._thread.begin_leg(state, pose.yaw_rad, now_s)
-            self._situation.rest_held = True
+        else:
+            self._align(state, now_s)
 
     def _align(self, state: State, now_s: float) -> None:
-        """Hover and turn the nose, and with it the sensor, along the leg."""
-        self._situation.reference.fly(self._situation.braking_from(state, now_s))
+        """Hover and turn the nose, and with it the sensor, along the leg.
+
+        A vehicle that is to hold a way to rest comes to the height of the leg meanwhile, at which
+        the space around it is seen.
+        """
+        situation = self._situation
+        situation.reference.heading_rad = 0.0
+        if self._thread is None or not situation.shielded:
+            hover = situation.braking_from(state, now_s)
+        else:
+            # At rest already, but for what it stops within its tracking error.
+            self._thread.release()
+            at_rest = State(state.position_leg_m, (0.0, 0.0, 0.0))
+            hover = closed_form.cruise(at_rest, now_s, situation.envelope, 0.0, z_m=0.0)
+        situation.reference.fly(hover)
         self._aligned_since_s = None
 
     def _await_alignment(self, pose: Pose, now_s: float) -> None:
@@ -136,6 +166,11 @@ class LegProgress:
         elif now_s - self._aligned_since_s >= look_s:
             state = situation.reference.sample(now_s)
             assert state is not None  # noqa: S101  aligning implies a reference
+            if self._shield is not None and not self._shield.rest(state, now_s):
+                situation.fire(Trigger.START_UNSEEN, now_s)
+                assert self._thread is not None  # noqa: S101  the shield has it
+                self._thread.begin_leg(state, pose.yaw_rad, now_s)
+                return
             situation.fire(Trigger.ALIGNED, now_s)
             self._cruise.fly_from(state, now_s)
 
@@ -147,13 +182,17 @@ class LegProgress:
         allowed_m = situation.route.leg.target_half_width_m
         if beside_m > allowed_m and not situation.state.changes_mission:
             missed = Violation(Assumption.TARGET_REACHED, beside_m, allowed_m, "m")
-            self._fallback.report_and_hold(missed, now_s)
+            if self._shield is not None and self._shield.guards:
+                self._shield.report_and_divert(missed, now_s)
+            else:
+                self._fallback.report_and_hold(missed, now_s)
             return
         # From where the vehicle is: the last leg may have left it beside its end (erratum 16).
         north_m, east_m, _ = situation.leg.position_ned((x_m, y_m, 0.0))
         if situation.route.begin_next(north_m, east_m):
+            back = situation.shielded and situation.state.in_seen_space
+            situation.fire(Trigger.BACK_TO_CRUISE if back else Trigger.LEG_FLOWN, now_s)
             situation.rebuild_map()
-            situation.fire(Trigger.LEG_FLOWN, now_s)
             # After a climb the vehicle may still be a little above the cruise height.
             self._begin_leg(State((0.0, 0.0, z_m), (0.0, 0.0, 0.0)), pose, now_s)
         else:

@@ -12,13 +12,15 @@ from onboard.contract.assessment import Assessment
 from onboard.files.mission_file import Mission
 from onboard.geometry.frames import LegFrame, Vector, wrap_angle
 from onboard.guidance.adaptation_ladder import AdaptationLadder
-from onboard.guidance.avoidance_step import AvoidanceStep, InductionPlanner
+from onboard.guidance.avoidance_step import AvoidanceStep
 from onboard.guidance.clear_check import ClearCheck
 from onboard.guidance.cruise import Cruise
 from onboard.guidance.dense.seen_space import SeenSpace
+from onboard.guidance.dense.shield import Shield
 from onboard.guidance.dense.thread import Thread
 from onboard.guidance.departure import Refusal, departure_refusals
 from onboard.guidance.fallback import Fallback
+from onboard.guidance.induction_planner import InductionPlanner
 from onboard.guidance.leg_progress import LegProgress
 from onboard.guidance.phases import FlightState, Phase
 from onboard.guidance.situation import Avoidance, Situation
@@ -40,7 +42,8 @@ class Navigator:
         adaptive: respond to a failed assumption by solving the contract again where that helps.
 
     Attributes:
-        thread: flies with best effort; None where the contract guarantees to pass obstacles.
+        thread: flies in the space seen free; None where the contract does not require to stop.
+        shield: certifies what cruise and avoidance fly there; None where they do not fly so.
     """
 
     def __init__(
@@ -57,14 +60,15 @@ class Navigator:
         clear_check = ClearCheck(situation)
         induction_planner = InductionPlanner(situation, planner, stopwatch)
         self.plan_times_s = induction_planner.plan_times_s
-        self._fallback = fallback = Fallback(situation, clear_check)
-        self._cruise = cruise = Cruise(situation, fallback)
-        self.thread = Thread(situation, fallback) if situation.best_effort else None
-        self._leg_progress = LegProgress(situation, fallback, cruise, self.thread)
+        self._fallback = fallback = Fallback(situation, clear_check, induction_planner)
+        self.thread = thread = Thread(situation, fallback) if assessment.terms.stop else None
+        self.shield = shield = Shield(situation, thread) if thread else None
+        self._cruise = cruise = Cruise(situation, fallback, shield)
+        self._leg_progress = LegProgress(situation, fallback, cruise, thread, shield)
         self._avoidance_step = AvoidanceStep(
-            situation, clear_check, fallback, cruise, induction_planner
+            situation, clear_check, fallback, cruise, induction_planner, shield
         )
-        ladder = AdaptationLadder(situation, fallback, cruise, self._avoidance_step)
+        ladder = AdaptationLadder(situation, fallback, cruise, self._avoidance_step, shield)
         # What needs no dispatch goes straight to the part that it concerns.
         self.take_control = self._leg_progress.take_control
         self.release_control = self._leg_progress.release_control
@@ -112,13 +116,12 @@ class Navigator:
     @property
     def in_seen_space(self) -> bool:
         """Whether the vehicle holds a certified way to rest in the space seen free."""
-        return self.state.in_seen_space
+        return self.state.in_seen_space or (self.situation.shielded and self.flying)
 
     @property
     def pointing_rad(self) -> float | None:
         """Where the nose is told to point, clockwise from north; None while it turns."""
-        turning = self.thread is not None and not self.thread.nose_steady
-        if turning or not self.moving:
+        if (self.thread is not None and self.thread.turns_nose) or not self.moving:
             return None
         return wrap_angle(self.leg.heading_rad + self.situation.reference.heading_rad)
 
@@ -136,9 +139,9 @@ class Navigator:
         return self.situation.reference.setpoint(time_s, self.leg)
 
     def see_by(self, seen: SeenSpace) -> None:
-        """Fly, with best effort, in the space that this set says was seen free."""
-        if self.thread is not None:
-            self.thread.see_by(seen)
+        """Fly, where a way to rest has to be held, in the space that this set says is free."""
+        if self.shield is not None:
+            self.shield.see_by(seen)
 
     def departure_refusals(self, pose: Pose) -> list[Refusal]:
         """Return why the leg may not be started or resumed from here; empty if it may."""
@@ -167,12 +170,12 @@ class Navigator:
     def advance(self, pose: Pose, now_s: float) -> None:
         """Decide what is flown until the next tick."""
         if self.thread is not None and self.state.in_seen_space:
-            if self.thread.advance(pose, now_s):
-                self._leg_progress.end_leg(pose, now_s)
+            self._leg_progress.thread_on(self.thread, pose, now_s)
             return
         if self.phase is Phase.AVOID:
             self._avoidance_step.advance(now_s)
-        if self.phase is Phase.CRUISE and not self._leg_progress.advance(pose, now_s):
-            obstacle = self._cruise.advance(now_s)
-            if obstacle is not None:
-                self._avoidance_step.begin(obstacle, now_s)
+        cruises = self.phase is Phase.CRUISE and not self._leg_progress.advance(pose, now_s)
+        if cruises and (obstacle := self._cruise.advance(now_s)) is not None:
+            self._avoidance_step.begin(obstacle, now_s)
+        if self.shield is not None and self.shield.guards:
+            self._cruise.keep_guarded(self.shield, now_s)

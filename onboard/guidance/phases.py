@@ -96,6 +96,9 @@ class Trigger(StrEnum):
     POST_CONDITION = "post-condition"
     WAY_FOUND = "way found"
     NO_WAY = "no way"
+    START_UNSEEN = "start unseen"
+    START_SEEN = "start seen"
+    BACK_TO_CRUISE = "back to cruise"
     MISSION_CHANGED = "mission changed"
     LEG_FLOWN = "leg flown"
     MISSION_FLOWN = "mission flown"
@@ -149,7 +152,11 @@ TRIGGERS: Final = MappingProxyType(
         _T.PRE_CONDITION: "at the region of an obstacle of interest, with a certified plan",
         _T.POST_CONDITION: "the avoidance has ended at the post-obstacle border",
         _T.WAY_FOUND: "a way to rest certifies that leads on from where the vehicle is",
-        _T.NO_WAY: "at rest, or for long without progress, and nothing better certifies",
+        _T.NO_WAY: "nothing that leads on certifies: neither what cruise or avoidance intend, nor,"
+        " at rest or for long without progress, a better way to rest",
+        _T.START_UNSEEN: "aligned, but the place where the vehicle hovers is not seen free",
+        _T.START_SEEN: "it has been looked at all round, and a way to rest is held",
+        _T.BACK_TO_CRUISE: "a leg has been threaded to its end; the next one is cruised again",
         _T.MISSION_CHANGED: "the operator has sent another mission",
         _T.LEG_FLOWN: "at rest at the leg's end, or stopped for another mission; a leg follows",
         _T.MISSION_FLOWN: "the same, and no leg follows",
@@ -165,6 +172,7 @@ TRANSITIONS: Final = MappingProxyType(
         (_S.STANDBY, _T.MISSION_CHANGED): _S.STANDBY,
 
         (_S.ALIGNING, _T.ALIGNED): _S.CRUISING,
+        (_S.ALIGNING, _T.START_UNSEEN): _S.LOOKING,
         (_S.ALIGNING, _T.MISSION_CHANGED): _S.STOPPING_UNALIGNED,
         (_S.ALIGNING, _T.ASSUMPTION_FAILED): _S.HOLDING,
         (_S.ALIGNING, _T.CONTROL_TAKEN): _S.STANDBY,
@@ -172,6 +180,7 @@ TRANSITIONS: Final = MappingProxyType(
         (_S.CRUISING, _T.CORRIDOR_FREE): _S.RECENTRING,
         (_S.CRUISING, _T.CRUISE_REPLANNED): _S.CRUISING,
         (_S.CRUISING, _T.PRE_CONDITION): _S.AVOIDING,
+        (_S.CRUISING, _T.NO_WAY): _S.LOOKING,
         (_S.CRUISING, _T.MISSION_CHANGED): _S.STOPPING,
         (_S.CRUISING, _T.LEG_FLOWN): _S.ALIGNING,
         (_S.CRUISING, _T.MISSION_FLOWN): _S.ARRIVED,
@@ -180,6 +189,7 @@ TRANSITIONS: Final = MappingProxyType(
 
         (_S.RECENTRING, _T.CORRIDOR_BLOCKED): _S.CRUISING,
         (_S.RECENTRING, _T.CRUISE_REPLANNED): _S.CRUISING,
+        (_S.RECENTRING, _T.NO_WAY): _S.LOOKING,
         (_S.RECENTRING, _T.PRE_CONDITION): _S.AVOIDING,
         (_S.RECENTRING, _T.MISSION_CHANGED): _S.STOPPING,
         (_S.RECENTRING, _T.LEG_FLOWN): _S.ALIGNING,
@@ -188,6 +198,7 @@ TRANSITIONS: Final = MappingProxyType(
         (_S.RECENTRING, _T.CONTROL_TAKEN): _S.STANDBY,
 
         (_S.AVOIDING, _T.POST_CONDITION): _S.CRUISING,
+        (_S.AVOIDING, _T.NO_WAY): _S.LOOKING,
         (_S.AVOIDING, _T.MISSION_CHANGED): _S.AVOIDING_THEN_STOPPING,
         (_S.AVOIDING, _T.ASSUMPTION_FAILED): _S.HOLDING,
         (_S.AVOIDING, _T.CONTROL_TAKEN): _S.STANDBY,
@@ -200,6 +211,7 @@ TRANSITIONS: Final = MappingProxyType(
 
         (_S.STOPPING, _T.CRUISE_REPLANNED): _S.STOPPING,
         (_S.STOPPING, _T.PRE_CONDITION): _S.AVOIDING_THEN_STOPPING,
+        (_S.STOPPING, _T.NO_WAY): _S.RESTING,
         (_S.STOPPING, _T.MISSION_CHANGED): _S.STOPPING,
         (_S.STOPPING, _T.LEG_FLOWN): _S.ALIGNING,
         (_S.STOPPING, _T.MISSION_FLOWN): _S.ARRIVED,
@@ -207,6 +219,7 @@ TRANSITIONS: Final = MappingProxyType(
         (_S.STOPPING, _T.CONTROL_TAKEN): _S.STANDBY,
 
         (_S.AVOIDING_THEN_STOPPING, _T.POST_CONDITION): _S.STOPPING,
+        (_S.AVOIDING_THEN_STOPPING, _T.NO_WAY): _S.RESTING,
         (_S.AVOIDING_THEN_STOPPING, _T.MISSION_CHANGED): _S.AVOIDING_THEN_STOPPING,
         (_S.AVOIDING_THEN_STOPPING, _T.ASSUMPTION_FAILED): _S.HOLDING,
         (_S.AVOIDING_THEN_STOPPING, _T.CONTROL_TAKEN): _S.STANDBY,
@@ -214,18 +227,21 @@ TRANSITIONS: Final = MappingProxyType(
         (_S.THREADING, _T.NO_WAY): _S.LOOKING,
         (_S.THREADING, _T.MISSION_CHANGED): _S.RESTING,
         (_S.THREADING, _T.LEG_FLOWN): _S.LOOKING,
+        (_S.THREADING, _T.BACK_TO_CRUISE): _S.ALIGNING,
         (_S.THREADING, _T.MISSION_FLOWN): _S.ARRIVED,
         (_S.THREADING, _T.ASSUMPTION_FAILED): _S.HOLDING,
         (_S.THREADING, _T.CONTROL_TAKEN): _S.STANDBY,
 
         (_S.LOOKING, _T.WAY_FOUND): _S.THREADING,
         (_S.LOOKING, _T.NO_WAY): _S.LOOKING,
+        (_S.LOOKING, _T.START_SEEN): _S.ALIGNING,
         (_S.LOOKING, _T.MISSION_CHANGED): _S.RESTING,
         (_S.LOOKING, _T.ASSUMPTION_FAILED): _S.HOLDING,
         (_S.LOOKING, _T.CONTROL_TAKEN): _S.STANDBY,
 
         (_S.RESTING, _T.MISSION_CHANGED): _S.RESTING,
         (_S.RESTING, _T.LEG_FLOWN): _S.LOOKING,
+        (_S.RESTING, _T.BACK_TO_CRUISE): _S.ALIGNING,
         (_S.RESTING, _T.MISSION_FLOWN): _S.ARRIVED,
         (_S.RESTING, _T.ASSUMPTION_FAILED): _S.HOLDING,
         (_S.RESTING, _T.CONTROL_TAKEN): _S.STANDBY,

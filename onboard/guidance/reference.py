@@ -2,6 +2,9 @@
 
 The reference is continuous over states: every trajectory starts on the one before it, not at the
 measured state.  The contract allows for the tracking error.
+
+Where a guard is set, it is what is flown: a certified trajectory that agrees with what is intended
+up to a time, and then comes to rest.  Whoever forgets to renew it lets the vehicle stop.
 """
 
 from __future__ import annotations
@@ -18,17 +21,33 @@ class Reference:
         current: the trajectory that is flown; None while nothing is.
         upcoming: the trajectory that takes over at its own start, between this tick and the next,
             or has done so since the last `hand_over`; None if there is none.
+        guard: certified, and flown instead of both; None where nothing certifies what is intended.
         heading_rad: of the nose, from the leg towards its right.
     """
 
     def __init__(self) -> None:
         self.current: Trajectory | None = None
         self.upcoming: Trajectory | None = None
+        self.guard: Trajectory | None = None
         self.heading_rad = 0.0
 
+    @property
+    def intended(self) -> Trajectory | None:
+        """What would be flown from the next tick on, if the guard is renewed in time."""
+        return self.upcoming or self.current
+
     def fly(self, trajectory: Trajectory) -> None:
-        """Fly a trajectory from now on, and drop the one that was to take over."""
+        """Fly a trajectory from now on, whatever was to take over and whatever guards it."""
+        self.current, self.upcoming, self.guard = trajectory, None, None
+
+    def intend(self, trajectory: Trajectory) -> None:
+        """Fly a trajectory from now on; where a guard is set, once it has been renewed."""
         self.current, self.upcoming = trajectory, None
+
+    def fly_guard(self) -> None:
+        """Intend nothing but the guard, where one is set."""
+        if self.guard is not None:
+            self.fly(self.guard)
 
     def schedule(self, trajectory: Trajectory, now_s: float) -> None:
         """Have a trajectory take over at its own start; until then what is flown now goes on."""
@@ -38,15 +57,17 @@ class Reference:
     def hand_over(self, now_s: float) -> None:
         """Make the upcoming trajectory the current one, once it has started."""
         if self.upcoming is not None and now_s >= self.upcoming.start_s:
-            self.fly(self.upcoming)
+            self.intend(self.upcoming)
 
     def clear(self) -> None:
         """Fly nothing."""
-        self.current = self.upcoming = None
+        self.current = self.upcoming = self.guard = None
         self.heading_rad = 0.0
 
     def sample(self, time_s: float) -> State | None:
         """Return the reference at a time, leg frame; None while nothing is flown."""
+        if self.guard is not None:
+            return self.guard.sample(time_s)
         flown = self.current
         if self.upcoming is not None and time_s >= self.upcoming.start_s:
             flown = self.upcoming
@@ -73,3 +94,5 @@ class Reference:
             self.current = self.current.shifted_by(shift_leg_m)
         if self.upcoming is not None:
             self.upcoming = self.upcoming.shifted_by(shift_leg_m)
+        if self.guard is not None:
+            self.guard = self.guard.shifted_by(shift_leg_m)

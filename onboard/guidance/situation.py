@@ -6,13 +6,14 @@ The parts decide; they hold no state of the flight beyond what only they need.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Final
 
-from onboard.contract.assessment import Assessment
+from onboard.contract.assessment import TICK_S, Assessment
 from onboard.event_limiter import EventLimiter
 from onboard.events import Event, EventName, Severity
 from onboard.files.mission_file import Mission
 from onboard.geometry.frames import LegFrame
-from onboard.guidance.envelope import envelope_of, has_best_effort
+from onboard.guidance.envelope import envelope_of, has_best_effort, is_shielded
 from onboard.guidance.phases import FlightState, Trigger, next_state
 from onboard.guidance.reference import Reference
 from onboard.guidance.route import Route
@@ -22,6 +23,15 @@ from onboard.perception.obstacle_map import Obstacle, ObstacleMap
 from onboard.planning.closed_form import brake_to_hover
 from onboard.planning.planner import Plan
 from onboard.vehicle_state import Pose
+
+# Between an obstacle and what is seen free lie at most a cell that it touches, one that the
+# certifier rounds out to, and the bins of bearing.
+GRID_MARGIN_M: Final = 0.2
+
+# What is intended is certified for this long ahead, braking after it (`Shield`).
+GUARD_AHEAD_S: Final = 0.1 + 2.0 * TICK_S
+# Planning takes a while: without a plan that certifies it is tried again after this.
+RETRY_S: Final = 0.2
 
 
 @dataclass(frozen=True)
@@ -97,6 +107,11 @@ class Situation:
         """Whether the mission is flown where passing obstacles is not guaranteed, and safely so."""
         return has_best_effort(self.assessment)
 
+    @property
+    def shielded(self) -> bool:
+        """Whether cruise and avoidance are flown only with a certified way to rest."""
+        return is_shielded(self.assessment)
+
     # ------------------------------------------------------------------ what changes
 
     def fire(self, trigger: Trigger, now_s: float, *, text: str = "") -> None:
@@ -163,6 +178,26 @@ class Situation:
             self.leg.vector_leg(pose.velocity_ned_mps),
         )
 
+    def to_avoid(self, obstacle: Obstacle) -> Obstacle:
+        """Return an obstacle as a plan around it has to take it.
+
+        Where the plan has to be certified in the space seen free, whose cells next to a face are
+        never free, it keeps away by that much more.  Its region begins where the vehicle could not
+        stop any more otherwise: the shield would stop it there.
+        """
+        if not self.shielded:
+            return obstacle
+        assessment = self.assessment
+        error_m = max(obstacle.position_error_m, assessment.face_error_m) + GRID_MARGIN_M
+        region = assessment.region_around(obstacle.measured, error_m)
+        terms, brake_mps2 = assessment.terms, assessment.limits.brake_mps2
+        speed_mps = terms.cruise_speed_mps
+        stopping_m = speed_mps**2 / (2.0 * brake_mps2) + speed_mps * terms.attitude_lag_s
+        decided_m = speed_mps * (GUARD_AHEAD_S + 2.0 * RETRY_S)
+        front_m = min(region.approach_x_m, region.keep_out.x_min_m - stopping_m - decided_m)
+        manoeuvre = replace(region.manoeuvre, x_min_m=front_m)
+        return replace(obstacle, region=replace(region, manoeuvre=manoeuvre))
+
     def braking_from(self, state: State, now_s: float) -> Trajectory:
         """Return the trajectory that brakes to hover from a state."""
         return brake_to_hover(state, now_s, self.envelope)
@@ -174,7 +209,7 @@ class Situation:
         STANDBY, on the line from the start of the leg.  None where the vehicle flies in the space
         seen free only: there no size and no distance is assumed of any obstacle.
         """
-        if self.best_effort:
+        if self._assumes_nothing:
             return []
         state = self.reference.sample(now_s)
         x_m, y_m = (0.0, 0.0) if state is None else state.position_leg_m[:2]
@@ -190,7 +225,11 @@ class Situation:
         return [self.obstacles.of_track(each.members[0]) or each for each in met]
 
     @property
+    def _assumes_nothing(self) -> bool:
+        return self.best_effort or self.state.in_seen_space
+
+    @property
     def _merged_size_max_m(self) -> float:
         # Gaps in a dense field must not be merged away: nothing there depends on regions.
-        merging = self.adaptive and not self.best_effort
+        merging = self.adaptive and not self._assumes_nothing
         return measured_size_max(self.assessment.terms) if merging else 0.0

@@ -129,19 +129,39 @@ class SeenSpace:
             Whether it is: a sensor has looked at it all round, and no known obstacle is there.
         """
         self.begin_leg(self._flight.leg)
-        terms, radius_m = self._flight.assessment.terms, self._start_radius_m
+        radius_m = self._start_radius_m
         if not self._has_looked_all_round(x_m, y_m):
             return False
-        for box in self._known_boxes(x_m, y_m, radius_m + terms.position_error_m):
-            nearest_m = math.hypot(
-                max(box.x_min_m - x_m, 0.0, x_m - box.x_max_m),
-                max(box.y_min_m - y_m, 0.0, y_m - box.y_max_m),
-            )
-            if nearest_m <= radius_m + math.sqrt(2.0) * terms.position_error_m:
-                return False
+        if self._is_known_occupied(x_m, y_m, radius_m):
+            return False
         self._set.centre_on(x_m, y_m)
         self._set.confirm(x_m, y_m, radius_m)
         return True
+
+    def confirm_by_word(self, north_m: float, east_m: float, radius_m: float) -> None:
+        """Take a disc for free that the operator has confirmed, unless an obstacle is known there.
+
+        Args:
+            north_m: of its centre, local NED.
+            east_m: likewise.
+            radius_m: its radius.
+        """
+        self.begin_leg(self._flight.leg)
+        x_m, y_m, _ = self._leg.position_leg((north_m, east_m, 0.0))
+        if not self._is_known_occupied(x_m, y_m, radius_m):
+            self._set.confirm(x_m, y_m, radius_m)
+
+    def _is_known_occupied(self, x_m: float, y_m: float, radius_m: float) -> bool:
+        """Tell whether a known obstacle may reach into a disc."""
+        reach_m = radius_m + math.sqrt(2.0) * self._flight.assessment.terms.position_error_m
+        return any(
+            math.hypot(
+                max(box.x_min_m - x_m, 0.0, x_m - box.x_max_m),
+                max(box.y_min_m - y_m, 0.0, y_m - box.y_max_m),
+            )
+            <= reach_m
+            for box in self._known_boxes(x_m, y_m, reach_m)
+        )
 
     def limit(self, half_width_m: float) -> None:
         """Call nothing free that is farther than this from the line of a leg; stays in force."""

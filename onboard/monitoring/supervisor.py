@@ -254,6 +254,7 @@ class MonitorSupervisor:
         flight = self._flight
         if flight.in_seen_space and costs_progress_only(violation.assumption):
             self._log.report_delay(violation, now_s)
+            flight.respond_to(violation, now_s, measured)
         elif flight.flying:
             self._log.report(violation, now_s)
             flight.respond_to(violation, now_s, measured)

@@ -6,7 +6,7 @@ obstacles or limits.  Its ranges and times are exact: found by roots, never by s
 
 from __future__ import annotations
 
-from bisect import bisect_right
+from bisect import bisect_left, bisect_right
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, NamedTuple
@@ -265,6 +265,16 @@ class Trajectory:
             acceleration,
             self.jerk_leg_mps3[piece:],
         )
+
+    def until(self, time_s: float) -> Trajectory:
+        """Return the part before an absolute time after the start, the final coast included."""
+        if time_s > self.end_s:
+            return self.coasting_for(time_s - self.end_s)
+        # A piece that would begin at that time is not begun.
+        count = max(bisect_left(self.knots_s, time_s), 1)
+        durations_s = self.durations_s[:count].copy()
+        durations_s[-1] = time_s - self.knots_s[count - 1]
+        return Trajectory(self.start_s, durations_s, *(array[:count] for array in self.motion))
 
     def followed_by(self, other: Trajectory) -> Trajectory:
         """Return this trajectory followed by ``other``, whose own start time does not matter."""

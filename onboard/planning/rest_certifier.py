@@ -7,6 +7,7 @@ that box is not free, the piece is split by de Casteljau's algorithm, a few time
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
@@ -45,8 +46,9 @@ class RestLimits:
         acceleration_max_mps2: (brake, forward, left, right) in the leg frame, as W.
         acceleration_disc_mps2: greatest Euclidean acceleration; infinite where W is enough, since
             the nose points along the leg.
-        jerk_max_mps3: greatest jerk on each axis.
+        jerk_max_mps3: greatest jerk on each axis; infinite where acceleration may jump.
         run_on: how the vehicle runs on after a loss of the stream; without points: not asked.
+        jerk_y_max_mps3: greatest jerk on y, where it is another than on x.
     """
 
     body_radius_m: float
@@ -55,6 +57,7 @@ class RestLimits:
     acceleration_disc_mps2: float
     jerk_max_mps3: float
     run_on: RunOn
+    jerk_y_max_mps3: float | None = None
 
 
 def certify_rest(
@@ -70,7 +73,7 @@ def certify_rest(
         grid: the seen-free set as it is now.
     """
     failures = [
-        *_start_failures(trajectory, start, start_s),
+        *_start_failures(trajectory, start, start_s, limits),
         *_motion_failures(trajectory, limits),
         *_rest_failures(trajectory),
     ]
@@ -79,7 +82,9 @@ def certify_rest(
     return Certificate(tuple(failures))
 
 
-def _start_failures(trajectory: Trajectory, start: State, start_s: float) -> list[str]:
+def _start_failures(
+    trajectory: Trajectory, start: State, start_s: float, limits: RestLimits
+) -> list[str]:
     first = [array[0] for array in trajectory.motion[:3]]
     failures = []
     if not abs(trajectory.start_s - start_s) <= TIME_TOLERANCE_S:
@@ -93,7 +98,8 @@ def _start_failures(trajectory: Trajectory, start: State, start_s: float) -> lis
         strict=True,
     ):
         gap = float(np.abs(have - want).max())
-        if not gap <= tolerance:
+        may_jump = name == "acceleration" and math.isinf(limits.jerk_max_mps3)
+        if not (gap <= tolerance or may_jump):
             failures.append(f"start: {name} jumps by {gap:.3g} {unit}")
     return failures
 
@@ -109,12 +115,16 @@ def _motion_failures(trajectory: Trajectory, limits: RestLimits) -> list[str]:
         strict=False,
     ):
         gap = float(np.abs(ends[:-1] - starts[1:]).max(initial=0.0))
-        if not gap <= tolerance:
+        may_jump = name == "acceleration" and math.isinf(limits.jerk_max_mps3)
+        if not (gap <= tolerance or may_jump):
             failures.append(f"{name} jumps by {gap:.3g} between two pieces")
     brake, forward, left, right = limits.acceleration_max_mps2
     acceleration = np.concatenate((trajectory.acceleration_leg_mps2, trajectory.ends[2]))
     ax, ay = acceleration[:, X], acceleration[:, Y]
-    jerk = np.abs(trajectory.jerk_leg_mps3)
+    jerk = np.abs(trajectory.jerk_leg_mps3[:, :2])
+    across_mps3 = limits.jerk_y_max_mps3
+    along_mps3 = limits.jerk_max_mps3
+    jerk_max_mps3 = np.array((along_mps3, along_mps3 if across_mps3 is None else across_mps3))
     speed = np.hypot(*velocity_points_mps(trajectory)[:, :, :2].reshape(-1, 2).T)
     for clause, excess, tolerance, unit in (
         ("braking limit exceeded", -ax - brake, ACCELERATION_TOLERANCE_MPS2, "m/s²"),
@@ -127,7 +137,7 @@ def _motion_failures(trajectory: Trajectory, limits: RestLimits) -> list[str]:
             ACCELERATION_TOLERANCE_MPS2,
             "m/s²",
         ),
-        ("jerk limit exceeded", jerk - limits.jerk_max_mps3, JERK_TOLERANCE_MPS3, "m/s³"),
+        ("jerk limit exceeded", jerk - jerk_max_mps3, JERK_TOLERANCE_MPS3, "m/s³"),
         ("speed limit exceeded", speed - limits.speed_max_mps, VELOCITY_TOLERANCE_MPS, "m/s"),
         (
             "height changes",

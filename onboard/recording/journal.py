@@ -79,7 +79,7 @@ class Journal:
             self._slow_due_s = now_s + SLOW_PERIOD_S
             records += self._slow(now_s, state)
         navigator = self.autonomy.navigator
-        seen = self._seen_space.collect(navigator.thread, navigator.leg, state.time_s, now_s)
+        seen = self._seen_space.collect(navigator.shield, navigator.leg, state.time_s, now_s)
         if self._shown and seen is not None:
             records.append(seen)
         for step in navigator.take_planned():

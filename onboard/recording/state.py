@@ -44,8 +44,8 @@ def state_of(autonomy: Autonomy, now_s: float) -> StateRecord:
         log_ended=autonomy.log_ended,
         obstacles_known=len(navigator.obstacles),
         free_cells=supervisor.seen.size,
-        rest_certified=None if navigator.thread is None else navigator.thread.way.certified,
-        rest_margin_m=None if navigator.thread is None else navigator.thread.way.margin_m,
+        rest_certified=None if navigator.shield is None else navigator.shield.rest_certified,
+        rest_margin_m=None if navigator.shield is None else navigator.shield.rest_margin_m,
         pauses=0 if navigator.thread is None else navigator.thread.pauses,
         dropped=_dropped(autonomy),
     )

@@ -11,6 +11,7 @@ from gcs_tools.campaign.generator.contracts import compliant_contract
 from gcs_tools.campaign.generator.fields import ned_m, obstacles_along_leg
 from gcs_tools.campaign.generator.plants import matching_plant
 from gcs_tools.preflight.command import check
+from gcs_tools.preflight.tier import face_distances_m, start_clear_radius_m
 from gcs_tools.scenario import Expectation, Scenario
 from onboard.contract.assessment import assess
 from onboard.files.contract_file import Contract
@@ -20,6 +21,10 @@ from onboard.files.obstacle_field import ObstacleField
 # Draws are repeated until contract and field comply; more than this many are a defect here.
 ATTEMPTS_MAX: Final = 4000
 _ALTITUDE_M: Final = 3.0
+# The first hover is this near to the start.
+_HOVERS_WITHIN_M: Final = 1.0
+# An operator overlooks no more than this.
+_CLEAR_MAX_M: Final = 4.0
 
 
 def compliant_scenario(
@@ -86,7 +91,15 @@ def flight_scenario(
     obstacles: ObstacleField,
     extent: Extent,
 ) -> Scenario:
-    """Draw a plant and put the scenario together; `generators.generated` names it."""
+    """Draw a plant and put the scenario together; `generators.generated` names it.
+
+    The operator confirms that the start is clear, where the field leaves it so.
+    """
+    needed_m = start_clear_radius_m(assess(contract)) + _HOVERS_WITHIN_M
+    clear_m = float(face_distances_m(obstacles, mission.start_ned_m).min(initial=math.inf))
+    clear_m = math.floor(10.0 * min(clear_m, _CLEAR_MAX_M)) / 10.0
+    if clear_m >= needed_m:
+        mission = mission.model_copy(update={"start_clear_m": clear_m})
     return Scenario(
         name="",
         contract=contract,

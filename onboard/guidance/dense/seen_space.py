@@ -9,6 +9,7 @@ import numpy as np
 from onboard.geometry.free_grid import FreeGrid
 
 if TYPE_CHECKING:
+    from onboard.files.mission_file import Mission
     from onboard.geometry.frames import LegFrame
 
 
@@ -43,6 +44,16 @@ class SeenSpace(Protocol):
         """
         ...
 
+    def confirm_by_word(self, north_m: float, east_m: float, radius_m: float) -> None:
+        """Take a disc for free that the operator has confirmed, unless an obstacle is known there.
+
+        Args:
+            north_m: of its centre, local NED.
+            east_m: likewise.
+            radius_m: its radius.
+        """
+        ...
+
     def begin_leg(self, leg: LegFrame) -> None:
         """State the set in the frame of another leg."""
         ...
@@ -50,6 +61,12 @@ class SeenSpace(Protocol):
     def limit(self, half_width_m: float) -> None:
         """Call nothing free that is farther than this from the line of a leg."""
         ...
+
+
+def take_operators_word(seen: SeenSpace, mission: Mission) -> None:
+    """Take the place around a mission's start for free, as far as the operator says that it is."""
+    if mission.start_clear_m is not None:
+        seen.confirm_by_word(*mission.start_ned_m, mission.start_clear_m)
 
 
 class NothingSeen:
@@ -66,6 +83,9 @@ class NothingSeen:
     def confirm_start(self, x_m: float, y_m: float) -> bool:  # noqa: ARG002  none is
         """Confirm no place."""
         return False
+
+    def confirm_by_word(self, north_m: float, east_m: float, radius_m: float) -> None:
+        """Do nothing."""
 
     def begin_leg(self, leg: LegFrame) -> None:
         """Do nothing."""

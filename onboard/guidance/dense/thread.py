@@ -18,11 +18,12 @@ from onboard.geometry.frames import wrap_angle
 from onboard.guidance.dense.limits import rest_limits_of
 from onboard.guidance.dense.look_round import points_at
 from onboard.guidance.dense.pause import PAUSES_MAX, Pause
-from onboard.guidance.dense.seen_space import NothingSeen, SeenSpace
+from onboard.guidance.dense.seen_space import NothingSeen, SeenSpace, take_operators_word
 from onboard.guidance.dense.sliced_planning import SlicedPlanning, Surroundings
 from onboard.guidance.dense.way_to_rest import WayToRest, moves
 from onboard.guidance.phases import FlightState, Trigger
 from onboard.monitoring.assumptions import Assumption, Violation
+from onboard.motion.trajectory import Y
 from onboard.planning.corridor.guide import Guide
 from onboard.planning.corridor.horizon import PIECE_S
 from onboard.planning.corridor.look import (
@@ -54,6 +55,8 @@ _STEADY_S: Final = 1.0
 _STEADY_RADPS: Final = math.radians(0.5)
 # The guide has changed: the way left is longer by this than it was.
 _LONGER_M: Final = 2.0
+# Beside where an avoidance has led there is this much room for another way.
+_BESIDE_M: Final = 1.0
 
 
 class _Leg(NamedTuple):
@@ -106,6 +109,16 @@ class Thread:
         return self._leg.pause.count
 
     @property
+    def turns_nose(self) -> bool:
+        """Whether the nose may still be on its way to where it was told to point."""
+        return self._situation.state.in_seen_space and not self.nose_steady
+
+    @property
+    def confirms_start(self) -> bool:
+        """Whether the vehicle looks all round, since the place where it hovers has to be seen."""
+        return self._confirming
+
+    @property
     def free_grid(self) -> FreeGrid | None:
         """The seen-free set, leg frame, for the record."""
         return self._seen.grid() if self.way.flown is not None else None
@@ -147,8 +160,9 @@ class Thread:
         situation, seen = self._situation, self._seen
         self._leg, self._path_leg_m = self._new_leg(), None
         seen.begin_leg(situation.leg)
-        seen.limit(situation.route.leg.threading_half_width_m)
+        seen.limit(self._half_width_m(0.0))
         self.way.begin(now_s, state.position_leg_m)
+        take_operators_word(seen, situation.route.mission)
         self.way.recheck(self._leg.limits, seen.grid())
         situation.reference.heading_rad = wrap_angle(yaw_rad - situation.leg.heading_rad)
         self._confirming = not self.way.certified
@@ -162,6 +176,24 @@ class Thread:
         self.nose_steady = False
         self._restart_clock(now_s)
 
+    def take_over(self, held: Trajectory, now_s: float) -> None:
+        """Go on with the leg that is flown from where a certified way to rest ends.
+
+        Args:
+            held: what is flown, leg frame.
+            now_s: the time.
+        """
+        seen = self._seen
+        beside_m = max(map(abs, held.position_range_m(Y)))
+        self._leg, self._path_leg_m = self._new_leg(beside_m), None
+        self.way.follow(held, now_s)
+        self._confirming = False
+        seen.limit(self._half_width_m(beside_m))
+        self._leg.pause.look_round((0.0,), seen.frames_needed)
+        self._nearest_m = math.inf
+        self._turned_s, self.nose_steady = now_s, False
+        self._restart_clock(now_s)
+
     def release(self) -> None:
         """Hold nothing: another commander flies."""
         self.way.end()
@@ -170,12 +202,22 @@ class Thread:
         """Move with the estimate."""
         self.way.shift(shift_leg_m)
 
-    def _new_leg(self) -> _Leg:
+    def _half_width_m(self, beside_m: float) -> float:
+        """Return how far beside its line the leg may be flown.
+
+        Without a stated corridor an avoidance may have led farther than best effort would.
+        """
+        leg = self._situation.route.leg
+        room_m = self._situation.assessment.inflation_m() + _BESIDE_M
+        stated = leg.corridor_half_width_m is not None
+        return max(leg.threading_half_width_m, 0.0 if stated else beside_m + room_m)
+
+    def _new_leg(self, beside_m: float = 0.0) -> _Leg:
         situation = self._situation
         assessment, route = situation.assessment, situation.route
         limits = rest_limits_of(assessment, any_heading=route.mission.heading == "path")
         margin_m = assessment.inflation_m()
-        guide = Guide((route.length_m, 0.0), margin_m, route.leg.threading_half_width_m)
+        guide = Guide((route.length_m, 0.0), margin_m, self._half_width_m(beside_m))
         return _Leg(limits, SlicedPlanning(guide, limits), Pause(situation.reference, guide))
 
     # ------------------------------------------------------------------ one tick

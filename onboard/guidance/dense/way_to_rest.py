@@ -19,7 +19,7 @@ from onboard.planning.rest_certifier import RestLimits, certify_rest
 if TYPE_CHECKING:
     from onboard.geometry.free_grid import FreeGrid
     from onboard.guidance.reference import Reference
-    from onboard.motion.trajectory import Vector
+    from onboard.motion.trajectory import Trajectory, Vector
     from onboard.planning.certifier import Certificate
 
 # A plan whose nodes are all slower than this stays where it is.
@@ -34,11 +34,14 @@ _MARGINS_M: Final = (0.05, 0.1, 0.2, 0.4)
 class WayToRest:
     """Holds the plan that is flown, in nodes, and the one that takes over at the next node.
 
+    A certified trajectory of any other kind is followed to its rest, and nodes go on from there.
+
     Args:
         reference: follows the plan.
 
     Attributes:
-        flown: the plan that is flown; its first node is the last that has passed.
+        flown: the plan that is flown; its first node is the last that has passed, or where the
+            trajectory that is followed comes to rest.
         version: of the plan flown; a plan that was computed from another one is dropped.
         certified: whether the plan flown is free in the set as it was at the last node; None
             before the first certificate.
@@ -50,6 +53,8 @@ class WayToRest:
         self._height_m = 0.0
         self.flown: Horizon | None = None
         self._next: Horizon | None = None
+        # What is followed before the first node; None once it has come to rest.
+        self._followed: Trajectory | None = None
         self.version = 0
         self.certified: bool | None = None
         self.margin_m: float | None = None
@@ -67,7 +72,9 @@ class WayToRest:
     @property
     def still(self) -> bool:
         """Whether the vehicle is at rest and stays so."""
-        return self._next is None and self.flown is not None and not moves(self.flown)
+        if self._followed is not None or self._next is not None:
+            return False
+        return self.flown is not None and not moves(self.flown)
 
     @property
     def ended(self) -> bool:
@@ -80,13 +87,32 @@ class WayToRest:
         """Stay at a place from now on."""
         x_m, y_m, self._height_m = position_leg_m
         self.flown, self._next = Horizon.at_rest(now_s, x_m, y_m), None
+        self._followed = None
         self.version += 1
         self.certified = self.margin_m = None
         self._reference.fly(self.flown.trajectory(self._height_m))
 
+    def follow(self, trajectory: Trajectory, now_s: float) -> None:
+        """Follow a trajectory from its start to its rest, and stay there.
+
+        Args:
+            trajectory: certified by the caller for the present set; starts on what is flown, now
+                or before the next tick.
+            now_s: the time.
+        """
+        x_m, y_m, self._height_m = trajectory.final.position_leg_m
+        self.flown, self._next = Horizon.at_rest(trajectory.end_s, x_m, y_m), None
+        self._followed = trajectory
+        self.version += 1
+        self.certified, self.margin_m = True, None
+        if trajectory.start_s > now_s:
+            self._reference.schedule(trajectory, now_s)
+        else:
+            self._reference.fly(trajectory)
+
     def end(self) -> None:
         """Hold nothing: the pilot flies."""
-        self.flown = self._next = None
+        self.flown = self._next = self._followed = None
         self.version += 1
         self.certified = self.margin_m = None
 
@@ -94,6 +120,8 @@ class WayToRest:
         """Go on to the plan that is due; tell whether a node has been passed."""
         passed = False
         self._reference.hand_over(now_s)
+        if self._followed is not None and now_s >= self._followed.end_s:
+            self._followed = None
         while self.flown is not None and now_s >= self.flown.start_s + PIECE_S - _ROUND_OFF_S:
             self.flown, self._next = self._next or self.flown.next_node(), None
             self.version += 1
@@ -150,10 +178,12 @@ class WayToRest:
         self.flown, self._next = (
             None if plan is None else _shifted(plan, plan_m) for plan in (self.flown, self._next)
         )
+        if self._followed is not None:
+            self._followed = self._followed.shifted_by(shift_leg_m)
 
     def _certifies(self, limits: RestLimits, grid: FreeGrid) -> bool:
         assert self.flown is not None  # noqa: S101  the caller checked
-        trajectory = self.flown.trajectory(self._height_m)
+        trajectory = self._followed or self.flown.trajectory(self._height_m)
         start = trajectory.sample(trajectory.start_s)
         return certify_rest(trajectory, start, trajectory.start_s, limits, grid).valid
 

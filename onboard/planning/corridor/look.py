@@ -85,7 +85,7 @@ def first_looks_rad(heading_rad: float, half_view_rad: float) -> tuple[float, ..
 
     Together the views cover all bearings; ``heading_rad`` is last.
     """
-    count = math.ceil(2.0 * math.pi / (2.0 * half_view_rad - _OVERLAP_RAD))
+    count = math.ceil(2.0 * math.pi / _step_rad(half_view_rad))
     return tuple(heading_rad + 2.0 * math.pi * k / count for k in range(1, count + 1))
 
 
@@ -100,7 +100,7 @@ def looks_at_rest_rad(outlook: Outlook, *, all_round: bool) -> tuple[float, ...]
     base_rad = outlook.heading_rad
     looks = _covering_rad(outlook, _unseen_bearings_rad(outlook))
     if all_round:
-        step_rad = 2.0 * outlook.half_view_rad - _OVERLAP_RAD
+        step_rad = _step_rad(outlook.half_view_rad)
         looks = [*looks, *(base_rad + k * step_rad for k in (1, 2, -2, -1))]
     if outlook.path_leg_m is not None:
         ahead_rad = _bearing_rad(outlook, along(outlook.path_leg_m, (_AHEAD_M,))[0])
@@ -128,14 +128,14 @@ def _unseen_bearings_rad(outlook: Outlook) -> FloatArray:
     to_x, to_y = x - outlook.position_leg_m[0], y - outlook.position_leg_m[1]
     bearings_rad = np.arctan2(to_y, to_x)
     off_rad = (bearings_rad - outlook.heading_rad + math.pi) % (2.0 * math.pi) - math.pi
-    unseen &= np.abs(off_rad) > outlook.half_view_rad - _EDGE_RAD
+    unseen &= np.abs(off_rad) > _reach_rad(outlook.half_view_rad)
     found: FloatArray = bearings_rad[unseen]
     return found
 
 
 def _covering_rad(outlook: Outlook, bearings_rad: FloatArray) -> list[float]:
     """Return headings whose views hold all bearings, each for the nearest one not yet in view."""
-    reach_rad = outlook.half_view_rad - _EDGE_RAD
+    reach_rad = _reach_rad(outlook.half_view_rad)
     looks: list[float] = []
     left = [outlook.heading_rad + wrapped_rad(b - outlook.heading_rad) for b in bearings_rad]
     while left:
@@ -144,6 +144,16 @@ def _covering_rad(outlook: Outlook, bearings_rad: FloatArray) -> list[float]:
         looks.append(look)
         left = [b for b in left if abs(b - look) > reach_rad]
     return looks
+
+
+def _step_rad(half_view_rad: float) -> float:
+    """Return the turn between two looks whose views overlap; by half, where the view is narrow."""
+    return max(2.0 * half_view_rad - _OVERLAP_RAD, half_view_rad)
+
+
+def _reach_rad(half_view_rad: float) -> float:
+    """Return how far off the nose a look shows a place, edge left out; half of a narrow view."""
+    return max(half_view_rad - _EDGE_RAD, half_view_rad / 2.0)
 
 
 def wrapped_rad(angle_rad: float) -> float:

@@ -105,7 +105,7 @@ def test_with_best_effort_only_clauses_of_safety_keep_the_vehicle_from_flying(
     assessment: Assessment,
 ) -> None:
     assert broken_clauses(required(assessment)) == ["separation"]
-    best_effort = required(assessment, progress="best_effort")
+    best_effort = required(assessment, progress="best_effort", stop=True)
     assert has_best_effort(best_effort)
     assert broken_clauses(best_effort) == []
 

@@ -6,8 +6,7 @@ import pytest
 
 from onboard.contract.assessment import TICK_S
 from onboard.files.contract_file import Contract
-from onboard.guidance.envelope import at_rest_speed_mps
-from onboard.guidance.leg_progress import HEADING_TOLERANCE_RAD
+from onboard.guidance.envelope import HEADING_TOLERANCE_RAD, at_rest_speed_mps
 from onboard.guidance.phases import FlightState, IllegalTransitionError, Phase
 from tests.onboard.guidance.perfect_flight import DEFECT, PerfectFlight, mission_to, pose_at
 

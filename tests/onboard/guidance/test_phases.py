@@ -182,13 +182,26 @@ def test_avoidances_begin_only_in_a_free_cruise(state: FlightState) -> None:
     assert (Trigger.CRUISE_REPLANNED in triggers_of(state)) is state.cruising_freely
 
 
-def test_a_flight_in_seen_space_never_leaves_it_but_for_rest_or_the_pilot() -> None:
-    ends = {FlightState.ARRIVED, FlightState.HOLDING, FlightState.STANDBY}
-    for (state, _), target in TRANSITIONS.items():
-        if state.in_seen_space:
-            assert target.in_seen_space or target in ends
-        elif target.in_seen_space:
-            assert state is FlightState.STANDBY
+def test_a_flight_in_seen_space_leaves_it_for_rest_or_the_pilot_or_to_cruise_from_rest() -> None:
+    ends = {FlightState.ARRIVED, FlightState.HOLDING, FlightState.STANDBY, FlightState.ALIGNING}
+    for (state, trigger), target in TRANSITIONS.items():
+        if not state.in_seen_space or target.in_seen_space:
+            continue
+        assert target in ends
+        back = trigger in (Trigger.BACK_TO_CRUISE, Trigger.START_SEEN)
+        assert (target is FlightState.ALIGNING) == back
+
+
+@pytest.mark.parametrize("state", FlightState)
+def test_what_cruises_or_avoids_threads_on_from_rest_where_nothing_certifies(
+    state: FlightState,
+) -> None:
+    moving = state.cruising_freely or state.phase is Phase.AVOID
+    if not moving:
+        assert state.in_seen_space or Trigger.NO_WAY not in triggers_of(state)
+        return
+    rests = FlightState.RESTING if state.changes_mission else FlightState.LOOKING
+    assert next_state(state, Trigger.NO_WAY) is rests
 
 
 def test_threading_pauses_and_goes_on() -> None:

@@ -10,7 +10,8 @@ from tests.onboard.guidance.perfect_flight import mission_to
 @pytest.fixture
 def best_effort(contract: Contract) -> Contract:
     """The precise vehicle, where passing obstacles is not guaranteed."""
-    requirements = contract.requirements.model_copy(update={"progress": "best_effort"})
+    changes = {"progress": "best_effort", "stop": True}
+    requirements = contract.requirements.model_copy(update=changes)
     return contract.model_copy(update={"requirements": requirements})
 
 

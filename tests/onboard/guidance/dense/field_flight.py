@@ -78,6 +78,9 @@ class IdealSeenSpace:
             self.confirmed += 1
         return not self.refusing
 
+    def confirm_by_word(self, north_m: float, east_m: float, radius_m: float) -> None:
+        self._seen.confirm(north_m, east_m, radius_m)
+
     def begin_leg(self, leg: LegFrame) -> None:
         if self.frame is not None and leg != self.frame:
             x_m, y_m, _ = self.frame.position_leg(leg.origin_ned_m)

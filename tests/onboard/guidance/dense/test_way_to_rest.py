@@ -9,6 +9,7 @@ from onboard.contract.run_on import NO_RUN_ON
 from onboard.geometry.free_grid import FreeGrid
 from onboard.guidance.dense.way_to_rest import WayToRest, moves
 from onboard.guidance.reference import Reference
+from onboard.motion.trajectory import State, Trajectory
 from onboard.perception.seen_free import SeenFree
 from onboard.planning.corridor.horizon import PIECE_S, PIECES, Horizon
 from onboard.planning.rest_certifier import RestLimits
@@ -138,3 +139,66 @@ def test_after_the_end_nothing_is_held(way: WayToRest, grid: FreeGrid) -> None:
     way.recheck(LIMITS, grid)
     assert (way.flown, way.certified, way.still) == (None, None, False)
     assert not way.pass_nodes(10.0)
+
+
+# ------------------------------------------------------------------ a trajectory of another kind
+
+
+def braking(now_s: float, speed_mps: float = 1.2) -> Trajectory:
+    """Return a trajectory from where the vehicle is to rest, 1 s long and not in nodes."""
+    start = State((0.0, 0.0, -0.5), (speed_mps, 0.0, 0.0))
+    accelerations = np.zeros((3, 3))
+    accelerations[1, 0] = -2.0 * speed_mps
+    return Trajectory.from_accelerations(now_s, start, np.array((0.5, 0.5)), accelerations)
+
+
+def test_a_trajectory_is_followed_to_its_rest_and_nodes_go_on_there(
+    way: WayToRest, grid: FreeGrid
+) -> None:
+    way.follow(braking(0.0), 0.0)
+    assert not way.still
+    way.recheck(LIMITS, grid)
+    assert way.certified is True
+    assert not way.pass_nodes(0.5)
+    assert not way.still
+    reference = way._reference.sample(0.5)
+    assert reference is not None
+    assert reference.velocity_leg_mps[0] == pytest.approx(0.6)
+    assert not way.pass_nodes(1.1)
+    assert way.ended
+    assert way.flown is not None
+    assert way.flown.nodes[0, 0] == pytest.approx((0.6, 0.0))
+    assert way.pass_nodes(1.3)
+    assert adopted(way, grid, 1.35)
+    assert way.pass_nodes(1.5)
+    ahead = way._reference.sample(1.6)
+    assert ahead is not None
+    assert ahead.position_leg_m[0] > 0.6
+
+
+def test_what_is_followed_is_rechecked_on_the_way_and_not_only_where_it_ends(
+    way: WayToRest,
+) -> None:
+    seen = SeenFree()
+    seen.confirm(0.6, 0.0, 0.8)
+    way.follow(braking(0.0), 0.0)
+    way.recheck(LIMITS, seen.grid())
+    assert way.certified is False
+
+
+def test_a_trajectory_that_starts_later_takes_over_then_and_moves_with_the_estimate(
+    way: WayToRest,
+) -> None:
+    way.follow(braking(0.01), 0.0)
+    still = way._reference.sample(0.0)
+    assert still is not None
+    assert still.velocity_leg_mps == (0.0, 0.0, 0.0)
+    way.pass_nodes(0.02)
+    way._reference.shift((0.0, 2.0, 0.0))
+    way.shift((0.0, 2.0, 0.0))
+    way.pass_nodes(1.02)
+    assert way.flown is not None
+    assert way.flown.nodes[0, 0] == pytest.approx((0.6, 2.0))
+    resting = way._reference.sample(1.5)
+    assert resting is not None
+    assert resting.position_leg_m[:2] == pytest.approx((0.6, 2.0))
