@@ -9,6 +9,8 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
+from itertools import pairwise
 from typing import TYPE_CHECKING, Final
 
 from onboard.contract.agility import available_limits
@@ -18,6 +20,9 @@ if TYPE_CHECKING:
     from onboard.contract.arithmetic import Arithmetic
     from onboard.contract.terms import Terms
     from onboard.geometry.frames import Q
+
+# A run is covered by so many boxes.
+_STRIPS: Final = 8
 
 
 @dataclass(frozen=True)
@@ -30,9 +35,61 @@ class RunOn:
 
     gains: tuple[tuple[float, float], ...] = ()
 
+    @cached_property
+    def strips(self) -> tuple[tuple[tuple[float, float], ...], ...]:
+        """Points (kappa, c) of strips that cover the run together, the setpoint's own included.
+
+        The run stays in the hull of the points, a polygon in the plane of kappa and c: between two
+        values of kappa in the hull of that part of it.  The boxes around the parts hold far less of
+        what lies beside a run that leads aside than the one box around all of it.
+        """
+        corners = _hull([(0.0, 0.0), *self.gains])
+        kappas_s = [kappa_s for kappa_s, _ in corners]
+        low_s, high_s = min(kappas_s), max(kappas_s)
+        if high_s - low_s <= 0.0:
+            return (tuple(corners),)
+        edges_s = [low_s + (high_s - low_s) * i / _STRIPS for i in range(_STRIPS + 1)]
+        return tuple(
+            tuple(
+                [corner for corner in corners if begin_s < corner[0] < end_s]
+                + _at(corners, begin_s)
+                + _at(corners, end_s)
+            )
+            for begin_s, end_s in pairwise(edges_s)
+        )
+
     def reach_m(self, speed_mps: float) -> float:
         """Return how far a setpoint without acceleration may run on at a speed."""
         return max((kappa_s * speed_mps for kappa_s, _ in self.gains), default=0.0)
+
+
+def _hull(points: list[tuple[float, float]]) -> list[tuple[float, float]]:
+    """Return the corners of the convex hull of points in the plane, in order (monotone chain)."""
+    ordered = sorted(set(points))
+    if len(ordered) < 3:
+        return ordered
+    halves = []
+    for side in (ordered, ordered[::-1]):
+        chain: list[tuple[float, float]] = []
+        for x, y in side:
+            while len(chain) > 1:
+                (x0, y0), (x1, y1) = chain[-2:]
+                if (x1 - x0) * (y - y0) - (y1 - y0) * (x - x0) > 0.0:
+                    break
+                chain.pop()
+            chain.append((x, y))
+        halves.append(chain[:-1])
+    return halves[0] + halves[1]
+
+
+def _at(corners: list[tuple[float, float]], kappa_s: float) -> list[tuple[float, float]]:
+    """Return the lowest and the highest point of a polygon at one kappa."""
+    found = []
+    for (k0_s, c0_s2), (k1_s, c1_s2) in zip(corners, corners[1:] + corners[:1], strict=True):
+        if min(k0_s, k1_s) <= kappa_s <= max(k0_s, k1_s):
+            share = (kappa_s - k0_s) / (k1_s - k0_s) if k1_s != k0_s else 0.0
+            found += [c0_s2 + share * (c1_s2 - c0_s2)] + ([c1_s2] if k0_s == k1_s else [])
+    return [(kappa_s, min(found)), (kappa_s, max(found))]
 
 
 NO_RUN_ON: Final = RunOn()

@@ -2,7 +2,8 @@
 
 Shares nothing with the planner but the trajectory.  Exact in continuous time: a cubic piece lies in
 the bounding box of its Bernstein points, and so does its run-on (`onboard.contract.run_on`); where
-that box is not free, the piece is split by de Casteljau's algorithm, a few times.
+that box is not free, the run-on is covered by several boxes, and the piece is split by de
+Casteljau's algorithm, a few times.
 """
 
 from __future__ import annotations
@@ -24,6 +25,8 @@ from onboard.planning.certifier import (
 )
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from numpy.typing import NDArray
 
     from onboard.contract.run_on import RunOn
@@ -167,11 +170,9 @@ def velocity_points_mps(trajectory: Trajectory) -> FloatArray:
     return np.stack((v, v + a * t / 2.0, trajectory.ends[1]), axis=1)
 
 
-def swept_points_m(trajectory: Trajectory, run_on: RunOn) -> FloatArray:
-    """Bernstein points (points, n, 4, 2) of the path and of each point that bounds its run-on."""
+def _motion_points(trajectory: Trajectory) -> FloatArray:
+    """Bernstein points (3, n, 4, 2) of position, velocity and acceleration, all of degree 3."""
     position = trajectory.control_points_m[:, :, :2]
-    if not run_on.gains:
-        return position[None]
     first, middle, last = np.moveaxis(velocity_points_mps(trajectory)[:, :, :2], 1, 0)
     velocity = np.stack(
         (first, (first + 2.0 * middle) / 3.0, (2.0 * middle + last) / 3.0, last), axis=1
@@ -180,16 +181,22 @@ def swept_points_m(trajectory: Trajectory, run_on: RunOn) -> FloatArray:
     acceleration = np.stack(
         (begin, (2.0 * begin + end) / 3.0, (begin + 2.0 * end) / 3.0, end), axis=1
     )
-    runs = [position + kappa * velocity + c * acceleration for kappa, c in run_on.gains]
-    return np.stack((position, *runs))
+    return np.stack((position, velocity, acceleration))
 
 
 def _space_failures(trajectory: Trajectory, limits: RestLimits, grid: FreeGrid) -> list[str]:
-    points = swept_points_m(trajectory, limits.run_on)
+    points = _motion_points(trajectory)
     grown_m = limits.body_radius_m + 2.0 * GRID_TOLERANCE_M
     pieces = np.arange(points.shape[1])
+    run_on = limits.run_on
+    whole = ((0.0, 0.0), *run_on.gains)
     for _ in range(_SPLITS_MAX + 1):
-        occupied = ~_are_free(points, grown_m, grid)
+        occupied = ~_are_free(points, whole, grown_m, grid)
+        if run_on.gains and occupied.any():
+            # Strip by strip less is needed of what lies beside a run that leads aside.
+            suspects = points[:, occupied]
+            within = [_are_free(suspects, strip, grown_m, grid) for strip in run_on.strips]
+            occupied[occupied] = ~np.logical_and.reduce(within)
         if not occupied.any():
             return []
         points, pieces = _halves(points[:, occupied]), np.repeat(pieces[occupied], 2)
@@ -197,10 +204,14 @@ def _space_failures(trajectory: Trajectory, limits: RestLimits, grid: FreeGrid) 
     return [f"leaves the seen-free space in the piece from {time_s:.3f} s"]
 
 
-def _are_free(points: FloatArray, grown_m: float, grid: FreeGrid) -> NDArray[np.bool_]:
-    """Tell for each piece whether the bounding box of its points, grown, is seen free."""
-    low = points.min(axis=(0, 2)) - grown_m
-    high = points.max(axis=(0, 2)) + grown_m
+def _are_free(
+    points: FloatArray, gains: Sequence[tuple[float, float]], grown_m: float, grid: FreeGrid
+) -> NDArray[np.bool_]:
+    """Tell for each piece whether the box around its points with these gains is seen free."""
+    position, velocity, acceleration = points
+    swept = np.stack([position + kappa * velocity + c * acceleration for kappa, c in gains])
+    low = swept.min(axis=(0, 2)) - grown_m
+    high = swept.max(axis=(0, 2)) + grown_m
     return grid.are_free(low[:, 0], high[:, 0], low[:, 1], high[:, 1])
 
 

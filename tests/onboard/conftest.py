@@ -13,7 +13,9 @@ CONTRACTS = Path(__file__).parents[1] / "contracts"
 @pytest.fixture
 def contract() -> Contract:
     """A precise vehicle at 15 degrees, which complies with room to spare."""
-    return load_contract(CONTRACTS / "precise_vehicle.yaml")
+    # The simulated vehicle that flies it is an ideal PX4.
+    loss = "vehicle.setpoint_loss={model: frozen, gain_per_s: 1.3, velocity_gain_per_s: 4.5}"
+    return load_contract(CONTRACTS / "precise_vehicle.yaml", (loss, "requirements.stop=false"))
 
 
 @pytest.fixture

@@ -5,13 +5,6 @@ from tests.onboard.guidance.perfect_flight import PerfectFlight, mission_to
 
 
 @pytest.fixture
-def contract(contract: Contract) -> Contract:
-    """The precise vehicle in the paper's pure form: nothing that is flown needs a way to rest."""
-    requirements = contract.requirements.model_copy(update={"stop": False})
-    return contract.model_copy(update={"requirements": requirements})
-
-
-@pytest.fixture
 def flight(contract: Contract) -> PerfectFlight:
     """A leg of 60 m north, before control is granted."""
     return PerfectFlight(contract, mission_to((60.0, 0.0)))

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -122,12 +122,17 @@ def test_most_of_what_is_refused_does_touch_it() -> None:
 def test_a_loosened_certifier_is_found_out(loosened: str, monkeypatch: pytest.MonkeyPatch) -> None:
     sound = rest_certifier._are_free
 
-    def loose(points: FloatArray, grown_m: float, grid: FreeGrid) -> NDArray[np.bool_]:
+    def loose(
+        points: FloatArray,
+        gains: Sequence[tuple[float, float]],
+        grown_m: float,
+        grid: FreeGrid,
+    ) -> NDArray[np.bool_]:
         if loosened == "body":
-            return sound(points, 0.8 * grown_m, grid)
+            return sound(points, gains, 0.8 * grown_m, grid)
         if loosened == "run_on":
-            return sound(points[:1], grown_m, grid)
-        free = sound(points, grown_m, grid)
+            return sound(points, gains[:1], grown_m, grid)
+        free = sound(points, gains, grown_m, grid)
         free[10:] = True
         return free
 
