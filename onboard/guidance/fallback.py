@@ -49,6 +49,7 @@ class Fallback:
         elif not situation.rest_held:
             braking, how = self._way_to_hover(now_s)
             situation.reference.fly(braking)
+        situation.hold_cause = violation.assumption, now_s
         text = f"holding: {violation}; {how}"
         situation.fire(Trigger.ASSUMPTION_FAILED, now_s, text=text)
 

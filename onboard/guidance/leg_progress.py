@@ -58,6 +58,17 @@ class LegProgress:
         situation.obstacles.rejoin()
         self._restart_route()
 
+    def resume(self, pose: Pose, now_s: float) -> None:
+        """Go on with the current leg from a hold in which the vehicle rests (RESUMED)."""
+        situation = self._situation
+        state = situation.reference.sample(now_s)
+        assert state is not None  # noqa: S101  a hold has a reference
+        resumed = Trigger.RESUMED if self._thread is None else Trigger.BEST_EFFORT_RESUMED
+        situation.fire(resumed, now_s)
+        situation.avoidance = None
+        situation.obstacles.rejoin()
+        self._begin_leg(state, pose, now_s)
+
     def change_mission(self, mission: Mission, now_s: float) -> None:
         """Fly another mission: from its start in STANDBY, else from where the vehicle stops.
 

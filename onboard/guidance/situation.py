@@ -16,7 +16,7 @@ from onboard.guidance.envelope import envelope_of, has_best_effort
 from onboard.guidance.phases import FlightState, Trigger, next_state
 from onboard.guidance.reference import Reference
 from onboard.guidance.route import Route
-from onboard.monitoring.assumptions import measured_size_max
+from onboard.monitoring.assumptions import Assumption, measured_size_max
 from onboard.motion.trajectory import State, Trajectory, Vector
 from onboard.perception.obstacle_map import Obstacle, ObstacleMap
 from onboard.planning.closed_form import brake_to_hover
@@ -72,6 +72,7 @@ class Situation:
         obstacles: what has been seen.
         events: what has happened, for the caller to take and clear.
         rest_held: whether what is flown is a way to rest in the space seen free, also in HOLDING.
+        hold_cause: what failed last, so that the vehicle held, and when; None before.
     """
 
     def __init__(self, assessment: Assessment, mission: Mission, *, adaptive: bool) -> None:
@@ -85,6 +86,7 @@ class Situation:
         self.obstacles = ObstacleMap(self.leg, assessment.region_around, self._merged_size_max_m)
         self.events: list[Event] = []
         self.rest_held = False
+        self.hold_cause: tuple[Assumption, float] | None = None
         self._limiter = EventLimiter()
 
     @property

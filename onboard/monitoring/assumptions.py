@@ -47,6 +47,7 @@ class Assumption(StrEnum):
     WIND = "wind"
     SECOND_COMMANDER = "second_commander"
     TICK_OVERRUN = "tick_overrun"
+    LATE_TICKS = "late_ticks"
     PLAN_EXISTS = "plan_exists"
     NO_PASSAGE = "no_passage"
     LEG_END_CLEAR = "leg_end_clear"

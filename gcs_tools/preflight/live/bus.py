@@ -23,7 +23,8 @@ from gcs_tools.preflight.live.daemon import (
 from gcs_tools.preflight.live.detections import Sample, check_detections
 from onboard.contract.assessment import Assessment
 from onboard.files.contract_file import Contract
-from onboard.files.yaml_file import load_yaml
+from onboard.files.daemon_config import DaemonConfig
+from onboard.files.yaml_file import FileError, load_yaml
 from onboard.files.zenoh_endpoints import ZenohEndpoints
 from onboard.monitoring.flight_authorization import FlightAuthorization
 
@@ -49,6 +50,31 @@ def load_bus(path: Path) -> BusConfig:
         FileError: the file cannot be read, or its content is not valid.
     """
     return load_yaml(path, BusConfig).relative_to(path.parent)
+
+
+def bus_of(zenoh_config: Path | None, daemon_config: Path | None) -> BusConfig:
+    """Return which vehicle is meant, and how to reach it; without a file, scouting finds it.
+
+    Args:
+        zenoh_config: says both.
+        daemon_config: the daemon's own configuration, as `clearway fly` leaves it.
+
+    Raises:
+        FileError: a file is not usable.
+    """
+    if zenoh_config is not None:
+        return load_bus(zenoh_config)
+    if daemon_config is None:
+        return BusConfig(connect=(), listen=())
+    daemon = load_yaml(daemon_config, DaemonConfig)
+    if daemon.zenoh.config_file is not None:
+        # It may hold the daemon's own certificate and password, and the port that it listens on.
+        raise FileError(
+            f"{daemon_config}: zenoh.config_file is the daemon's own: give yours by --zenoh-config"
+        )
+    endpoints = daemon.zenoh.listen or daemon.zenoh.connect
+    mode = daemon.zenoh.mode
+    return BusConfig(vehicle=daemon.vehicle, mode=mode, connect=endpoints, listen=())
 
 
 class BusCheck:
