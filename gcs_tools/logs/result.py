@@ -53,6 +53,7 @@ class Result:
         pauses: how often the vehicle stopped to look for another way.
         mean_speed_mps: way flown over ``duration_s``, pauses included.
         progress: ``guaranteed`` or ``best_effort``, as the contract requires it.
+        threaded: whether a part was flown with best effort, in the space seen free.
         rest_margin_min_m: least margin of the way to rest that was held; null where none was.
         speed_at_contact_mps: greatest speed at which contact began; null without contact.
         contacts_at_rest: how many contacts began at rest.
@@ -75,6 +76,7 @@ class Result:
     pauses: int = 0
     mean_speed_mps: float = 0.0
     progress: Progress = "guaranteed"
+    threaded: bool = False
     rest_margin_min_m: float | None = None
     speed_at_contact_mps: float | None = None
     contacts_at_rest: int = 0
@@ -149,6 +151,7 @@ def result_of(
         pauses=_pauses(flight.states),
         mean_speed_mps=_distance_m(flown) / duration_s if duration_s else 0.0,
         progress=progress,
+        threaded=any(state.phase == "thread" for state in flown),
         rest_margin_min_m=_rest_margin_min_m(flown),
         **_against_obstacles(truth),
     )
@@ -220,12 +223,20 @@ def _outcome(flight: Log, collisions: int, aborted: str | None) -> tuple[Outcome
     changes = _texts(flight, EventName.PHASE)
     if collisions:
         return "collided", f"{collisions} collision(s); {'; '.join(changes)}"
-    if "hold" in phases:
+    if _held(flight.states):
         return "held", next((text for text in reversed(changes) if "holding" in text), "holding")
     if "arrived" in phases:
         return "arrived", "mission flown"
     reasons = filter(None, (aborted, *_texts(flight, EventName.REFUSED)))
     return "aborted", "; ".join(reasons) or "the mission did not end"
+
+
+def _held(states: Sequence[StateRecord]) -> bool:
+    """Tell whether the flight held, and the operator did not resume it from there."""
+    phases = [state.phase for state in states]
+    resumed = sum(before == "hold" and after in FLYING_PHASES for before, after in pairwise(phases))
+    holds = sum(before != "hold" == after for before, after in pairwise(["", *phases]))
+    return holds > resumed
 
 
 def _texts(flight: Log, name: EventName) -> list[str]:
