@@ -9,12 +9,13 @@ from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from itertools import pairwise
 from pathlib import Path
-from typing import Any, Literal, TypeVar
+from typing import Any, TypeVar
 
 from gcs_tools.console.errors import CommandError
 from gcs_tools.logs.flight_log import Log
 from gcs_tools.scenario import Expectation, Outcome
 from onboard.events import EventName
+from onboard.files.contract_file import Progress
 from onboard.files.truth_record import TruthRecord
 from onboard.guidance.phases import FLYING_PHASES
 from onboard.recording.messages import StateRecord
@@ -23,7 +24,7 @@ _OVER = frozenset({"arrived", "hold"})
 _STILL_MPS = 0.1
 _PLAN_KINDS = ("qp", "vertex", "brake")
 
-Progress = Literal["guaranteed", "best_effort"]
+
 _Value = TypeVar("_Value")
 
 

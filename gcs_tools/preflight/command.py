@@ -294,6 +294,8 @@ def _check_live(
             result.assessment,
             mission,
             paper_compliant=result.may_fly,
+            # Where the contract complies, nothing has to be accepted.
+            accept_no_progress=result.accept_no_progress and not result.compliant,
             report=lambda step: bar.show(next(done), f"checking: {step}"),
         )
 

@@ -24,6 +24,7 @@ from onboard.files.yaml_file import (
 )
 
 InputSet = Literal["inner", "paper"]
+Progress = Literal["guaranteed", "best_effort"]
 Positive = Annotated[float, Field(gt=0.0)]
 NonNegative = Annotated[float, Field(ge=0.0)]
 AcuteAngle = Annotated[float, Field(gt=0.0, lt=90.0)]
@@ -107,7 +108,7 @@ class Requirements(FileModel):
 
     stop: bool = Field(True, description="braking to hover is always available")
     passive_safety: bool = Field(True, description="no collision even if the daemon dies")
-    progress: Literal["guaranteed", "best_effort"] = Field(
+    progress: Progress = Field(
         "guaranteed",
         description="best_effort: fly where passing every obstacle is not guaranteed, safely",
     )

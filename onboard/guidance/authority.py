@@ -81,6 +81,11 @@ class ControlAuthority:
             now_s: the time.
             now_unix_s: the same in Unix time, for the age of the pre-flight check.
         """
+        if self._navigator.phase is Phase.STANDBY:
+            accepted = self._authorization.accepts_no_progress(now_unix_s)
+            if self._navigator.accept_no_progress(accepted=accepted) and accepted:
+                text = "the next flight is not guaranteed to arrive, which was accepted"
+                self._emit(Event(now_s, EventName.ACCEPTED, Severity.NOTICE, text))
         if not self._granted(now_s):
             self._give_back(pose, now_s)
         elif self._navigator.phase is Phase.STANDBY:
@@ -110,6 +115,7 @@ class ControlAuthority:
             navigator.release_control(now_s)
         if status.airborne is not True:
             self._supervisor.end_flight()
+            self._authorization.end_flight()
         self._standby_setpoint = hovering_at(pose)
         self._refusals.end()
 
@@ -117,6 +123,7 @@ class ControlAuthority:
         refusals = self.departure_refusals(pose, now_s, now_unix_s)
         if not refusals:
             self._supervisor.begin_flight(now_s)
+            self._authorization.begin_flight(now_unix_s)
             self._refusals.end()
             self._navigator.take_control(pose, now_s)
         elif (news := self._refusals.news(refusals, now_s)) is not None:

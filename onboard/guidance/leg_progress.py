@@ -9,6 +9,7 @@ from onboard.events import Event, EventData, EventName, Severity
 from onboard.files.mission_file import Mission
 from onboard.geometry.frames import wrap_angle
 from onboard.guidance.cruise import Cruise
+from onboard.guidance.dense.seen_space import NothingSeen, SeenSpace
 from onboard.guidance.dense.thread import Thread
 from onboard.guidance.envelope import at_rest_speed_mps
 from onboard.guidance.fallback import Fallback
@@ -29,19 +30,46 @@ class LegProgress:
         situation: what is flown, and what is known.
         fallback: what is left if a leg ends away from its target.
         cruise: flies the leg once the nose is aligned.
+
+    Attributes:
         thread: flies it with best effort instead; None where passing is guaranteed.
     """
 
-    def __init__(
-        self, situation: Situation, fallback: Fallback, cruise: Cruise, thread: Thread | None
-    ) -> None:
+    def __init__(self, situation: Situation, fallback: Fallback, cruise: Cruise) -> None:
         self._situation, self._fallback, self._cruise = situation, fallback, cruise
-        self._thread = thread
+        self._seen: SeenSpace = NothingSeen()
+        self._declared = situation.assessment.contract.requirements.progress
+        self.thread = self._new_thread()
         self._aligned_since_s: float | None = None
+
+    def see_by(self, seen: SeenSpace) -> None:
+        """Fly, with best effort, in the space that this set says was seen free."""
+        self._seen = seen
+        seen.relied_on = self.thread is not None
+        if self.thread is not None:
+            self.thread.see_by(seen)
+
+    def accept_no_progress(self, *, accepted: bool) -> bool:
+        """Fly the next time with best effort, or as the contract states again; in STANDBY only.
+
+        Returns:
+            Whether that changes anything.
+        """
+        situation = self._situation
+        progress = "best_effort" if accepted else self._declared
+        if situation.state is not FlightState.STANDBY or not situation.require(progress):
+            return False
+        self.thread = self._new_thread()
+        self.see_by(self._seen)
+        return True
+
+    def _new_thread(self) -> Thread | None:
+        situation = self._situation
+        return Thread(situation, self._fallback) if situation.best_effort else None
 
     def take_control(self, pose: Pose, now_s: float) -> None:
         """Come to a hover and start, or resume, the current leg (CONTROL_GRANTED)."""
-        granted = Trigger.CONTROL_GRANTED if self._thread is None else Trigger.BEST_EFFORT_GRANTED
+        granted = Trigger.CONTROL_GRANTED if self.thread is None else Trigger.BEST_EFFORT_GRANTED
         self._situation.fire(granted, now_s)
         self._begin_leg(self._situation.measured_state(pose), pose, now_s)
 
@@ -52,8 +80,8 @@ class LegProgress:
             situation.fire(Trigger.CONTROL_TAKEN, now_s)
         situation.reference.clear()
         situation.rest_held = False
-        if self._thread is not None:
-            self._thread.release()
+        if self.thread is not None:
+            self.thread.release()
         situation.avoidance = None
         situation.obstacles.rejoin()
         self._restart_route()
@@ -63,7 +91,7 @@ class LegProgress:
         situation = self._situation
         state = situation.reference.sample(now_s)
         assert state is not None  # noqa: S101  a hold has a reference
-        resumed = Trigger.RESUMED if self._thread is None else Trigger.BEST_EFFORT_RESUMED
+        resumed = Trigger.RESUMED if self.thread is None else Trigger.BEST_EFFORT_RESUMED
         situation.fire(resumed, now_s)
         situation.avoidance = None
         situation.obstacles.rejoin()
@@ -122,10 +150,10 @@ class LegProgress:
         self._finish_leg(state, pose, now_s)
 
     def _begin_leg(self, state: State, pose: Pose, now_s: float) -> None:
-        if self._thread is None:
+        if self.thread is None:
             self._align(state, now_s)
         else:
-            self._thread.begin_leg(state, pose.yaw_rad, now_s)
+            self.thread.begin_leg(state, pose.yaw_rad, now_s)
             self._situation.rest_held = True
 
     def _align(self, state: State, now_s: float) -> None:

@@ -15,7 +15,6 @@ from onboard.guidance.adaptation_ladder import AdaptationLadder
 from onboard.guidance.avoidance_step import AvoidanceStep, InductionPlanner
 from onboard.guidance.clear_check import ClearCheck
 from onboard.guidance.cruise import Cruise
-from onboard.guidance.dense.seen_space import SeenSpace
 from onboard.guidance.dense.thread import Thread
 from onboard.guidance.departure import Refusal, departure_refusals
 from onboard.guidance.fallback import Fallback
@@ -38,9 +37,6 @@ class Navigator:
         planner: Eq. 17.
         stopwatch: reads a clock in seconds, only to report how long plans took.
         adaptive: respond to a failed assumption by solving the contract again where that helps.
-
-    Attributes:
-        thread: flies with best effort; None where the contract guarantees to pass obstacles.
     """
 
     def __init__(
@@ -59,8 +55,7 @@ class Navigator:
         self.plan_times_s = induction_planner.plan_times_s
         self._fallback = fallback = Fallback(situation, clear_check)
         self._cruise = cruise = Cruise(situation, fallback)
-        self.thread = Thread(situation, fallback) if situation.best_effort else None
-        self._leg_progress = LegProgress(situation, fallback, cruise, self.thread)
+        self._leg_progress = LegProgress(situation, fallback, cruise)
         self._avoidance_step = AvoidanceStep(
             situation, clear_check, fallback, cruise, induction_planner
         )
@@ -69,11 +64,18 @@ class Navigator:
         self.take_control = self._leg_progress.take_control
         self.release_control = self._leg_progress.release_control
         self.resume = self._leg_progress.resume
+        self.see_by = self._leg_progress.see_by
+        self.accept_no_progress = self._leg_progress.accept_no_progress
         self.change_mission = self._leg_progress.change_mission
         self.respond_to = ladder.respond_to
         self.hold, self.hover_at = fallback.hold, fallback.hover_at
         self.take_planned = self._avoidance_step.take_planned
         self.obstacles_to_meet = situation.obstacles_to_meet
+
+    @property
+    def thread(self) -> Thread | None:
+        """Flies with best effort; None where the contract guarantees to pass obstacles."""
+        return self._leg_progress.thread
 
     @property
     def assessment(self) -> Assessment:
@@ -135,11 +137,6 @@ class Navigator:
     def setpoint(self, time_s: float) -> Setpoint | None:
         """Return the reference at a time as a setpoint in NED; None in STANDBY."""
         return self.situation.reference.setpoint(time_s, self.leg)
-
-    def see_by(self, seen: SeenSpace) -> None:
-        """Fly, with best effort, in the space that this set says was seen free."""
-        if self.thread is not None:
-            self.thread.see_by(seen)
 
     def departure_refusals(self, pose: Pose) -> list[Refusal]:
         """Return why the leg may not be started or resumed from here; empty if it may."""

@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 from onboard.contract.assessment import Assessment
 from onboard.event_limiter import EventLimiter
 from onboard.events import Event, EventName, Severity
+from onboard.files.contract_file import Progress
 from onboard.files.mission_file import Mission
 from onboard.geometry.frames import LegFrame
 from onboard.guidance.envelope import envelope_of, has_best_effort
@@ -130,6 +131,16 @@ class Situation:
         """Put another solution of the contract in force."""
         self.assessment, self.envelope = assessment, envelope_of(assessment)
         self.rebuild_map()
+
+    def require(self, progress: Progress) -> bool:
+        """Fly under another requirement on progress; tell whether it is another one."""
+        contract = self.assessment.contract
+        if progress == contract.requirements.progress:
+            return False
+        requirements = contract.requirements.model_copy(update={"progress": progress})
+        contract = contract.model_copy(update={"requirements": requirements})
+        self.adopt(replace(self.assessment, contract=contract))
+        return True
 
     def rebuild_map(self) -> None:
         """State the obstacles in the frame of the leg and under the contract in force."""

@@ -6,7 +6,7 @@ import json
 import time
 from collections.abc import Callable
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import zenoh
 from pydantic import Field
@@ -120,7 +120,14 @@ class BusCheck:
             telemetry_finding(statuses),
         ]
 
-    def authorize(self, contract: Contract, findings: list[Finding], *, compliant: bool) -> Finding:
+    def authorize(
+        self,
+        contract: Contract,
+        findings: list[Finding],
+        *,
+        compliant: bool,
+        accept_no_progress: bool = False,
+    ) -> Finding:
         """Send the daemon the result of the whole check, and wait until it confirms.
 
         The result is stamped by the daemon's clock, by which the daemon computes its age.
@@ -129,6 +136,7 @@ class BusCheck:
             contract: that was checked.
             findings: of the live check.
             compliant: whether the check on paper has passed.
+            accept_no_progress: have the daemon fly once without a guarantee to arrive.
         """
         verdict = Verdict.worst(each.verdict for each in findings)
         passed = compliant and verdict is Verdict.HOLDS
@@ -137,12 +145,16 @@ class BusCheck:
             stamp_unix_s=self._now_unix_s() + (self._daemon_ahead_s or 0.0),
             passed=passed,
             checks={f"{each.subject} {each.name}": each.verdict.value for each in findings},
+            progress="best_effort" if accept_no_progress else None,
         )
         self._statuses.clear()
         listener = self._session.declare_subscriber(f"{self._prefix}/status", self._on_status)
         self._session.put(f"{self._prefix}/clearance", clearance.model_dump_json().encode())
         heard = passed and self._until(
-            lambda: any(each.document.get("cleared") is True for each in self._statuses)
+            lambda: any(
+                _confirms(each.document, accept_no_progress=accept_no_progress)
+                for each in self._statuses
+            )
         )
         listener.undeclare()  # type: ignore[no-untyped-call]  # untyped in its own stubs
         if not passed:
@@ -153,6 +165,8 @@ class BusCheck:
             text = f"given, but the daemon did not confirm it within {ANSWER_TIMEOUT_S:g} s"
             return Finding("daemon", FLIGHT_AUTHORIZATION, Verdict.UNKNOWN, text)
         text = "given, and confirmed by the daemon"
+        if accept_no_progress:
+            text = "given for one flight that may not arrive, and confirmed by the daemon"
         return Finding("daemon", FLIGHT_AUTHORIZATION, Verdict.HOLDS, text)
 
     def _now_unix_s(self) -> float:
@@ -183,3 +197,9 @@ class BusCheck:
         replies = self._session.get(f"{self._prefix}/contract", timeout=ANSWER_TIMEOUT_S)
         answers = [reply.ok.payload.to_bytes() for reply in replies if reply.ok is not None]
         return contract_finding(answers, contract)
+
+
+def _confirms(status: dict[str, Any], *, accept_no_progress: bool) -> bool:
+    """Tell whether a status says that the daemon may fly, and flies as was accepted."""
+    as_accepted = status.get("progress") == "best_effort" or not accept_no_progress
+    return status.get("cleared") is True and as_accepted

@@ -51,6 +51,7 @@ def check_live(
     mission: Mission | None,
     *,
     paper_compliant: bool,
+    accept_no_progress: bool = False,
     report: Report = lambda _: None,
 ) -> tuple[Finding, ...]:
     """Check everything that the request names; authorize the daemon to fly if all of it holds.
@@ -62,6 +63,7 @@ def check_live(
         assessment: the contract.
         mission: what is to be flown.
         paper_compliant: whether the check on paper has passed.
+        accept_no_progress: have the daemon fly once without a guarantee to arrive.
         report: called before each step.
 
     Raises:
@@ -87,7 +89,13 @@ def check_live(
             findings += bus.run(assessment)
         if bus is not None and request.vehicle_url is not None and mission is not None:
             report("authorizing the daemon")
-            findings.append(bus.authorize(assessment.contract, findings, compliant=paper_compliant))
+            finding = bus.authorize(
+                assessment.contract,
+                findings,
+                compliant=paper_compliant,
+                accept_no_progress=accept_no_progress,
+            )
+            findings.append(finding)
     return tuple(findings)
 
 

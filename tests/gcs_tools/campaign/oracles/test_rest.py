@@ -59,7 +59,7 @@ def test_one_tick_without_a_certified_way_is_found(changes: dict[str, Any], text
 
 
 def test_before_the_first_look_a_vehicle_at_rest_holds_nothing() -> None:
-    still = {"reference_velocity_ned_mps": (0.0, 0.0, 0.0)}
+    still: dict[str, Any] = {"reference_velocity_ned_mps": (0.0, 0.0, 0.0)}
     assert list(rest_held(threaded(rest_certified=None, **still))) == []
     assert list(rest_held(threaded(rest_certified=False, **still)))
 
