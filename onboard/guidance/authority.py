@@ -185,6 +185,9 @@ class ControlAuthority:
         if supervisor.wind_violation is not None:
             text = f"more wind than {assessment.terms.wind_max_mps:g} m/s"
             found.append(Refusal(RefusalKind.WIND, text))
+        if supervisor.flight_time_violation is not None:
+            text = supervisor.flight_time_violation.sentence
+            found.append(Refusal(RefusalKind.FLIGHT_TIME, text))
         found += self._navigator.departure_refusals(pose)
         if not self._fly_outside_contract:
             found += [

@@ -38,6 +38,7 @@ class RefusalKind(StrEnum):
     TELEMETRY = "telemetry"
     POSITION = "position"
     WIND = "wind"
+    FLIGHT_TIME = "flight_time"
     BEFORE_LEG = "before_leg"
     LEG_FLOWN = "leg_flown"
     BESIDE_LEG = "beside_leg"

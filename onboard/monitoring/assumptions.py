@@ -45,6 +45,7 @@ class Assumption(StrEnum):
     POSITION_QUALITY = "position_quality"
     HEADING_ERROR = "heading_error"
     WIND = "wind"
+    FLIGHT_TIME = "flight_time"
     SECOND_COMMANDER = "second_commander"
     TICK_OVERRUN = "tick_overrun"
     LATE_TICKS = "late_ticks"

@@ -118,7 +118,7 @@ class DetectionEvaluator:
             for seen in frame.obstacles[:TRACKS_PER_FRAME]
         }
         residuals = self.bearings.residuals(
-            pose, corners_ned_m, terms.position_error_m, terms.heading_error_rad
+            pose, corners_ned_m, terms.map_error_m, terms.heading_error_rad
         )
         turned = heading.on_sightings(residuals, now_s, terms)
         if turned is not None:
@@ -140,7 +140,7 @@ class DetectionEvaluator:
     def _take_box(self, seen: PlacedBox, now_s: float) -> Iterator[Violation]:
         """Remember one box; a place that contradicts an earlier one is kept apart from it."""
         flight, terms = self._flight, self._flight.assessment.terms
-        error_m = max(seen.uncertainty_m, terms.position_error_m)
+        error_m = max(seen.uncertainty_m + terms.drift_m, terms.map_error_m)
         displacement_m = seen.displacement_m(terms.heading_error_rad)
         sighting = None
         if seen.in_full:
@@ -151,7 +151,9 @@ class DetectionEvaluator:
             placement.track_id,
             seen.corners_ned_m,
             # What a sensor states less than the contract, the contract covers already.
-            error_m + displacement_m if displacement_m > 0.0 else seen.uncertainty_m,
+            error_m + displacement_m
+            if displacement_m + terms.drift_m > 0.0
+            else seen.uncertainty_m,
             apart_from=self._apart_from(placement, seen, now_s),
             error_max_m=flight.assessment.face_error_m,
             in_full=seen.in_full and seen.blur_m == 0.0,

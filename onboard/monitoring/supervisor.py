@@ -18,6 +18,7 @@ from onboard.monitoring.detection_evaluation import DetectionEvaluator
 from onboard.monitoring.estimator.heading import HeadingMonitor
 from onboard.monitoring.estimator.position_quality import PositionQualityMonitor, Sign
 from onboard.monitoring.estimator.resets import EstimatorReset, PoseMonitor, ResetLedger
+from onboard.monitoring.flight_time import FlightTimeMonitor
 from onboard.monitoring.loop_overrun import LoopOverrunMonitor
 from onboard.monitoring.response.vehicle_response import VehicleResponse
 from onboard.monitoring.resumption import FailureTimes
@@ -46,6 +47,8 @@ class MonitorSupervisor:
     Attributes:
         position_sign: the sign that the position is not to be believed, of this tick; None without.
         wind_violation: more wind than the contract declares, of this tick; None without.
+        flight_time: since take-off.
+        flight_time_violation: the flight has lasted too long, of this tick; None before.
         detections: what every sensor saw, and when.
         seen: the space around the vehicle that has been seen free.
         response: how the vehicle responds to what is sent to it.
@@ -74,6 +77,8 @@ class MonitorSupervisor:
         self.position_quality = PositionQualityMonitor(link.position_reports)
         self.position_sign: Sign | None = None
         self.wind_violation: Violation | None = None
+        self.flight_time = FlightTimeMonitor()
+        self.flight_time_violation: Violation | None = None
         self._loop_monitor = LoopOverrunMonitor()
         self.response = VehicleResponse(link)
         self._heading_monitor = HeadingMonitor()
@@ -199,8 +204,13 @@ class MonitorSupervisor:
         flight.fly_on_after_shift(reset.violation(), now_s)
 
     def check_position(self, now_s: float) -> None:
-        """Find this tick's sign that the position is not to be believed."""
+        """Find this tick's sign that the position is not to be believed, or no longer."""
         self.position_sign = self.position_quality.check(now_s)
+        terms = self._flight.assessment.terms
+        took_off = self.flight_time.follow(self._link.status.airborne, now_s)
+        if took_off and terms.drift_m > 0.0:
+            self.seen.void("it was seen before take-off, and the position drifts")
+        self.flight_time_violation = self.flight_time.check(now_s, terms.flight_time_max_s)
 
     def check(self, pose: Pose, now_s: float) -> None:
         """Check every assumption against what has been seen.
@@ -219,6 +229,8 @@ class MonitorSupervisor:
         elif in_control(self._flight, now_s):
             if self.position_sign is not None:
                 self._report(self.position_sign.violation(), now_s)
+            if self.flight_time_violation is not None:
+                self._report(self.flight_time_violation, now_s)
             if moved:
                 self._check_hover(pose, tilt, now_s)
 
@@ -233,6 +245,7 @@ class MonitorSupervisor:
             self.telemetry_age_violation(pose, now_s),
             self.response.check_commander(pose, now_s),
             self.wind_violation,
+            self.flight_time_violation,
             *heading,
             *self.environment_violations(now_s),
         )
