@@ -223,7 +223,7 @@ def _row(
     found: Mapping[str, str] | None = None,
     tracking_m: float = 0.0,
 ) -> FlightRow:
-    vehicle, environment = case.scenario.contract.vehicle, case.scenario.contract.environment
+    declared_m = case.scenario.contract.vehicle.tracking_error_m
     refused = result.outcome == "aborted" and result.reason.startswith("refused: ")
     if refused and not case.refusable and "aborted" not in case.outcomes:
         found = {"outcome": result.reason}
@@ -241,23 +241,32 @@ def _row(
         obstacles=len(case.scenario.obstacles),
         obstacles_avoided=result.obstacles_avoided,
         true_tracking_error_m=tracking_m,
-        tracking_share=tracking_m / max(vehicle.tracking_error_m, 1e-9),
+        tracking_share=tracking_m / max(declared_m, 1e-9),
         plans_qp=result.plans["qp"],
         plans_vertex=result.plans["vertex"],
         plans_brake=result.plans["brake"],
         violations="\n".join(result.violations),
         findings="\n".join(f"{name}: {text}" for name, text in (found or {}).items()),
-        progress=case.scenario.contract.requirements.progress,
         threaded=result.threaded,
         pauses=result.pauses,
         rest_margin_min_m=result.rest_margin_min_m,
-        csb_shape="flat" if assessment.nominal.region.flat else "pointed",
-        cruise_speed_mps=vehicle.cruise_speed_mps,
-        roll_max_deg=vehicle.roll_max_deg,
-        pitch_max_deg=vehicle.pitch_max_deg,
-        obstacle_size_max_m=environment.obstacle_size_max_m,
-        separation_m=environment.separation_any_way_m,
-        passive_safety=case.scenario.contract.requirements.passive_safety,
+        **_contract_columns(case, assessment),
         virtual_s=time_s[0],
         wall_s=time_s[1],
     )
+
+
+def _contract_columns(case: FlightCase, assessment: Assessment) -> dict[str, Any]:
+    """Return the columns about the contract that was drawn."""
+    contract = case.scenario.contract
+    vehicle, environment = contract.vehicle, contract.environment
+    return {
+        "progress": contract.requirements.progress,
+        "csb_shape": "flat" if assessment.nominal.region.flat else "pointed",
+        "cruise_speed_mps": vehicle.cruise_speed_mps,
+        "roll_max_deg": vehicle.roll_max_deg,
+        "pitch_max_deg": vehicle.pitch_max_deg,
+        "obstacle_size_max_m": environment.obstacle_size_max_m,
+        "separation_m": environment.separation_any_way_m,
+        "passive_safety": contract.requirements.passive_safety,
+    }

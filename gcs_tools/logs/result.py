@@ -149,11 +149,9 @@ def result_of(
         final_position_ned_m=_final_position(flight.states),
         contract_sha256=flight.metadata.get("clearway", {}).get("contract_sha256", ""),
         seed=seed,
-        pauses=_pauses(flight.states),
         mean_speed_mps=_distance_m(flown) / duration_s if duration_s else 0.0,
         progress=progress,
-        threaded=any(state.phase == "thread" for state in flown),
-        rest_margin_min_m=_rest_margin_min_m(flown),
+        **_in_seen_space(flown, flight.states),
         **_against_obstacles(truth),
     )
 
@@ -176,9 +174,16 @@ def _duration_s(flown: Sequence[StateRecord]) -> float:
     return flown[-1].time_s - flown[0].time_s if flown else 0.0
 
 
-def _rest_margin_min_m(flown: Sequence[StateRecord]) -> float | None:
+def _in_seen_space(flown: Sequence[StateRecord], states: Sequence[StateRecord]) -> dict[str, Any]:
+    """Return what was flown with best effort, and how much room the ways to rest had."""
     margins_m = (state.rest_margin_m for state in flown)
-    return min((margin_m for margin_m in margins_m if margin_m is not None), default=None)
+    return {
+        "pauses": _pauses(states),
+        "threaded": any(state.phase == "thread" for state in flown),
+        "rest_margin_min_m": min(
+            (margin_m for margin_m in margins_m if margin_m is not None), default=None
+        ),
+    }
 
 
 def _pauses(states: Sequence[StateRecord]) -> int:

@@ -6,7 +6,7 @@ import json
 import time
 from collections.abc import Callable
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import zenoh
 from pydantic import Field
@@ -150,12 +150,7 @@ class BusCheck:
         self._statuses.clear()
         listener = self._session.declare_subscriber(f"{self._prefix}/status", self._on_status)
         self._session.put(f"{self._prefix}/clearance", clearance.model_dump_json().encode())
-        heard = passed and self._until(
-            lambda: any(
-                _confirms(each.document, accept_no_progress=accept_no_progress)
-                for each in self._statuses
-            )
-        )
+        heard = passed and self._until(lambda: self._confirmed(accepted=accept_no_progress))
         listener.undeclare()  # type: ignore[no-untyped-call]  # untyped in its own stubs
         if not passed:
             verdict = Verdict.worst([Verdict.of(holds=compliant), verdict])
@@ -168,6 +163,14 @@ class BusCheck:
         if accept_no_progress:
             text = "given for one flight that may not arrive, and confirmed by the daemon"
         return Finding("daemon", FLIGHT_AUTHORIZATION, Verdict.HOLDS, text)
+
+    def _confirmed(self, *, accepted: bool) -> bool:
+        """Tell whether a status says that the daemon may fly, and flies as was accepted."""
+        return any(
+            each.document.get("cleared") is True
+            and (each.document.get("progress") == "best_effort" or not accepted)
+            for each in self._statuses
+        )
 
     def _now_unix_s(self) -> float:
         return self._epoch_unix_s + time.monotonic()
@@ -197,9 +200,3 @@ class BusCheck:
         replies = self._session.get(f"{self._prefix}/contract", timeout=ANSWER_TIMEOUT_S)
         answers = [reply.ok.payload.to_bytes() for reply in replies if reply.ok is not None]
         return contract_finding(answers, contract)
-
-
-def _confirms(status: dict[str, Any], *, accept_no_progress: bool) -> bool:
-    """Tell whether a status says that the daemon may fly, and flies as was accepted."""
-    as_accepted = status.get("progress") == "best_effort" or not accept_no_progress
-    return status.get("cleared") is True and as_accepted

@@ -36,6 +36,7 @@ class LiveRequest:
         endurance_s: hover time of a full battery, where the vehicle estimates no remaining time.
         connect_timeout_s: how long to wait for an autopilot.
         system_id: of the vehicle; None if there is only one on the connection.
+        accept_no_progress: have the daemon fly once without a guarantee to arrive.
     """
 
     vehicle_url: str | None = None
@@ -43,6 +44,7 @@ class LiveRequest:
     endurance_s: float | None = None
     connect_timeout_s: float = CONNECT_TIMEOUT_S
     system_id: int | None = None
+    accept_no_progress: bool = False
 
 
 def check_live(
@@ -51,7 +53,6 @@ def check_live(
     mission: Mission | None,
     *,
     paper_compliant: bool,
-    accept_no_progress: bool = False,
     report: Report = lambda _: None,
 ) -> tuple[Finding, ...]:
     """Check everything that the request names; authorize the daemon to fly if all of it holds.
@@ -63,7 +64,6 @@ def check_live(
         assessment: the contract.
         mission: what is to be flown.
         paper_compliant: whether the check on paper has passed.
-        accept_no_progress: have the daemon fly once without a guarantee to arrive.
         report: called before each step.
 
     Raises:
@@ -72,13 +72,7 @@ def check_live(
         Interrupted: the operator gave up.
     """
     with ExitStack() as stack:
-        bus = None
-        if request.bus is not None:
-            try:
-                session = stack.enter_context(open_session(request.bus))
-            except zenoh.ZError as error:
-                raise CommandError(f"cannot open a Zenoh session: {error}") from error
-            bus = BusCheck(session, request.bus.vehicle)
+        bus = None if request.bus is None else _joined(request.bus, stack)
         findings = []
         if request.vehicle_url is not None:
             findings += asyncio.run(
@@ -93,10 +87,19 @@ def check_live(
                 assessment.contract,
                 findings,
                 compliant=paper_compliant,
-                accept_no_progress=accept_no_progress,
+                accept_no_progress=request.accept_no_progress,
             )
             findings.append(finding)
     return tuple(findings)
+
+
+def _joined(config: BusConfig, stack: ExitStack) -> BusCheck:
+    """Join the bus until the stack is closed."""
+    try:
+        session = stack.enter_context(open_session(config))
+    except zenoh.ZError as error:
+        raise CommandError(f"cannot open a Zenoh session: {error}") from error
+    return BusCheck(session, config.vehicle)
 
 
 async def _check_vehicle_at(
