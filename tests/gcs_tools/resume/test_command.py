@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import asyncio
 import json
+import time
 from typing import TYPE_CHECKING, Any
 
 import pytest
+import zenoh
 
 from gcs_tools.console.errors import CommandError
 from gcs_tools.console.processes import free_ports
@@ -22,8 +24,6 @@ from tests.gcs_tools.running import CONFIG
 if TYPE_CHECKING:
     from collections.abc import Callable
     from pathlib import Path
-
-    import zenoh
 
 CONTRACT = load_contract(CONFIG / "default_contract.yaml")
 KEY = "clearway/vehicle/resume"
@@ -85,6 +85,34 @@ def test_where_other_computers_may_send_it_the_command_is_refused(tmp_path: Path
     assert service.asked == 0
     (reason,) = json.loads(output.read_text())["reasons"]
     assert reason["text"].startswith("zenoh.listen has tcp/0.0.0.0:7447 (expected a loopback")
+
+
+def test_where_a_router_has_joined_the_command_is_refused(tmp_path: Path) -> None:
+    """It may pass on what other computers send, whatever the daemon itself listens to."""
+    service, output = Service(), tmp_path / "answer.json"
+
+    def act(listen: str) -> bool:
+        config = zenoh.Config()
+        for key, value in (
+            ("mode", "router"),
+            ("connect/endpoints", [listen]),
+            ("listen/endpoints", ["tcp/127.0.0.1:0"]),
+            ("scouting/multicast/enabled", False),
+        ):
+            config.insert_json5(key, json.dumps(value))
+        router = zenoh.open(config)
+        try:
+            deadline_s = time.monotonic() + 10.0
+            while not router.info.peers_zid() and time.monotonic() < deadline_s:
+                time.sleep(0.05)
+            return resume_at(listen, output)
+        finally:
+            router.close()  # type: ignore[no-untyped-call]  # untyped in its own stubs
+
+    assert served(service, act) is False
+    assert service.asked == 0
+    (reason,) = json.loads(output.read_text())["reasons"]
+    assert reason["text"].startswith("a Zenoh router has joined")
 
 
 def test_a_query_of_a_whole_tree_of_keys_is_no_command() -> None:
