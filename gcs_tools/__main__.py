@@ -25,6 +25,7 @@ from gcs_tools.flight_report import arguments as report_arguments
 from gcs_tools.fly import arguments as fly_arguments
 from gcs_tools.identify import arguments as identify_arguments
 from gcs_tools.preflight import arguments as preflight_arguments
+from gcs_tools.resume import arguments as resume_arguments
 from gcs_tools.watch import arguments as watch_arguments
 
 # In the order of ``clearway --help``.
@@ -35,6 +36,7 @@ COMMANDS: Final = (
     report_arguments,
     export_arguments,
     watch_arguments,
+    resume_arguments,
     identify_arguments,
     campaign_arguments,
     schema_arguments,

@@ -20,6 +20,7 @@ from onboard.files.contract_file import Contract, InputSet
 from onboard.files.json_payload import MalformedPayloadError, parse
 from onboard.files.mission_file import Mission
 from onboard.guidance.authority import ControlAuthority
+from onboard.guidance.departure import Refusal
 from onboard.guidance.navigator import Navigator
 from onboard.guidance.phases import Phase
 from onboard.mavlink.endpoint import MavlinkEndpoint
@@ -34,6 +35,8 @@ log = logging.getLogger(__name__)
 
 # Events wait this many deep to be fetched; beyond that the oldest are dropped.
 MAX_EVENTS: Final = 10_000
+# Takes every reason for not resuming; none if the flight goes on.
+AnswerResume = Callable[[list[Refusal]], None]
 
 
 class Autonomy:
@@ -98,6 +101,7 @@ class Autonomy:
             fly_outside_contract=fly_outside_contract,
         )
         self._pending_mission: bytes | None = None
+        self._pending_resumes: list[AnswerResume] = []
         self.malformed_missions = 0
         self.log_ended = False
         # What happened in this tick, and all that has not been fetched yet.
@@ -159,6 +163,10 @@ class Autonomy:
         """Take a mission to be flown instead of the present one; the next tick reads it."""
         self._pending_mission = payload
 
+    def receive_resume(self, answer: AnswerResume) -> None:
+        """Take the operator's command to end a hold; the next tick decides, and answers."""
+        self._pending_resumes.append(answer)
+
     def emit(self, event: Event) -> None:
         """Take an event to be logged and sent; the daemon's own are welcome too."""
         self._news.append(event)
@@ -212,6 +220,8 @@ class Autonomy:
         if pose is not None:
             self.authority.follow_mode(pose, now_s, now_unix_s)
             self.supervisor.check(pose, now_s)
+        self._take_resumes(now_s, now_unix_s)
+        if pose is not None:
             self.navigator.advance(pose, now_s)
 
     def _take_mission(self, now_s: float) -> None:
@@ -225,6 +235,11 @@ class Autonomy:
             log.debug("dropped a malformed mission: %s", error)
         else:
             self.navigator.change_mission(mission, now_s)
+
+    def _take_resumes(self, now_s: float, now_unix_s: float) -> None:
+        answers, self._pending_resumes = self._pending_resumes, []
+        for answer in answers:
+            answer(self.authority.resume(self.link.pose, now_s, now_unix_s))
 
     def _collect_events(self) -> None:
         self._news += self.navigator.events

@@ -21,7 +21,10 @@ from onboard.autonomy import Autonomy
 from onboard.contract.assessment import TICK_S
 from onboard.files.contract_file import Contract
 from onboard.files.daemon_config import DaemonConfig
+from onboard.files.json_payload import MalformedPayloadError, parse
 from onboard.files.mission_file import Mission
+from onboard.files.resume_payload import ResumeAnswer, ResumeCommand, ResumeReason
+from onboard.guidance.departure import Refusal, reason_of
 from onboard.mavlink.connections import Link, open_link
 from onboard.recording.event_log import EventLog
 from onboard.recording.journal import Journal
@@ -66,6 +69,7 @@ async def run(config: DaemonConfig, contract: Contract, mission: Mission, log_pa
         recorder = stack.enter_context(FlightRecorder(log_path, _metadata(contract, mission)))
         bus = Bus(session, config.vehicle, contract)
         bus.subscribe(autonomy, clock, accept_mission_updates=config.accept_mission_updates)
+        bus.answer_resumes(autonomy, config.zenoh.remote_access)
         stop = _stop_on_signals()
         freeze_gc_heap()
         log.info(
@@ -140,7 +144,7 @@ def _follow_clock(autonomy: Autonomy, clock: Clock, now_s: float) -> None:
 
 
 class Bus:
-    """The daemon's keys on Zenoh: detections in, records out, the contract on request.
+    """The daemon's keys on Zenoh: detections in, records out, contract and resuming on request.
 
     ``events`` come once, ``status`` and ``monitors`` five times a second, and ``plan``, ``map`` and
     ``margins`` when they change and again every second.
@@ -171,6 +175,39 @@ class Bus:
         self._pass_on("clearance", autonomy.receive_flight_authorization, clock)
         if accept_mission_updates:
             self._pass_on("mission", autonomy.receive_mission, clock)
+
+    def answer_resumes(self, autonomy: Autonomy, remote_access: str | None) -> None:
+        """Pass on the command to end a hold, and answer it; only processes of this computer may.
+
+        Nothing proves yet who sends it, so that it is refused wherever another computer might.
+
+        Args:
+            autonomy: decides.
+            remote_access: why another computer might reach this session; None if none can.
+        """
+        key, loop = f"{self._prefix}/resume", asyncio.get_running_loop()
+
+        def receive(query: zenoh.Query) -> None:
+            payload = b"" if query.payload is None else query.payload.to_bytes()
+            try:
+                parse(payload, ResumeCommand)
+            except MalformedPayloadError as error:
+                query.reply(key, _refusal("malformed", f"no command to resume: {error}"))
+                return
+            routed = "a Zenoh router has joined, which may pass on what other computers send"
+            remote = remote_access or (routed if self._session.info.routers_zid() else None)
+            if remote is not None:
+                text = f"{remote}: resuming is not authenticated, and is for this computer only"
+                query.reply(key, _refusal("remote", text))
+                return
+
+            def answer(refusals: list[Refusal]) -> None:
+                query.reply(key, _resume_answer(refusals))
+
+            with contextlib.suppress(RuntimeError):  # the loop has closed: we are stopping
+                loop.call_soon_threadsafe(autonomy.receive_resume, answer)
+
+        self._session.declare_queryable(key, receive)
 
     def _pass_on(self, key: str, take: Callable[[bytes, float], None], clock: Clock) -> None:
         """Subscribe; Zenoh calls from its own thread, so its samples cross into the loop."""
@@ -206,6 +243,16 @@ class Bus:
             return False
         self._status_due_s = now_s + STATUS_PERIOD_S
         return True
+
+
+def _refusal(kind: str, text: str) -> bytes:
+    reason = ResumeReason(kind=kind, text=text)
+    return ResumeAnswer(accepted=False, reasons=(reason,)).model_dump_json().encode()
+
+
+def _resume_answer(refusals: list[Refusal]) -> bytes:
+    reasons = tuple(ResumeReason(**reason_of(refusal)) for refusal in refusals)
+    return ResumeAnswer(accepted=not refusals, reasons=reasons).model_dump_json().encode()
 
 
 def _metadata(contract: Contract, mission: Mission) -> dict[str, str]:

@@ -22,6 +22,7 @@ class Severity(IntEnum):
 class EventName(StrEnum):
     """Every kind of event; the value is its name in the log and on Zenoh."""
 
+    ACCEPTED = "accepted"
     ADAPTED = "adapted"
     CERTIFICATE = "certificate"
     DELAYED = "delayed"

@@ -17,8 +17,8 @@ def add_parser(commands: Any) -> None:
         "scenarios",
         nargs="+",
         metavar="SCENARIO",
-        help="nominal, violating, faults, outside, competition, quick, quick-faults; scenario "
-        "files; stem maps (CSV)",
+        help="nominal, violating, faults, outside, competition, best-effort, best-effort-faults, "
+        "quick, quick-faults; scenario files; stem maps (CSV)",
     )
     parser.add_argument(
         "--flights", type=natural, default=100, metavar="N", help="in all; default: 100"

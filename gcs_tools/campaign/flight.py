@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 from gcs_tools.campaign.generator.case import FlightCase
+from gcs_tools.campaign.held_ways import HeldWays
 from gcs_tools.campaign.oracles.evidence import Evidence
 from gcs_tools.campaign.oracles.registry import findings
 from gcs_tools.campaign.sources import Source
@@ -34,6 +35,8 @@ from sitl.virtual.simulation import (
 # cruise speed.
 _OVERHEAD_S: Final = 90.0
 _PACE_MIN: Final = 0.25
+# With best effort it may also look round so often that it gives up.
+_LOOKING_S: Final = 400.0
 _AT_REST_MPS: Final = 0.1
 # Records that results and oracles read; the rest of the flight log is for people.
 _USED: Final = (StateRecord, EventRecord, PlanRecord)
@@ -55,6 +58,10 @@ class FlightRow:
         plans_qp, plans_vertex, plans_brake: number of plans of each kind.
         violations: assumptions that the service reported as violated, one per line.
         findings: what the oracles found, one per line; empty for a good flight.
+        progress: ``guaranteed`` or ``best_effort``, as the contract requires it.
+        threaded: whether a part was flown with best effort.
+        pauses: how often the vehicle stopped to look for another way.
+        rest_margin_min_m: least margin of the way to rest that was held; null where none was.
         csb_shape: of the collision set boundary, ``flat`` or ``pointed``.
         cruise_speed_mps ... passive_safety: of the drawn contract.
         virtual_s, wall_s: simulated time, and the processor time that it took.
@@ -81,6 +88,10 @@ class FlightRow:
     plans_brake: int
     violations: str
     findings: str
+    progress: str
+    threaded: bool
+    pauses: int
+    rest_margin_min_m: float | None
     csb_shape: str
     cruise_speed_mps: float
     roll_max_deg: float
@@ -156,10 +167,12 @@ def fly_case(case: FlightCase) -> Evidence:
     vehicle, world = simulation.scene.vehicle, simulation.scene.world
     flown: list[Record] = []
     truths: list[TruthRecord] = []
+    held = HeldWays()
     at_rest = False
     for records in ticks(simulation, shown=False):
         flown += [record for record in records if isinstance(record, _USED)]
         truths.append(truth_record(vehicle.truth, world, EPOCH_UNIX_S))
+        held.follow(simulation.autonomy.navigator, simulation.now_s)
         landing = simulation.operator.step in (Step.LAND, Step.DONE)
         at_rest = landing and vehicle.truth.ground_speed_mps < _AT_REST_MPS
         if at_rest:
@@ -169,8 +182,9 @@ def fly_case(case: FlightCase) -> Evidence:
     aborted = simulation.operator.gave_up
     if not at_rest:
         aborted = "the vehicle did not come to rest within the time limit"
-    result = result_of(flight, truth, seed=case.seed, aborted=aborted)
-    return Evidence(case, result, flight, truth, at_rest)
+    progress = scenario.contract.requirements.progress
+    result = result_of(flight, truth, seed=case.seed, aborted=aborted, progress=progress)
+    return Evidence(case, result, flight, truth, at_rest, held.ways)
 
 
 def _checked(scenario: Scenario) -> Preflight:
@@ -184,7 +198,9 @@ def _time_limit_s(scenario: Scenario) -> float:
         end_north_m, end_east_m = leg.end_ned_m
         way_m += abs(end_north_m - north_m) + abs(end_east_m - east_m)
         north_m, east_m = leg.end_ned_m
-    return _OVERHEAD_S + way_m / (_PACE_MIN * scenario.contract.vehicle.cruise_speed_mps)
+    best_effort = scenario.contract.requirements.progress == "best_effort"
+    overhead_s = _OVERHEAD_S + (_LOOKING_S if best_effort else 0.0)
+    return overhead_s + way_m / (_PACE_MIN * scenario.contract.vehicle.cruise_speed_mps)
 
 
 def _refused(case: FlightCase, checked: Preflight) -> Result:
@@ -207,7 +223,7 @@ def _row(
     found: Mapping[str, str] | None = None,
     tracking_m: float = 0.0,
 ) -> FlightRow:
-    vehicle, environment = case.scenario.contract.vehicle, case.scenario.contract.environment
+    declared_m = case.scenario.contract.vehicle.tracking_error_m
     refused = result.outcome == "aborted" and result.reason.startswith("refused: ")
     if refused and not case.refusable and "aborted" not in case.outcomes:
         found = {"outcome": result.reason}
@@ -225,19 +241,32 @@ def _row(
         obstacles=len(case.scenario.obstacles),
         obstacles_avoided=result.obstacles_avoided,
         true_tracking_error_m=tracking_m,
-        tracking_share=tracking_m / max(vehicle.tracking_error_m, 1e-9),
+        tracking_share=tracking_m / max(declared_m, 1e-9),
         plans_qp=result.plans["qp"],
         plans_vertex=result.plans["vertex"],
         plans_brake=result.plans["brake"],
         violations="\n".join(result.violations),
         findings="\n".join(f"{name}: {text}" for name, text in (found or {}).items()),
-        csb_shape="flat" if assessment.nominal.region.flat else "pointed",
-        cruise_speed_mps=vehicle.cruise_speed_mps,
-        roll_max_deg=vehicle.roll_max_deg,
-        pitch_max_deg=vehicle.pitch_max_deg,
-        obstacle_size_max_m=environment.obstacle_size_max_m,
-        separation_m=environment.separation_any_way_m,
-        passive_safety=case.scenario.contract.requirements.passive_safety,
+        threaded=result.threaded,
+        pauses=result.pauses,
+        rest_margin_min_m=result.rest_margin_min_m,
+        **_contract_columns(case, assessment),
         virtual_s=time_s[0],
         wall_s=time_s[1],
     )
+
+
+def _contract_columns(case: FlightCase, assessment: Assessment) -> dict[str, Any]:
+    """Return the columns about the contract that was drawn."""
+    contract = case.scenario.contract
+    vehicle, environment = contract.vehicle, contract.environment
+    return {
+        "progress": contract.requirements.progress,
+        "csb_shape": "flat" if assessment.nominal.region.flat else "pointed",
+        "cruise_speed_mps": vehicle.cruise_speed_mps,
+        "roll_max_deg": vehicle.roll_max_deg,
+        "pitch_max_deg": vehicle.pitch_max_deg,
+        "obstacle_size_max_m": environment.obstacle_size_max_m,
+        "separation_m": environment.separation_any_way_m,
+        "passive_safety": contract.requirements.passive_safety,
+    }

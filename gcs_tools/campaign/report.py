@@ -18,6 +18,7 @@ from gcs_tools.page import render
 _COLUMNS: Final = (
     "scenario", "fault or breach", "flights", "refused", "arrived", "held", "fallback",
     "collided", "collision rate", "failed", "failure rate", "least clearance",
+    "best effort", "pauses", "least rest margin",
 )  # fmt: skip
 
 
@@ -63,6 +64,9 @@ def _cells(each: ClassSummary) -> tuple[object, ...]:
         each.failed,
         _interval(each.failure_rate),
         "" if each.clearance_min_m is None else f"{each.clearance_min_m:.2f} m",
+        each.threaded,
+        each.pauses,
+        "" if each.rest_margin_min_m is None else f"{each.rest_margin_min_m:.2f} m",
     )
 
 

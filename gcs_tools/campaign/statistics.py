@@ -51,6 +51,9 @@ class ClassSummary:
         collision_rate: bounds, of the flights that flew.
         failure_rate: bounds, of all flights.
         clearance_min_m: smallest of the class; None without obstacles.
+        threaded: flights of which a part was flown with best effort.
+        pauses: of all flights together.
+        rest_margin_min_m: smallest of the class; None where no way to rest was held.
     """
 
     source: str
@@ -66,6 +69,9 @@ class ClassSummary:
     collision_rate: tuple[float, float]
     failure_rate: tuple[float, float]
     clearance_min_m: float | None
+    threaded: int
+    pauses: int
+    rest_margin_min_m: float | None
 
 
 def summarize(rows: Iterable[FlightRow]) -> list[ClassSummary]:
@@ -87,6 +93,7 @@ def _summary(key: tuple[str, str, bool], rows: Sequence[FlightRow]) -> ClassSumm
     collided = sum(row.collisions > 0 for row in rows)
     failed = sum(not row.good for row in rows)
     clearances_m = [row.clearance_min_m for row in rows if row.clearance_min_m is not None]
+    margins_m = [row.rest_margin_min_m for row in rows if row.rest_margin_min_m is not None]
     return ClassSummary(
         source=source,
         variant=variant,
@@ -101,4 +108,7 @@ def _summary(key: tuple[str, str, bool], rows: Sequence[FlightRow]) -> ClassSumm
         collision_rate=failure_rate_bounds(collided, len(rows) - refused),
         failure_rate=failure_rate_bounds(failed, len(rows)),
         clearance_min_m=min(clearances_m, default=None),
+        threaded=sum(row.threaded for row in rows),
+        pauses=sum(row.pauses for row in rows),
+        rest_margin_min_m=min(margins_m, default=None),
     )

@@ -9,12 +9,13 @@ from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from itertools import pairwise
 from pathlib import Path
-from typing import Any, Literal, TypeVar
+from typing import Any, TypeVar
 
 from gcs_tools.console.errors import CommandError
 from gcs_tools.logs.flight_log import Log
 from gcs_tools.scenario import Expectation, Outcome
 from onboard.events import EventName
+from onboard.files.contract_file import Progress
 from onboard.files.truth_record import TruthRecord
 from onboard.guidance.phases import FLYING_PHASES
 from onboard.recording.messages import StateRecord
@@ -23,7 +24,7 @@ _OVER = frozenset({"arrived", "hold"})
 _STILL_MPS = 0.1
 _PLAN_KINDS = ("qp", "vertex", "brake")
 
-Progress = Literal["guaranteed", "best_effort"]
+
 _Value = TypeVar("_Value")
 
 
@@ -53,6 +54,7 @@ class Result:
         pauses: how often the vehicle stopped to look for another way.
         mean_speed_mps: way flown over ``duration_s``, pauses included.
         progress: ``guaranteed`` or ``best_effort``, as the contract requires it.
+        threaded: whether a part was flown with best effort, in the space seen free.
         rest_margin_min_m: least margin of the way to rest that was held; null where none was.
         speed_at_contact_mps: greatest speed at which contact began; null without contact.
         contacts_at_rest: how many contacts began at rest.
@@ -75,6 +77,7 @@ class Result:
     pauses: int = 0
     mean_speed_mps: float = 0.0
     progress: Progress = "guaranteed"
+    threaded: bool = False
     rest_margin_min_m: float | None = None
     speed_at_contact_mps: float | None = None
     contacts_at_rest: int = 0
@@ -146,10 +149,9 @@ def result_of(
         final_position_ned_m=_final_position(flight.states),
         contract_sha256=flight.metadata.get("clearway", {}).get("contract_sha256", ""),
         seed=seed,
-        pauses=_pauses(flight.states),
         mean_speed_mps=_distance_m(flown) / duration_s if duration_s else 0.0,
         progress=progress,
-        rest_margin_min_m=_rest_margin_min_m(flown),
+        **_in_seen_space(flown, flight.states),
         **_against_obstacles(truth),
     )
 
@@ -172,9 +174,16 @@ def _duration_s(flown: Sequence[StateRecord]) -> float:
     return flown[-1].time_s - flown[0].time_s if flown else 0.0
 
 
-def _rest_margin_min_m(flown: Sequence[StateRecord]) -> float | None:
+def _in_seen_space(flown: Sequence[StateRecord], states: Sequence[StateRecord]) -> dict[str, Any]:
+    """Return what was flown with best effort, and how much room the ways to rest had."""
     margins_m = (state.rest_margin_m for state in flown)
-    return min((margin_m for margin_m in margins_m if margin_m is not None), default=None)
+    return {
+        "pauses": _pauses(states),
+        "threaded": any(state.phase == "thread" for state in flown),
+        "rest_margin_min_m": min(
+            (margin_m for margin_m in margins_m if margin_m is not None), default=None
+        ),
+    }
 
 
 def _pauses(states: Sequence[StateRecord]) -> int:
@@ -220,12 +229,20 @@ def _outcome(flight: Log, collisions: int, aborted: str | None) -> tuple[Outcome
     changes = _texts(flight, EventName.PHASE)
     if collisions:
         return "collided", f"{collisions} collision(s); {'; '.join(changes)}"
-    if "hold" in phases:
+    if _held(flight.states):
         return "held", next((text for text in reversed(changes) if "holding" in text), "holding")
     if "arrived" in phases:
         return "arrived", "mission flown"
     reasons = filter(None, (aborted, *_texts(flight, EventName.REFUSED)))
     return "aborted", "; ".join(reasons) or "the mission did not end"
+
+
+def _held(states: Sequence[StateRecord]) -> bool:
+    """Tell whether the flight held, and the operator did not resume it from there."""
+    phases = [state.phase for state in states]
+    resumed = sum(before == "hold" and after in FLYING_PHASES for before, after in pairwise(phases))
+    holds = sum(before != "hold" == after for before, after in pairwise(["", *phases]))
+    return holds > resumed
 
 
 def _texts(flight: Log, name: EventName) -> list[str]:

@@ -135,8 +135,28 @@ def check_field(
         _thinnest(legs, assessment),
         _nearest(legs, assessment),
         _disjoint(legs),
+        *_seen_for_certain(obstacles, assessment),
     )
     return rules if mission is None else (*rules, _start_clear(legs), _end_clear(legs))
+
+
+def _seen_for_certain(obstacles: ObstacleField, assessment: Assessment) -> tuple[Rule, ...]:
+    """Check that no known obstacle is thinner than the sensor is declared to see for certain."""
+    thinnest_m = assessment.terms.thinnest_obstacle_m
+    if thinnest_m is None:
+        return ()
+    sides_m = 2.0 * obstacles.half_size_m.min(axis=1, initial=math.inf)
+    thin = np.flatnonzero(sides_m < thinnest_m * (1.0 - ROUND_OFF))
+    rule = Rule(
+        "thinnest_obstacle",
+        thinnest_m,
+        float(sides_m.min(initial=math.inf)),
+        "m",
+        "what the sensor may miss is taken for free space",
+        tuple(f"{obstacles.ids[n]}: {sides_m[n]:.2f} m" for n in thin[:OFFENDERS_MAX].tolist()),
+        concerns="safety",
+    )
+    return (rule,)
 
 
 def legs_of(

@@ -6,46 +6,18 @@ import contextlib
 import sys
 import time
 from collections.abc import Iterator
-from pathlib import Path
 
 import zenoh
 
 from gcs_tools.console.errors import CommandError, Interrupted
 from gcs_tools.console.interruption import Interruption, interruptible
-from gcs_tools.preflight.live.bus import BusConfig, load_bus
+from gcs_tools.preflight.live.bus import BusConfig
 from gcs_tools.watch.feed import Feed
 from gcs_tools.watch.server import serving
-from onboard.files.daemon_config import DaemonConfig
-from onboard.files.yaml_file import FileError, load_yaml
 from onboard.recording.messages import ZENOH_KEYS
 from onboard.zenoh_session import open_session
 
 _POLL_S = 0.1
-
-
-def bus_of(zenoh_config: Path | None, daemon_config: Path | None) -> BusConfig:
-    """Return which vehicle is watched, and how to reach it; without a file, scouting finds it.
-
-    Args:
-        zenoh_config: says both.
-        daemon_config: the daemon's own configuration, as `clearway fly` leaves it.
-
-    Raises:
-        FileError: a file is not usable.
-    """
-    if zenoh_config is not None:
-        return load_bus(zenoh_config)
-    if daemon_config is None:
-        return BusConfig(connect=(), listen=())
-    daemon = load_yaml(daemon_config, DaemonConfig)
-    if daemon.zenoh.config_file is not None:
-        # It may hold the daemon's own certificate and password, and the port that it listens on.
-        raise FileError(
-            f"{daemon_config}: zenoh.config_file is the daemon's own: give yours by --zenoh-config"
-        )
-    endpoints = daemon.zenoh.listen or daemon.zenoh.connect
-    mode = daemon.zenoh.mode
-    return BusConfig(vehicle=daemon.vehicle, mode=mode, connect=endpoints, listen=())
 
 
 def watch(

@@ -118,7 +118,7 @@ def face_error_m(terms: Terms[Q], ops: Arithmetic[Q]) -> Q:
     """
     farthest_m = terms.detection_range_m + math.sqrt(2.0) * terms.obstacle_size_max_m
     displaced_m = heading_displacement_m(farthest_m, terms.heading_error_rad, ops.sin)
-    return math.sqrt(2.0) * terms.position_error_m + displaced_m
+    return math.sqrt(2.0) * terms.map_error_m + displaced_m
 
 
 def _run_on(terms: Terms[Q], speed_mps: Q, brake_mps2: Q, ops: Arithmetic[Q]) -> tuple[Q, Q]:

@@ -55,6 +55,10 @@ class Terms(Generic[Q]):
     setpoint_velocity_gain_per_s: Q | None = None
     separation_shares: tuple[float, float] | None = None
     wind_max_mps: Q | None = None
+    position_drift_mps: Q | None = None
+    flight_time_max_s: Q | None = None
+    thinnest_obstacle_m: Q | None = None
+    no_return_is_free_to_m: Q | None = None
     mission_altitude_m: Q | None = None
     stop: bool = True
     passive_safety: bool = True
@@ -91,6 +95,10 @@ class Terms(Generic[Q]):
             estimator_reset_max_m=vehicle.estimator_reset_max_m,
             drag_per_s=vehicle.drag_per_s,
             wind_max_mps=environment.wind_max_mps,
+            position_drift_mps=vehicle.position_drift_mps,
+            flight_time_max_s=contract.requirements.flight_time_max_s,
+            thinnest_obstacle_m=sensor.thinnest_obstacle_m,
+            no_return_is_free_to_m=sensor.no_return_is_free_to_m,
             detection_range_m=sensor.detection_range_m,
             field_of_view_rad=math.radians(sensor.field_of_view_deg),
             frame_age_max_s=sensor.frame_age_max_s,
@@ -106,8 +114,26 @@ class Terms(Generic[Q]):
 
     @property
     def body_m(self) -> Q:
-        """R + E: how far a part of the vehicle may be from the reference (theory B)."""
-        return self.radius_m + self.tracking_error_m
+        """R + E: how far a part of the vehicle may be from the reference (theory B).
+
+        With what the local frame may have drifted since take-off, when the map was begun.
+        """
+        return self.radius_m + self.tracking_error_m + self.drift_m
+
+    @property
+    def drift_m(self) -> Q:
+        """How far the local frame may drift in the longest flight; 0 where it does not."""
+        if self.position_drift_mps is None or self.flight_time_max_s is None:
+            return self.cruise_speed_mps * 0.0
+        return self.position_drift_mps * self.flight_time_max_s
+
+    @property
+    def map_error_m(self) -> Q:
+        """How far a face may be off in the local frame at any time of the flight, but for heading.
+
+        A frame by itself is as exact as `position_error_m`; the map keeps it until the landing.
+        """
+        return self.position_error_m + self.drift_m
 
     @property
     def trim_mps2(self) -> Q:
@@ -143,6 +169,7 @@ class Terms(Generic[Q]):
             heading_error_rad=zero,
             wind_max_mps=None,
             stop=False,
+            position_drift_mps=None,
             passive_safety=False,
         )
 

@@ -24,6 +24,7 @@ from onboard.files.yaml_file import (
 )
 
 InputSet = Literal["inner", "paper"]
+Progress = Literal["guaranteed", "best_effort"]
 Positive = Annotated[float, Field(gt=0.0)]
 NonNegative = Annotated[float, Field(ge=0.0)]
 AcuteAngle = Annotated[float, Field(gt=0.0, lt=90.0)]
@@ -41,8 +42,10 @@ LATER_KEYS: Final[dict[str, tuple[str, ...]]] = {
         "estimator_reset_max_m",
         "drag_per_s",
         "setpoint_loss",
+        "position_drift_mps",
     ),
-    "requirements": ("progress",),
+    "requirements": ("progress", "flight_time_max_s"),
+    "sensor": ("thinnest_obstacle_m", "no_return_is_free_to_m"),
     "environment": ("wind_max_mps",),
 }
 
@@ -118,6 +121,9 @@ class VehicleTerms(FileModel):
     drag_per_s: NonNegative = Field(
         0.45, description="deceleration per airspeed: how much tilt a steady wind takes (trim)"
     )
+    position_drift_mps: NonNegative = Field(
+        0.0, description="horizontal, of the local frame; needs requirements.flight_time_max_s"
+    )
 
     @model_validator(mode="before")
     @classmethod
@@ -152,9 +158,12 @@ class Requirements(FileModel):
 
     stop: bool = Field(True, description="braking to hover is always available")
     passive_safety: bool = Field(True, description="no collision even if the daemon dies")
-    progress: Literal["guaranteed", "best_effort"] = Field(
+    progress: Progress = Field(
         "guaranteed",
         description="best_effort: fly where passing every obstacle is not guaranteed, safely",
+    )
+    flight_time_max_s: Positive | None = Field(
+        None, description="since take-off; then the vehicle holds, to be landed; null: no limit"
     )
 
 
@@ -166,6 +175,12 @@ class SensorTerms(FileModel):
     frame_age_max_s: Positive = Field(description="older or missing frames are a sensor failure")
     position_error_m: NonNegative = Field(
         description="of each face of a detected obstacle, as placed with the pose at its stamp"
+    )
+    thinnest_obstacle_m: Positive | None = Field(
+        None, description="seen for certain at detection_range_m; null: not declared"
+    )
+    no_return_is_free_to_m: Positive | None = Field(
+        None, description="how far a null in free_range_m shows free space; null: it shows none"
     )
 
 
@@ -222,6 +237,16 @@ class Contract(FileModel):
                 f"vehicle.setpoint_loss_run_on_speed_mps = {measured_mps:g} m/s, at which "
                 f"setpoint_loss_run_on_m = {vehicle.setpoint_loss_run_on_m:g} m was measured; "
                 "cruise no faster, or measure the run at the higher speed and state both"
+            )
+        return self
+
+    @model_validator(mode="after")
+    def _drift_has_an_end(self) -> Self:
+        drift_mps = self.vehicle.position_drift_mps
+        if drift_mps > 0.0 and self.requirements.flight_time_max_s is None:
+            raise ValueError(
+                f"vehicle.position_drift_mps = {drift_mps:g} m/s needs "
+                "requirements.flight_time_max_s [s], which bounds what it adds up to"
             )
         return self
 

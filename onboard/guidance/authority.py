@@ -14,7 +14,14 @@ from collections.abc import Callable
 from typing import Final
 
 from onboard.events import Event, EventName, Severity
-from onboard.guidance.departure import Refusal, RefusalKind, RefusalReport
+from onboard.guidance.departure import (
+    STOPPED_MPS,
+    Refusal,
+    RefusalKind,
+    RefusalReport,
+    refused,
+    resume_refusals,
+)
 from onboard.guidance.envelope import broken_clauses
 from onboard.guidance.navigator import Navigator
 from onboard.guidance.phases import Phase
@@ -31,8 +38,6 @@ AUTOPILOT_SILENCE_S: Final = 3.0
 HANDOVER_AFTER_S: Final = 2.0
 # And is taken back once the position has been there for so long: it may flicker.
 TAKE_BACK_AFTER_S: Final = 1.0
-# A reference slower than this has come to rest, but for round-off.
-STOPPED_MPS: Final = 0.01
 
 
 class ControlAuthority:
@@ -77,6 +82,11 @@ class ControlAuthority:
             now_s: the time.
             now_unix_s: the same in Unix time, for the age of the pre-flight check.
         """
+        if self._navigator.phase is Phase.STANDBY:
+            accepted = self._authorization.accepts_no_progress(now_unix_s)
+            if self._navigator.accept_no_progress(accepted=accepted) and accepted:
+                text = "the next flight is not guaranteed to arrive, which was accepted"
+                self._emit(Event(now_s, EventName.ACCEPTED, Severity.NOTICE, text))
         if not self._granted(now_s):
             self._give_back(pose, now_s)
         elif self._navigator.phase is Phase.STANDBY:
@@ -106,6 +116,7 @@ class ControlAuthority:
             navigator.release_control(now_s)
         if status.airborne is not True:
             self._supervisor.end_flight()
+            self._authorization.end_flight()
         self._standby_setpoint = hovering_at(pose)
         self._refusals.end()
 
@@ -113,10 +124,38 @@ class ControlAuthority:
         refusals = self.departure_refusals(pose, now_s, now_unix_s)
         if not refusals:
             self._supervisor.begin_flight(now_s)
+            self._authorization.begin_flight(now_unix_s)
             self._refusals.end()
             self._navigator.take_control(pose, now_s)
         elif (news := self._refusals.news(refusals, now_s)) is not None:
             self._emit(news)
+
+    def resume(self, pose: Pose | None, now_s: float, now_unix_s: float) -> list[Refusal]:
+        """End a hold by the operator's command, where nothing speaks against it.
+
+        Args:
+            pose: the newest; None before the first one.
+            now_s: the time.
+            now_unix_s: the same in Unix time.
+
+        Returns:
+            Every reason not to; empty if the flight goes on.
+        """
+        situation = self._navigator.situation
+        refusals = resume_refusals(situation, self._supervisor.failures, now_s)
+        if pose is None:
+            refusals.append(Refusal(RefusalKind.TELEMETRY, "no telemetry"))
+        elif self._navigator.phase is Phase.HOLD:
+            refusals += self.departure_refusals(pose, now_s, now_unix_s)
+        if self._left_to_autopilot:
+            text = "the vehicle is left to the autopilot: the pilot has to take over first"
+            refusals.append(Refusal(RefusalKind.POSITION, text))
+        if refusals or pose is None:
+            self._emit(refused("not resuming", refusals, now_s))
+        else:
+            self._supervisor.resume_flight()
+            self._navigator.resume(pose, now_s)
+        return refusals
 
     # ------------------------------------------------------------------ what speaks against it
 
@@ -150,6 +189,9 @@ class ControlAuthority:
         if supervisor.wind_violation is not None:
             text = f"more wind than {assessment.terms.wind_max_mps:g} m/s"
             found.append(Refusal(RefusalKind.WIND, text))
+        if supervisor.flight_time_violation is not None:
+            text = supervisor.flight_time_violation.sentence
+            found.append(Refusal(RefusalKind.FLIGHT_TIME, text))
         found += self._navigator.departure_refusals(pose)
         if not self._fly_outside_contract:
             found += [

@@ -10,20 +10,27 @@ from typing import Final
 
 from onboard.events import Event, EventName, RefusalReason, Severity
 from onboard.guidance.envelope import at_rest_speed_mps
+from onboard.guidance.phases import FlightState
 from onboard.guidance.situation import Situation
+from onboard.monitoring.resumption import FailureTimes, resume_objections
 from onboard.vehicle_state import Pose
 
 # A change in the kinds of refusals is reported, but not more often than this.
 REFUSAL_PERIOD_S: Final = 5.0
 # How near the vehicle must hover to the start of the mission.
 START_TOLERANCE_M: Final = 1.5
+# A reference slower than this has come to rest, but for round-off.
+STOPPED_MPS: Final = 0.01
 
 
 @unique
 class RefusalKind(StrEnum):
-    """What keeps the service in STANDBY."""
+    """What keeps the service in STANDBY, or in HOLD."""
 
     HOLDING = "holding"
+    NOT_HOLDING = "not_holding"
+    FAILED = "failed"
+    MISSION_CHANGED = "mission_changed"
     CONTRACT = "contract"
     PREFLIGHT = "preflight"
     DETECTIONS = "detections"
@@ -31,6 +38,7 @@ class RefusalKind(StrEnum):
     TELEMETRY = "telemetry"
     POSITION = "position"
     WIND = "wind"
+    FLIGHT_TIME = "flight_time"
     BEFORE_LEG = "before_leg"
     LEG_FLOWN = "leg_flown"
     BESIDE_LEG = "beside_leg"
@@ -42,7 +50,7 @@ class RefusalKind(StrEnum):
 
 @dataclass(frozen=True)
 class Refusal:
-    """One reason for not leaving STANDBY.
+    """One reason for not leaving STANDBY, or HOLD.
 
     Attributes:
         kind: the reason, for machines.
@@ -83,7 +91,10 @@ def _checks(situation: Situation, pose: Pose) -> Iterator[tuple[RefusalKind, boo
     yield RefusalKind.BEFORE_LEG, x_m >= -limit_m, text
     before_end = x_m < situation.route.length_m - limit_m
     yield RefusalKind.LEG_FLOWN, before_end, "the leg is already flown"
-    beside_max_m = situation.route.leg.target_half_width_m
+    leg = situation.route.leg
+    # What was threaded may rest as far beside the leg as it may be flown there.
+    threaded = situation.best_effort and situation.state is not FlightState.STANDBY
+    beside_max_m = leg.threading_half_width_m if threaded else leg.target_half_width_m
     text = f"{abs(y_m):.1f} m beside the leg (limit {beside_max_m:g} m)"
     yield RefusalKind.BESIDE_LEG, abs(y_m) <= beside_max_m, text
     lower_m = _start_lower_max_m(situation)
@@ -128,9 +139,48 @@ class RefusalReport:
         if kinds == self._reported or now_s < self._due_s:
             return None
         self._reported, self._due_s = kinds, now_s + REFUSAL_PERIOD_S
-        text = "not leaving standby: " + "; ".join(refusal.text for refusal in refusals)
-        reasons: list[RefusalReason] = [
-            {"kind": refusal.kind.value, "subject": refusal.subject, "text": refusal.text}
-            for refusal in refusals
-        ]
-        return Event(now_s, EventName.REFUSED, Severity.WARNING, text, {"reasons": reasons})
+        return refused("not leaving standby", refusals, now_s)
+
+
+def refused(what: str, refusals: Sequence[Refusal], now_s: float) -> Event:
+    """Return the event that reports every reason for a refusal.
+
+    Args:
+        what: is refused.
+        refusals: at least one.
+        now_s: the time.
+    """
+    text = f"{what}: " + "; ".join(refusal.text for refusal in refusals)
+    reasons = [reason_of(refusal) for refusal in refusals]
+    return Event(now_s, EventName.REFUSED, Severity.WARNING, text, {"reasons": reasons})
+
+
+def reason_of(refusal: Refusal) -> RefusalReason:
+    """Return a refusal as it is published."""
+    return {"kind": refusal.kind.value, "subject": refusal.subject, "text": refusal.text}
+
+
+def resume_refusals(situation: Situation, failures: FailureTimes, now_s: float) -> list[Refusal]:
+    """Return why a hold may not be ended by the operator, but for what departures need as well.
+
+    Args:
+        situation: of the flight.
+        failures: when each assumption failed last.
+        now_s: the time.
+    """
+    cause, state = situation.hold_cause, situation.reference.sample(now_s)
+    if situation.state is not FlightState.HOLDING or cause is None or state is None:
+        text = f"not holding (phase {situation.state.phase})"
+        return [Refusal(RefusalKind.NOT_HOLDING, text)]
+    found = [
+        Refusal(RefusalKind.FAILED, text, assumption)
+        for assumption, text in resume_objections(*cause, failures, now_s).items()
+    ]
+    if situation.route.successor is not None:
+        text = "another mission was received: the pilot has to take over first"
+        found.append(Refusal(RefusalKind.MISSION_CHANGED, text))
+    speed_mps = math.hypot(*state.velocity_leg_mps)
+    if speed_mps > STOPPED_MPS:
+        text = f"still braking ({speed_mps:.1f} m/s)"
+        found.append(Refusal(RefusalKind.MOVING, text))
+    return found

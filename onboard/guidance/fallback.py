@@ -59,6 +59,7 @@ class Fallback:
         else:
             braking, how = self._way_to_hover(now_s)
             situation.reference.fly(braking)
+        situation.hold_cause = violation.assumption, now_s
         text = f"holding: {violation}; {how}"
         situation.fire(Trigger.ASSUMPTION_FAILED, now_s, text=text)
 

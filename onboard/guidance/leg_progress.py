@@ -41,7 +41,18 @@ class LegProgress:
     ) -> None:
         self._situation, self._fallback, self._cruise = situation, fallback, cruise
         self._thread, self._shield = thread, shield
+        self._declared = situation.assessment.contract.requirements.progress
         self._aligned_since_s: float | None = None
+
+    def accept_no_progress(self, *, accepted: bool) -> bool:
+        """Fly the next time with best effort, or as the contract states again; in STANDBY only.
+
+        Returns:
+            Whether that changes anything.
+        """
+        situation = self._situation
+        progress = "best_effort" if accepted else self._declared
+        return situation.state is FlightState.STANDBY and situation.require(progress)
 
     def take_control(self, pose: Pose, now_s: float) -> None:
         """Come to a hover and start, or resume, the current leg (CONTROL_GRANTED)."""
@@ -64,6 +75,17 @@ class LegProgress:
         situation.avoidance = None
         situation.obstacles.rejoin()
         self._restart_route()
+
+    def resume(self, pose: Pose, now_s: float) -> None:
+        """Go on with the current leg from a hold in which the vehicle rests (RESUMED)."""
+        situation = self._situation
+        state = situation.reference.sample(now_s)
+        assert state is not None  # noqa: S101  a hold has a reference
+        resumed = Trigger.BEST_EFFORT_RESUMED if situation.best_effort else Trigger.RESUMED
+        situation.fire(resumed, now_s)
+        situation.avoidance = None
+        situation.obstacles.rejoin()
+        self._begin_leg(state, pose, now_s)
 
     def change_mission(self, mission: Mission, now_s: float) -> None:
         """Fly another mission: from its start in STANDBY, else from where the vehicle stops.

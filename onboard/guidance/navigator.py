@@ -72,6 +72,8 @@ class Navigator:
         # What needs no dispatch goes straight to the part that it concerns.
         self.take_control = self._leg_progress.take_control
         self.release_control = self._leg_progress.release_control
+        self.resume = self._leg_progress.resume
+        self.accept_no_progress = self._leg_progress.accept_no_progress
         self.change_mission = self._leg_progress.change_mission
         self.respond_to = ladder.respond_to
         self.hold, self.hover_at = fallback.hold, fallback.hover_at

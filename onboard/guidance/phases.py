@@ -87,6 +87,8 @@ class Trigger(StrEnum):
 
     CONTROL_GRANTED = "control granted"
     BEST_EFFORT_GRANTED = "best effort granted"
+    RESUMED = "resumed"
+    BEST_EFFORT_RESUMED = "best effort resumed"
     CONTROL_TAKEN = "control taken"
     ALIGNED = "aligned"
     CORRIDOR_FREE = "corridor free"
@@ -136,7 +138,9 @@ STATES: Final = MappingProxyType(
         ),
         _S.RESTING: StateFacts(_P.THREAD, "come to rest on the way held, for another mission"),
         _S.ARRIVED: StateFacts(_P.ARRIVED, "hover at the end of the mission"),
-        _S.HOLDING: StateFacts(_P.HOLD, "brake to hover and stay until the pilot takes over"),
+        _S.HOLDING: StateFacts(
+            _P.HOLD, "brake to hover and stay until the pilot takes over, or the operator resumes"
+        ),
     }
 )
 
@@ -144,6 +148,8 @@ TRIGGERS: Final = MappingProxyType(
     {
         _T.CONTROL_GRANTED: "the pilot hands over and every departure check passes",
         _T.BEST_EFFORT_GRANTED: "the same, where the contract does not guarantee to pass obstacles",
+        _T.RESUMED: "the operator's `clearway resume`, and all that failed holds again",
+        _T.BEST_EFFORT_RESUMED: "the same, where the vehicle flies in the space seen free",
         _T.CONTROL_TAKEN: "the pilot, a failsafe or a silent autopilot ends our control",
         _T.ALIGNED: "at rest with the nose along the leg for as long as the sensor needs to look",
         _T.CORRIDOR_FREE: "beside the leg line, and no known obstacle in the corridor towards it",
@@ -249,6 +255,8 @@ TRANSITIONS: Final = MappingProxyType(
         (_S.ARRIVED, _T.MISSION_CHANGED): _S.ARRIVED,
         (_S.ARRIVED, _T.CONTROL_TAKEN): _S.STANDBY,
 
+        (_S.HOLDING, _T.RESUMED): _S.ALIGNING,
+        (_S.HOLDING, _T.BEST_EFFORT_RESUMED): _S.LOOKING,
         (_S.HOLDING, _T.MISSION_CHANGED): _S.HOLDING,
         (_S.HOLDING, _T.CONTROL_TAKEN): _S.STANDBY,
     }

@@ -11,13 +11,14 @@ from typing import Final
 from onboard.contract.assessment import TICK_S, Assessment
 from onboard.event_limiter import EventLimiter
 from onboard.events import Event, EventName, Severity
+from onboard.files.contract_file import Progress
 from onboard.files.mission_file import Mission
 from onboard.geometry.frames import LegFrame
 from onboard.guidance.envelope import envelope_of, has_best_effort, is_shielded
 from onboard.guidance.phases import FlightState, Trigger, next_state
 from onboard.guidance.reference import Reference
 from onboard.guidance.route import Route
-from onboard.monitoring.assumptions import measured_size_max
+from onboard.monitoring.assumptions import Assumption, measured_size_max
 from onboard.motion.trajectory import State, Trajectory, Vector
 from onboard.perception.obstacle_map import Obstacle, ObstacleMap
 from onboard.planning.closed_form import brake_to_hover
@@ -82,6 +83,7 @@ class Situation:
         obstacles: what has been seen.
         events: what has happened, for the caller to take and clear.
         rest_held: whether what is flown is a way to rest in the space seen free, also in HOLDING.
+        hold_cause: what failed last, so that the vehicle held, and when; None before.
     """
 
     def __init__(self, assessment: Assessment, mission: Mission, *, adaptive: bool) -> None:
@@ -95,6 +97,7 @@ class Situation:
         self.obstacles = ObstacleMap(self.leg, assessment.region_around, self._merged_size_max_m)
         self.events: list[Event] = []
         self.rest_held = False
+        self.hold_cause: tuple[Assumption, float] | None = None
         self._limiter = EventLimiter()
 
     @property
@@ -143,6 +146,16 @@ class Situation:
         """Put another solution of the contract in force."""
         self.assessment, self.envelope = assessment, envelope_of(assessment)
         self.rebuild_map()
+
+    def require(self, progress: Progress) -> bool:
+        """Fly under another requirement on progress; tell whether it is another one."""
+        contract = self.assessment.contract
+        if progress == contract.requirements.progress:
+            return False
+        requirements = contract.requirements.model_copy(update={"progress": progress})
+        contract = contract.model_copy(update={"requirements": requirements})
+        self.adopt(replace(self.assessment, contract=contract))
+        return True
 
     def rebuild_map(self) -> None:
         """State the obstacles in the frame of the leg and under the contract in force."""

@@ -118,7 +118,7 @@ class DetectionEvaluator:
             for seen in frame.obstacles[:TRACKS_PER_FRAME]
         }
         residuals = self.bearings.residuals(
-            pose, corners_ned_m, terms.position_error_m, terms.heading_error_rad
+            pose, corners_ned_m, terms.map_error_m, terms.heading_error_rad
         )
         turned = heading.on_sightings(residuals, now_s, terms)
         if turned is not None:
@@ -140,8 +140,9 @@ class DetectionEvaluator:
     def _take_box(self, seen: PlacedBox, now_s: float) -> Iterator[Violation]:
         """Remember one box; a place that contradicts an earlier one is kept apart from it."""
         flight, terms = self._flight, self._flight.assessment.terms
-        error_m = max(seen.uncertainty_m, terms.position_error_m)
+        error_m = max(seen.uncertainty_m + terms.drift_m, terms.map_error_m)
         displacement_m = seen.displacement_m(terms.heading_error_rad)
+        counts_on_errors = displacement_m + terms.drift_m > 0.0
         sighting = None
         if seen.in_full:
             unshifted_m = flight.obstacles.unshifted(seen.corners_ned_m)
@@ -152,8 +153,7 @@ class DetectionEvaluator:
             seen.corners_ned_m,
             # What a sensor states less than the contract, the contract covers already.
             # A box at an angle to the leg has its corners off by more than its faces.
-            math.sqrt(2.0) * (error_m if displacement_m > 0.0 else seen.uncertainty_m)
-            + displacement_m,
+            math.sqrt(2.0) * (error_m if counts_on_errors else seen.uncertainty_m) + displacement_m,
             apart_from=self._apart_from(placement, seen, now_s),
             error_max_m=flight.assessment.face_error_m,
             in_full=seen.in_full and seen.blur_m == 0.0,

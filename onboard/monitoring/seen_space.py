@@ -14,6 +14,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
+from onboard.contract.terms import Terms
 from onboard.geometry.box import Box
 from onboard.geometry.frames import FloatArray, LegFrame, Vector, wrap_angle
 from onboard.geometry.free_grid import FreeGrid
@@ -153,7 +154,7 @@ class SeenSpace:
 
     def _is_known_occupied(self, x_m: float, y_m: float, radius_m: float) -> bool:
         """Tell whether a known obstacle may reach into a disc."""
-        reach_m = radius_m + math.sqrt(2.0) * self._flight.assessment.terms.position_error_m
+        reach_m = radius_m + math.sqrt(2.0) * self._flight.assessment.terms.map_error_m
         return any(
             math.hypot(
                 max(box.x_min_m - x_m, 0.0, x_m - box.x_max_m),
@@ -281,7 +282,7 @@ class SeenSpace:
         heading_error_rad = terms.heading_error_rad + sight.turn_radps * POSE_TIMING_S
         clock_error_m = math.hypot(*pose.velocity_ned_mps[:2]) * POSE_TIMING_S
         seen_leg_m = self._in_leg_m(sight.corners_ned_m)
-        e = terms.position_error_m
+        e = terms.map_error_m
         far_m = np.hypot(seen_leg_m[..., 0] - x_m, seen_leg_m[..., 1] - y_m).max(axis=1)
         margins_m = e + clock_error_m + heading_error_rad * far_m
         contradicting = self._contradicting(seen_leg_m, margins_m)
@@ -290,12 +291,12 @@ class SeenSpace:
             self.void(f"{track_id} is reported where all was seen free")
             return _contradiction(track_id)
         # A scan is placed by the pose as a whole; boxes carry that error in their faces already.
-        scan, view_rad = frame.free_range_m or (), math.radians(frame.field_of_view_deg)
+        scan, view_rad = _scan(frame, terms), math.radians(frame.field_of_view_deg)
         view = View(
             position_leg_m=(x_m, y_m),
             heading_leg_rad=wrap_angle(pose.yaw_rad - self._leg.heading_rad),
             half_view_rad=min(view_rad, terms.field_of_view_rad) / 2.0,
-            range_m=min(frame.range_m, terms.detection_range_m),
+            range_m=min(frame.range_m, terms.detection_range_m, _resolved_m(frame, terms)),
             boxes=[
                 *enclosing_boxes(seen_leg_m, e),
                 *self._known_boxes(x_m, y_m, terms.detection_range_m),
@@ -325,7 +326,7 @@ class SeenSpace:
         same_place_m = terms.tracking_error_m + START_MARGIN_M
         if not self._looked or math.dist(here_ned_m, self._looked_from_ned_m) > same_place_m:
             self._looked, self._looked_from_ned_m = {}, here_ned_m
-        if view.range_m < self._start_radius_m + math.sqrt(2.0) * terms.position_error_m:
+        if view.range_m < self._start_radius_m + math.sqrt(2.0) * terms.map_error_m:
             return
         middles_rad = 2.0 * math.pi * np.arange(_SECTORS) / _SECTORS
         aside_rad = (middles_rad - pose.yaw_rad + math.pi) % (2.0 * math.pi) - math.pi
@@ -389,3 +390,17 @@ def _contradiction(track_id: str) -> Violation:
     return Violation(
         Assumption.SENSOR_CONTRADICTION, 1.0, 0.0, "boxes", track_id, sentence=sentence
     )
+
+
+def _scan(frame: DetectionFrame, terms: Terms[float]) -> tuple[float, ...]:
+    """Return how far each bearing is free; without a return that is unknown, unless declared."""
+    no_return_m = terms.no_return_is_free_to_m or 0.0
+    ranges_m = frame.free_range_m or ()
+    return tuple(no_return_m if range_m is None else range_m for range_m in ranges_m)
+
+
+def _resolved_m(frame: DetectionFrame, terms: Terms[float]) -> float:
+    """Return the range within which one of a scan's rays meets the thinnest obstacle declared."""
+    if terms.thinnest_obstacle_m is None or frame.free_range_m is None:
+        return math.inf
+    return terms.thinnest_obstacle_m / frame.bin_rad

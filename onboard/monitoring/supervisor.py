@@ -18,8 +18,10 @@ from onboard.monitoring.detection_evaluation import DetectionEvaluator
 from onboard.monitoring.estimator.heading import HeadingMonitor
 from onboard.monitoring.estimator.position_quality import PositionQualityMonitor, Sign
 from onboard.monitoring.estimator.resets import EstimatorReset, PoseMonitor, ResetLedger
+from onboard.monitoring.flight_time import FlightTimeMonitor
 from onboard.monitoring.loop_overrun import LoopOverrunMonitor
 from onboard.monitoring.response.vehicle_response import VehicleResponse
+from onboard.monitoring.resumption import FailureTimes
 from onboard.monitoring.seen_space import DOUBTS
 from onboard.monitoring.supervised_flight import SupervisedFlight, in_control
 from onboard.monitoring.violation_log import ViolationLog
@@ -45,9 +47,12 @@ class MonitorSupervisor:
     Attributes:
         position_sign: the sign that the position is not to be believed, of this tick; None without.
         wind_violation: more wind than the contract declares, of this tick; None without.
+        flight_time: since take-off.
+        flight_time_violation: the flight has lasted too long, of this tick; None before.
         detections: what every sensor saw, and when.
         seen: the space around the vehicle that has been seen free.
         response: how the vehicle responds to what is sent to it.
+        failures: when each assumption failed last.
     """
 
     def __init__(
@@ -61,6 +66,7 @@ class MonitorSupervisor:
     ) -> None:
         self._link, self._flight, self._emit = link, flight, emit
         self._log = ViolationLog(emit)
+        self.failures = FailureTimes()
         self._poses, self._resets = PoseHistory(), ResetLedger()
         self._pose_monitor = PoseMonitor(telemetry_timeout_s)
         self._checked_pose: Pose | None = None
@@ -71,6 +77,8 @@ class MonitorSupervisor:
         self.position_quality = PositionQualityMonitor(link.position_reports)
         self.position_sign: Sign | None = None
         self.wind_violation: Violation | None = None
+        self.flight_time = FlightTimeMonitor()
+        self.flight_time_violation: Violation | None = None
         self._loop_monitor = LoopOverrunMonitor()
         self.response = VehicleResponse(link)
         self._heading_monitor = HeadingMonitor()
@@ -91,6 +99,10 @@ class MonitorSupervisor:
     def end_flight(self) -> None:
         """Stop checking the position until the next departure: the vehicle has landed."""
         self.position_quality.forget_flight()
+
+    def resume_flight(self) -> None:
+        """Report again what fails from now on: the operator has ended a hold."""
+        self._log.begin_flight()
 
     # ------------------------------------------------------------------ what arrives
 
@@ -126,24 +138,27 @@ class MonitorSupervisor:
     # ------------------------------------------------------------------ one tick
 
     def check_loop(self, now_s: float) -> None:
-        """Check that this tick is on time."""
+        """Check that this tick is on time, and that late ones in motion are rare."""
         overrun = self._loop_monitor.check(now_s)
         if overrun is None:
             return
         self.report_and_respond(overrun, now_s)
-        timeout_s, silent_s = (
-            self._flight.assessment.terms.setpoint_loss_timeout_s,
-            overrun.measured,
-        )
-        was, now = self._flight.reference(now_s - silent_s), self._flight.reference(now_s)
-        if was is None or now is None or not self._flight.in_seen_space:
+        flight, silent_s = self._flight, overrun.measured
+        was, now = flight.reference(now_s - silent_s), flight.reference(now_s)
+        if was is None or now is None or not flight.in_seen_space:
             return
-        if silent_s > timeout_s and math.dist(was.position_leg_m, now.position_leg_m) > STAYED_M:
+        if math.dist(was.position_leg_m, now.position_leg_m) <= STAYED_M:
+            return
+        again = self._loop_monitor.count_in_motion(now_s)
+        timeout_s = flight.assessment.terms.setpoint_loss_timeout_s
+        if silent_s > timeout_s:
             # The autopilot stops by itself then.  What is held has gone on without the vehicle:
             # the straight way after it is certified by nothing.
             sentence = f"no setpoint was sent for {silent_s:.2f} s (limit {timeout_s:g} s)"
             lost = Violation(Assumption.SELF_CHECK, silent_s, timeout_s, "s", sentence=sentence)
             self.report_and_respond(lost, now_s, measured=self._link.pose)
+        elif again is not None:
+            self.report_and_respond(again, now_s)
 
     def report_defect(self, now_s: float) -> None:
         """Respond to an exception in the service's own decisions."""
@@ -177,7 +192,7 @@ class MonitorSupervisor:
             if not reset.measured:
                 flight.hover_at(pose, now_s)
             if in_control(flight, now_s):
-                self._log.report(reset.violation(), now_s)
+                self._report(reset.violation(), now_s)
             return
         ended = self._resets.count(reset, flight.assessment.terms.estimator_reset_max_m)
         if ended is not None:
@@ -189,8 +204,13 @@ class MonitorSupervisor:
         flight.fly_on_after_shift(reset.violation(), now_s)
 
     def check_position(self, now_s: float) -> None:
-        """Find this tick's sign that the position is not to be believed."""
+        """Find this tick's sign that the position is not to be believed, or no longer."""
         self.position_sign = self.position_quality.check(now_s)
+        terms = self._flight.assessment.terms
+        took_off = self.flight_time.follow(self._link.status.airborne, now_s)
+        if took_off and terms.drift_m > 0.0:
+            self.seen.void("it was seen before take-off, and the position drifts")
+        self.flight_time_violation = self.flight_time.check(now_s, terms.flight_time_max_s)
 
     def check(self, pose: Pose, now_s: float) -> None:
         """Check every assumption against what has been seen.
@@ -208,7 +228,9 @@ class MonitorSupervisor:
             self._check_flight(pose, tilt, now_s, moved=moved)
         elif in_control(self._flight, now_s):
             if self.position_sign is not None:
-                self._log.report(self.position_sign.violation(), now_s)
+                self._report(self.position_sign.violation(), now_s)
+            if self.flight_time_violation is not None:
+                self._report(self.flight_time_violation, now_s)
             if moved:
                 self._check_hover(pose, tilt, now_s)
 
@@ -223,6 +245,7 @@ class MonitorSupervisor:
             self.telemetry_age_violation(pose, now_s),
             self.response.check_commander(pose, now_s),
             self.wind_violation,
+            self.flight_time_violation,
             *heading,
             *self.environment_violations(now_s),
         )
@@ -236,7 +259,7 @@ class MonitorSupervisor:
         """Report a second commander of a vehicle that hovers; there is no other response left."""
         commanded = self.response.check_commander(pose, now_s)
         if commanded is not None:
-            self._log.report(commanded, now_s)
+            self._report(commanded, now_s)
         self._check_tracking(pose, tilt, now_s)
 
     def report_and_respond(
@@ -249,6 +272,7 @@ class MonitorSupervisor:
             now_s: when.
             measured: respond from this pose, where the reference itself cannot be believed.
         """
+        self.failures.note(violation, now_s)
         if violation.assumption in DOUBTS:
             self.seen.void(str(violation))
         flight = self._flight
@@ -258,6 +282,11 @@ class MonitorSupervisor:
         elif flight.flying:
             self._log.report(violation, now_s)
             flight.respond_to(violation, now_s, measured)
+
+    def _report(self, violation: Violation, now_s: float) -> None:
+        """Report a violation to which there is no other response left."""
+        self.failures.note(violation, now_s)
+        self._log.report(violation, now_s)
 
     # ------------------------------------------------------------------ single checks
 

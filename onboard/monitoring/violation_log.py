@@ -34,7 +34,8 @@ class ViolationLog:
         """Say, once for each subject in a flight, what slows the vehicle or stops it for a time."""
         if self._is_new(violation.assumption, violation.subject):
             text = f"{violation}; going on by itself when that is over"
-            self._emit(Event(now_s, EventName.DELAYED, Severity.NOTICE, text))
+            data = violation.event(now_s).data
+            self._emit(Event(now_s, EventName.DELAYED, Severity.NOTICE, text, data))
 
     def report_suspicion(self, violation: Violation, now_s: float) -> None:
         """Say, once in a flight, that the vehicle deviates but may follow another commander."""

@@ -77,8 +77,9 @@ class DetectionFrame(_Message):
         range_m, field_of_view_deg: how far and how wide the sensor sees.
         obstacles: its boxes.
         free_range_m: how far it saw free space, for equal bins of bearing across the field of
-            view, from left to right, before position error is taken off; 0 where unknown, and None
-            if it does not say. What is unseen is not free.
+            view, from left to right, before position error is taken off; 0 where unknown, None
+            where nothing returned, and None as a whole if it does not say. What is unseen is not
+            free, and neither is what returned nothing, unless the contract says so.
     """
 
     version: Literal[1]
@@ -90,8 +91,14 @@ class DetectionFrame(_Message):
     field_of_view_deg: Annotated[float, Field(gt=0.0, le=360.0)]
     obstacles: Annotated[tuple[Detection, ...], Field(max_length=MAX_OBSTACLES_PER_FRAME)]
     free_range_m: (
-        Annotated[tuple[_Range, ...], Field(min_length=1, max_length=MAX_BEARING_BINS)] | None
+        Annotated[tuple[_Range | None, ...], Field(min_length=1, max_length=MAX_BEARING_BINS)]
+        | None
     ) = None
+
+    @property
+    def bin_rad(self) -> float:
+        """Width of one bin of `free_range_m`; of the whole view if there is none."""
+        return math.radians(self.field_of_view_deg) / len(self.free_range_m or (0.0,))
 
     def track_id(self, detection: Detection) -> str:
         """Return the name of one of its obstacles, unique among sources."""

@@ -79,6 +79,7 @@ class StateRecord:
         telemetry_age_s: of the newest pose.
         sensors: by source.
         position_doubt: why the position is not trusted; None while it is.
+        progress: ``guaranteed`` or ``best_effort``, as this flight or the next is flown.
         cleared: whether a valid flight authorization is present, or none is required.
         log_ended: whether the service flies on without a log.
         obstacles_known: size of the map.
@@ -114,6 +115,7 @@ class StateRecord:
     telemetry_age_s: Number | None = None
     sensors: dict[str, SensorRecord] = field(default_factory=dict)
     position_doubt: str | None = None
+    progress: str = ""
     cleared: bool | None = None
     log_ended: bool = False
     obstacles_known: int = 0

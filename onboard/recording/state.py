@@ -40,6 +40,7 @@ def state_of(autonomy: Autonomy, now_s: float) -> StateRecord:
         telemetry_age_s=None if pose is None else now_s - pose.time_s,
         sensors=_sensors(autonomy, now_s),
         position_doubt=None if doubt is None else doubt.sentence,
+        progress=autonomy.assessment.contract.requirements.progress,
         cleared=autonomy.flight_authorization.refusal(autonomy.epoch_unix_s + now_s) is None,
         log_ended=autonomy.log_ended,
         obstacles_known=len(navigator.obstacles),

@@ -187,7 +187,8 @@ class Simulation:
         self._idle_since_s = _since(self._idle_since_s, self.now_s, present=idle)
         self._service_faults.command(self.operator)
         # The operator lands a vehicle without its service only once it has come to rest by itself.
-        if stands or self.now_s > self._idle_since_s + PATIENCE_S:
+        waits = phase is Phase.HOLD and self._service_faults.waits_to_resume
+        if (stands and not waits) or self.now_s > self._idle_since_s + PATIENCE_S:
             self.operator.land()
         self.operator.advance(self.now_s)
         self.scene.vehicle.receive(self.operator.bytes_to_send(), OPERATOR_LINK)

@@ -15,8 +15,7 @@ from typing import Any
 import pytest
 import zenoh
 
-from gcs_tools.preflight.live.bus import load_bus
-from gcs_tools.watch.command import bus_of
+from gcs_tools.preflight.live.bus import bus_of, load_bus
 from onboard.files.yaml_file import FileError, validate
 from onboard.files.zenoh_endpoints import ZenohEndpoints
 from onboard.zenoh_session import open_session

@@ -10,7 +10,11 @@ from gcs_tools.campaign.generator.plants import noise_max_m
 from gcs_tools.scenario import Scenario
 from sitl.virtual.faults.schema import Fault, FaultKind
 
-FAULT_KINDS: Final[tuple[FaultKind, ...]] = get_args(FaultKind)
+# Not drawn: what an operator does in answer to another fault.
+_ANSWERS: Final[frozenset[FaultKind]] = frozenset({"operator_resumes"})
+FAULT_KINDS: Final[tuple[FaultKind, ...]] = tuple(
+    kind for kind in get_args(FaultKind) if kind not in _ANSWERS
+)
 # A single sensor that reports a clear view and is wrong beyond its declared error cannot be
 # detected: nothing is promised, and collisions are only counted.  Boxes declared in the wrong frame
 # are such reports; the service does not check whether they move with the vehicle.
@@ -29,6 +33,21 @@ DISPLACING: Final[frozenset[FaultKind]] = frozenset(
         "second_commander",
     }
 )
+# With these the service is misled about what is where, for the moment that it takes to notice: what
+# it calls free then is no error of its own.
+MISLEADING: Final[frozenset[FaultKind]] = UNDETECTABLE | {
+    "detections_stuck",
+    "detections_wrong_units",
+    "detections_swapped",
+    "sensor_clock_ahead",
+    "sensor_clock_skewed",
+    "telemetry_corrupted",
+    "link_corrupting",
+    "position_reset",
+    "position_misreported",
+    "attitude_stuck",
+    "gps_lost",
+}
 # The contract covers these, or they do not concern it: the mission must be flown to its end.
 TOLERATED: Final[frozenset[FaultKind]] = frozenset(
     {"detections_shifted", "link_duplicating", "solver_limited", "disk_full"}
@@ -76,11 +95,22 @@ _TRANSITIONS: Final = (
     ("hold", 1),
     ("standby", 2),
 )
+# The same of a flight with best effort.
+_BEST_EFFORT_TRANSITIONS: Final = (
+    ("pause", 1),
+    ("thread", 1),
+    ("pause", 2),
+    ("thread", 2),
+    ("arrived", 1),
+    ("hold", 1),
+    ("standby", 2),
+)
 
 
 def drawn_fault(draw: random.Random, kind: FaultKind, scenario: Scenario) -> Fault:
     """Draw a fault that begins at any time, some time into a phase, or on a transition into one."""
-    phase, entry = draw.choice(_TRANSITIONS)
+    best_effort = _flies_best_effort(scenario)
+    phase, entry = draw.choice(_BEST_EFFORT_TRANSITIONS if best_effort else _TRANSITIONS)
     when = draw.choice(
         (
             {"start_s": draw.uniform(0.0, 30.0)},
@@ -94,10 +124,14 @@ def drawn_fault(draw: random.Random, kind: FaultKind, scenario: Scenario) -> Fau
     return Fault.model_validate({"kind": kind, "duration_s": duration_s, "amount": amount, **when})
 
 
-def leading_faults(draw: random.Random, fault: Fault) -> tuple[Fault, ...]:
+def leading_faults(draw: random.Random, fault: Fault, scenario: Scenario) -> tuple[Fault, ...]:
     """Draw the fault that brings the service into a phase that nominal flights never enter."""
-    at = {"phase": draw.choice(("cruise", "avoid")), "start_s": draw.uniform(0.5, 3.0)}
+    best_effort = _flies_best_effort(scenario)
+    phases = ("pause", "thread") if best_effort else ("cruise", "avoid")
+    at = {"phase": draw.choice(phases), "start_s": draw.uniform(0.5, 3.0)}
     match fault.phase:
+        case "hold" if best_effort:  # a silent sensor is waited for
+            leading = {"kind": "telemetry_lost", "duration_s": 1.0, **at}
         case "hold":
             leading = {"kind": "detections_off", "duration_s": None, **at}
         case "standby":
@@ -106,6 +140,10 @@ def leading_faults(draw: random.Random, fault: Fault) -> tuple[Fault, ...]:
             return ()
     # The schedule applies only one of two faults of the same kind.
     return () if leading["kind"] == fault.kind else (Fault.model_validate(leading),)
+
+
+def _flies_best_effort(scenario: Scenario) -> bool:
+    return scenario.contract.requirements.progress == "best_effort"
 
 
 def _drawn_amount(draw: random.Random, kind: FaultKind, scenario: Scenario) -> float | None:

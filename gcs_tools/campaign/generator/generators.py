@@ -14,6 +14,7 @@ from typing import Final, get_args
 
 from gcs_tools.campaign.generator.case import FULL, QUICK, Extent, FlightCase
 from gcs_tools.campaign.generator.contracts import compliant_contract, required_range_m
+from gcs_tools.campaign.generator.dense_fields import best_effort_scenario
 from gcs_tools.campaign.generator.faults import (
     DISPLACING,
     FAULT_KINDS,
@@ -118,7 +119,7 @@ def _faulty(draw: random.Random, extent: Extent = FULL) -> FlightCase:
     kind: FaultKind = draw.choice(FAULT_KINDS)
     scenario = compliant_scenario(draw, extent, stop=True, passive_safety=True)
     fault = drawn_fault(draw, kind, scenario)
-    scenario = replace(scenario, faults=(*leading_faults(draw, fault), fault))
+    scenario = replace(scenario, faults=(*leading_faults(draw, fault, scenario), fault))
     return FlightCase(
         scenario,
         _seed(draw),
@@ -126,6 +127,30 @@ def _faulty(draw: random.Random, extent: Extent = FULL) -> FlightCase:
         trigger=f"{fault.phase or 'start'} {fault.entry}",
         # A landing by the operator, which needs no service, is a safe end too.
         outcomes=("arrived",) if all_tolerated(scenario) else ("arrived", "held", "aborted"),
+        covered=kind not in UNDETECTABLE | DISPLACING,
+    )
+
+
+def _best_effort(draw: random.Random) -> FlightCase:
+    """Fly with best effort through stems that no separation covers; stopping safely is a success.
+
+    Passing is not guaranteed, so that a field without a passage ends in a hold.
+    """
+    return FlightCase(best_effort_scenario(draw), _seed(draw), outcomes=("arrived", "held"))
+
+
+def _faulty_best_effort(draw: random.Random) -> FlightCase:
+    """Inject one fault of any kind into a flight with best effort."""
+    kind: FaultKind = draw.choice(FAULT_KINDS)
+    scenario = best_effort_scenario(draw)
+    fault = drawn_fault(draw, kind, scenario)
+    scenario = replace(scenario, faults=(*leading_faults(draw, fault, scenario), fault))
+    return FlightCase(
+        scenario,
+        _seed(draw),
+        kind,
+        trigger=f"{fault.phase or 'start'} {fault.entry}",
+        outcomes=("arrived", "held", "aborted"),
         covered=kind not in UNDETECTABLE | DISPLACING,
     )
 
@@ -230,6 +255,8 @@ GENERATORS: Final[dict[str, Callable[[random.Random], FlightCase]]] = {
     "faults": _faulty,
     "outside": _outside,
     "competition": _competition,
+    "best-effort": _best_effort,
+    "best-effort-faults": _faulty_best_effort,
     "quick": lambda draw: _nominal(draw, QUICK),
     "quick-faults": lambda draw: _faulty(draw, QUICK),
 }

@@ -10,6 +10,7 @@ from itertools import pairwise
 from typing import Final, TypeVar
 
 from gcs_tools.campaign.generator.case import FlightCase
+from gcs_tools.campaign.held_ways import HeldWay
 from gcs_tools.logs.flight_log import Log
 from gcs_tools.logs.result import Result
 from onboard.contract.assessment import TICK_S
@@ -31,6 +32,7 @@ class Evidence:
         flight: the service's records.
         truth: the simulation's, one per tick of the service.
         at_rest: the vehicle came to rest and was told to land within the time limit.
+        ways: every way to rest that was held in flight.
     """
 
     case: FlightCase
@@ -38,6 +40,7 @@ class Evidence:
     flight: Log
     truth: Log
     at_rest: bool
+    ways: Sequence[HeldWay] = ()
 
     @property
     def undisturbed(self) -> bool:

@@ -13,6 +13,7 @@ from typing import Final
 from gcs_tools.campaign.oracles import outcomes, plans, references
 from gcs_tools.campaign.oracles.detection import detected_in_time
 from gcs_tools.campaign.oracles.evidence import Evidence
+from gcs_tools.campaign.oracles.rest import rest_held
 
 Oracle = Callable[[Evidence], Iterator[str]]
 
@@ -32,6 +33,7 @@ ORACLES: Final[dict[str, Oracle]] = {
     "entry_condition": references.entry_condition,
     "entered_in_time": plans.entered_in_time,
     "exit_condition": references.exit_condition,
+    "rest_held": rest_held,
     "bounded_memory": outcomes.bounded_memory,
     "detected_in_time": detected_in_time,
 }

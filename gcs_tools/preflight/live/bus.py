@@ -23,7 +23,8 @@ from gcs_tools.preflight.live.daemon import (
 from gcs_tools.preflight.live.detections import Sample, check_detections
 from onboard.contract.assessment import Assessment
 from onboard.files.contract_file import Contract
-from onboard.files.yaml_file import load_yaml
+from onboard.files.daemon_config import DaemonConfig
+from onboard.files.yaml_file import FileError, load_yaml
 from onboard.files.zenoh_endpoints import ZenohEndpoints
 from onboard.monitoring.flight_authorization import FlightAuthorization
 
@@ -49,6 +50,31 @@ def load_bus(path: Path) -> BusConfig:
         FileError: the file cannot be read, or its content is not valid.
     """
     return load_yaml(path, BusConfig).relative_to(path.parent)
+
+
+def bus_of(zenoh_config: Path | None, daemon_config: Path | None) -> BusConfig:
+    """Return which vehicle is meant, and how to reach it; without a file, scouting finds it.
+
+    Args:
+        zenoh_config: says both.
+        daemon_config: the daemon's own configuration, as `clearway fly` leaves it.
+
+    Raises:
+        FileError: a file is not usable.
+    """
+    if zenoh_config is not None:
+        return load_bus(zenoh_config)
+    if daemon_config is None:
+        return BusConfig(connect=(), listen=())
+    daemon = load_yaml(daemon_config, DaemonConfig)
+    if daemon.zenoh.config_file is not None:
+        # It may hold the daemon's own certificate and password, and the port that it listens on.
+        raise FileError(
+            f"{daemon_config}: zenoh.config_file is the daemon's own: give yours by --zenoh-config"
+        )
+    endpoints = daemon.zenoh.listen or daemon.zenoh.connect
+    mode = daemon.zenoh.mode
+    return BusConfig(vehicle=daemon.vehicle, mode=mode, connect=endpoints, listen=())
 
 
 class BusCheck:
@@ -94,7 +120,14 @@ class BusCheck:
             telemetry_finding(statuses),
         ]
 
-    def authorize(self, contract: Contract, findings: list[Finding], *, compliant: bool) -> Finding:
+    def authorize(
+        self,
+        contract: Contract,
+        findings: list[Finding],
+        *,
+        compliant: bool,
+        accept_no_progress: bool = False,
+    ) -> Finding:
         """Send the daemon the result of the whole check, and wait until it confirms.
 
         The result is stamped by the daemon's clock, by which the daemon computes its age.
@@ -103,6 +136,7 @@ class BusCheck:
             contract: that was checked.
             findings: of the live check.
             compliant: whether the check on paper has passed.
+            accept_no_progress: have the daemon fly once without a guarantee to arrive.
         """
         verdict = Verdict.worst(each.verdict for each in findings)
         passed = compliant and verdict is Verdict.HOLDS
@@ -111,13 +145,12 @@ class BusCheck:
             stamp_unix_s=self._now_unix_s() + (self._daemon_ahead_s or 0.0),
             passed=passed,
             checks={f"{each.subject} {each.name}": each.verdict.value for each in findings},
+            progress="best_effort" if accept_no_progress else None,
         )
         self._statuses.clear()
         listener = self._session.declare_subscriber(f"{self._prefix}/status", self._on_status)
         self._session.put(f"{self._prefix}/clearance", clearance.model_dump_json().encode())
-        heard = passed and self._until(
-            lambda: any(each.document.get("cleared") is True for each in self._statuses)
-        )
+        heard = passed and self._until(lambda: self._confirmed(accepted=accept_no_progress))
         listener.undeclare()  # type: ignore[no-untyped-call]  # untyped in its own stubs
         if not passed:
             verdict = Verdict.worst([Verdict.of(holds=compliant), verdict])
@@ -127,7 +160,17 @@ class BusCheck:
             text = f"given, but the daemon did not confirm it within {ANSWER_TIMEOUT_S:g} s"
             return Finding("daemon", FLIGHT_AUTHORIZATION, Verdict.UNKNOWN, text)
         text = "given, and confirmed by the daemon"
+        if accept_no_progress:
+            text = "given for one flight that may not arrive, and confirmed by the daemon"
         return Finding("daemon", FLIGHT_AUTHORIZATION, Verdict.HOLDS, text)
+
+    def _confirmed(self, *, accepted: bool) -> bool:
+        """Tell whether a status says that the daemon may fly, and flies as was accepted."""
+        return any(
+            each.document.get("cleared") is True
+            and (each.document.get("progress") == "best_effort" or not accepted)
+            for each in self._statuses
+        )
 
     def _now_unix_s(self) -> float:
         return self._epoch_unix_s + time.monotonic()

@@ -36,6 +36,7 @@ class LiveRequest:
         endurance_s: hover time of a full battery, where the vehicle estimates no remaining time.
         connect_timeout_s: how long to wait for an autopilot.
         system_id: of the vehicle; None if there is only one on the connection.
+        accept_no_progress: have the daemon fly once without a guarantee to arrive.
     """
 
     vehicle_url: str | None = None
@@ -43,6 +44,7 @@ class LiveRequest:
     endurance_s: float | None = None
     connect_timeout_s: float = CONNECT_TIMEOUT_S
     system_id: int | None = None
+    accept_no_progress: bool = False
 
 
 def check_live(
@@ -70,13 +72,7 @@ def check_live(
         Interrupted: the operator gave up.
     """
     with ExitStack() as stack:
-        bus = None
-        if request.bus is not None:
-            try:
-                session = stack.enter_context(open_session(request.bus))
-            except zenoh.ZError as error:
-                raise CommandError(f"cannot open a Zenoh session: {error}") from error
-            bus = BusCheck(session, request.bus.vehicle)
+        bus = None if request.bus is None else _joined(request.bus, stack)
         findings = []
         if request.vehicle_url is not None:
             findings += asyncio.run(
@@ -87,8 +83,23 @@ def check_live(
             findings += bus.run(assessment)
         if bus is not None and request.vehicle_url is not None and mission is not None:
             report("authorizing the daemon")
-            findings.append(bus.authorize(assessment.contract, findings, compliant=paper_compliant))
+            finding = bus.authorize(
+                assessment.contract,
+                findings,
+                compliant=paper_compliant,
+                accept_no_progress=request.accept_no_progress,
+            )
+            findings.append(finding)
     return tuple(findings)
+
+
+def _joined(config: BusConfig, stack: ExitStack) -> BusCheck:
+    """Join the bus until the stack is closed."""
+    try:
+        session = stack.enter_context(open_session(config))
+    except zenoh.ZError as error:
+        raise CommandError(f"cannot open a Zenoh session: {error}") from error
+    return BusCheck(session, config.vehicle)
 
 
 async def _check_vehicle_at(

@@ -150,8 +150,22 @@ def _check_declared(
             for kind, text in sorted(kinds.items())
         ]
     last = frames[-1]
+    resolved = [] if terms.thinnest_obstacle_m is None else _check_resolution(source, last, terms)
     text = f"range {last.range_m:g} m, field of view {last.field_of_view_deg:g}°, {last.frame}"
-    return [Finding("detections", f"{source} declares", Verdict.HOLDS, text)]
+    return [Finding("detections", f"{source} declares", Verdict.HOLDS, text), *resolved]
+
+
+def _check_resolution(source: str, frame: DetectionFrame, terms: Terms[float]) -> list[Finding]:
+    """Check that a ray of a scan meets the thinnest obstacle declared, at the range used."""
+    if frame.free_range_m is None or terms.thinnest_obstacle_m is None:
+        return []
+    apart_m = terms.detection_range_m * frame.bin_rad
+    text = (
+        f"{len(frame.free_range_m)} bearings are {apart_m:.3f} m apart at detection_range_m "
+        f"{terms.detection_range_m:g} m, thinnest_obstacle_m {terms.thinnest_obstacle_m:g} m"
+    )
+    verdict = Verdict.of(holds=apart_m <= terms.thinnest_obstacle_m)
+    return [Finding("detections", f"{source} resolution", verdict, text)]
 
 
 def _ahead(ahead_s: float) -> str:

@@ -13,6 +13,7 @@ from typing import Annotated, Final, Literal, NamedTuple
 from pydantic import Field
 
 from onboard.files.yaml_file import FileModel
+from onboard.guidance.phases import Phase
 
 DetectionKind = Literal[
     "detections_off",
@@ -65,7 +66,7 @@ VehicleKind = Literal[
     "motor_failed",
 ]
 ProcessKind = Literal["tick_stall", "solver_limited", "daemon_dead", "disk_full"]
-OperatorKind = Literal["operator_takes_over", "mission_changed"]
+OperatorKind = Literal["operator_takes_over", "mission_changed", "operator_resumes"]
 # The order is that of campaigns, which draw kinds from it by seed.
 FaultKind = Literal[DetectionKind, LinkKind, VehicleKind, ProcessKind, OperatorKind]
 
@@ -184,6 +185,9 @@ FAULTS: Final[dict[FaultKind, Meaning]] = {
     "mission_changed": Meaning(
         "the operator sends a mission whose remaining leg turns right", _SERVICE, 30.0, "degrees"
     ),
+    "operator_resumes": Meaning(
+        "the operator waits in a hold, and commands to resume once", _SERVICE
+    ),
 }
 
 
@@ -211,7 +215,7 @@ class Fault(FileModel):
     kind: Annotated[FaultKind, Field(description=_described())]
     start_s: Annotated[float, Field(ge=0.0)] = 0.0
     duration_s: Annotated[float, Field(gt=0.0)] | None = None
-    phase: Literal["standby", "cruise", "avoid", "arrived", "hold"] | None = None
+    phase: Annotated[Phase, Field(strict=False)] | None = None
     entry: Annotated[int, Field(ge=1)] = 1
     amount: float | None = None
 

@@ -26,6 +26,7 @@ KINDS: Final[frozenset[FaultKind]] = frozenset(
         "disk_full",
         "operator_takes_over",
         "mission_changed",
+        "operator_resumes",
     )
 )
 
@@ -64,7 +65,7 @@ class ServiceFaults:
         self.solver = LimitedQp()
         self._schedule = schedule
         self._mission = mission
-        self._mission_changed = False
+        self._mission_changed = self._resumed = False
         self._log = StopOnFirstError()
 
     @property
@@ -76,6 +77,12 @@ class ServiceFaults:
     def stalled(self) -> bool:
         """Whether the service misses its ticks."""
         return self._schedule.present("tick_stall")
+
+    @property
+    def waits_to_resume(self) -> bool:
+        """Whether the operator means to end a hold, and has not tried yet."""
+        planned = any(fault.kind == "operator_resumes" for fault in self._schedule.faults)
+        return planned and not self._resumed
 
     def apply(self) -> None:
         """Limit the solver, or release it."""
@@ -91,7 +98,7 @@ class ServiceFaults:
     def before_tick(
         self, autonomy: Autonomy, position_ned_m: tuple[float, float, float], now_s: float
     ) -> None:
-        """Fill the disk and change the mission, where these faults are present.
+        """Fill the disk, end a hold and change the mission, where these faults are present.
 
         Args:
             autonomy: the service.
@@ -99,6 +106,10 @@ class ServiceFaults:
             now_s: time.
         """
         self._fill_disk(autonomy, now_s)
+        if self._schedule.present("operator_resumes") and not self._resumed:
+            self._resumed = True
+            # The events of the flight say whether it was accepted.
+            autonomy.receive_resume(lambda _: None)
         turn_deg = self._schedule.amount("mission_changed")
         if turn_deg is None or self._mission_changed:
             return

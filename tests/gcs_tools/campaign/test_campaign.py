@@ -40,6 +40,7 @@ from onboard.contract.assessment import assess
 from onboard.contract.region import Encounter
 from onboard.events import EventData, EventName
 from onboard.geometry.frames import wrap_angle
+from onboard.guidance.phases import Phase
 from onboard.recording.messages import CertificateRecord, EventRecord, PlanRecord, StateRecord
 from sitl.virtual.faults.schema import Fault
 from tests.gcs_tools.running import Clearway, is_alive, until
@@ -234,9 +235,12 @@ BROKEN: dict[str, Callable[[Evidence], Evidence]] = {
     "entry_condition": lambda e: _with_states(e, _moved("reference_velocity_ned_mps", 0, 9.0)),
     "entered_in_time": lambda e: _with_plans(e, lambda plan: {"region_ned_m": plan.keep_out_ned_m}),
     "exit_condition": lambda e: _with_states(e, _moved("reference_velocity_ned_mps", 0, 9.0)),
+    "rest_held": lambda e: _with_states(
+        e, lambda state: {"phase": "thread"} if state.phase == "cruise" else {}
+    ),
     "bounded_memory": lambda e: _with_states(e, lambda _: {"obstacles_known": 10_000}),
     "detected_in_time": lambda e: _with_fault(
-        e, Fault(kind="detections_off", phase="cruise", start_s=2.0)
+        e, Fault(kind="detections_off", phase=Phase.CRUISE, start_s=2.0)
     ),
 }
 

@@ -32,7 +32,7 @@ KEYS = {
     "outcome", "reason", "collisions", "clearance_min_m", "tracking_error_max_m",
     "velocity_error_max_mps", "duration_s", "obstacles_avoided", "plans", "plan_time_ms",
     "violations", "final_position_ned_m", "contract_sha256", "seed",
-    "pauses", "mean_speed_mps", "progress", "rest_margin_min_m", "speed_at_contact_mps",
+    "pauses", "mean_speed_mps", "progress", "threaded", "rest_margin_min_m", "speed_at_contact_mps",
     "contacts_at_rest",
 }  # fmt: skip
 MISSION = ("standby", "cruise", "avoid", "avoid", "cruise", "avoid", "cruise", "arrived")

@@ -17,7 +17,7 @@ from hypothesis import strategies as st
 from gcs_tools.console.processes import free_ports
 from gcs_tools.preflight.field_check import OFFENDERS_MAX, check_field
 from gcs_tools.preflight.field_merging import intersecting_pairs
-from gcs_tools.preflight.finding import Verdict
+from gcs_tools.preflight.finding import Finding, Verdict
 from gcs_tools.preflight.live.check import LiveRequest, check_live
 from gcs_tools.preflight.rule import Rule
 from onboard.contract.assessment import assess
@@ -218,6 +218,35 @@ def test_no_vehicle_is_said_so() -> None:
     (finding,) = check_live(request, PAPER, None, paper_compliant=True)
     assert finding.verdict is Verdict.UNKNOWN
     assert "no autopilot heard in 0.2 s" in finding.text
+
+
+@pytest.mark.parametrize(
+    ("options", "accepted"),
+    [
+        ((), False),
+        (("--accept-no-progress",), False),  # it complies: there is nothing to accept
+        (("--accept-no-progress", "--set", "environment.obstacle_separation_min_m=1"), True),
+        (("--set", "environment.obstacle_separation_min_m=1"), False),
+    ],
+)
+def test_an_acceptance_goes_with_the_live_check_where_it_is_needed(
+    clearway: Clearway,
+    config: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    options: tuple[str, ...],
+    *,
+    accepted: bool,
+) -> None:
+    asked: list[LiveRequest] = []
+
+    def check(request: LiveRequest, *_: object, **__: object) -> tuple[Finding, ...]:
+        asked.append(request)
+        return ()
+
+    monkeypatch.setattr("gcs_tools.preflight.live.check.check_live", check)
+    contract, url = config / "default_contract.yaml", "udpin://127.0.0.1:14550"
+    clearway("preflight", "--contract", contract, "--vehicle", url, *options)
+    assert [request.accept_no_progress for request in asked] == [accepted]
 
 
 def test_no_vehicle_cannot_be_checked_but_the_paper_is(

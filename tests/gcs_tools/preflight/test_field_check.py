@@ -177,3 +177,33 @@ def test_a_lonely_obstacle_has_no_neighbour() -> None:
     rules = {rule.name: rule for rule in check_field(PAPER, boxes((25.0, 0.0)), None)}
     assert rules["separation"].declared == math.inf
     assert rules["separation"].holds
+
+
+# ---------------------------------------------------------------------------- what may be missed
+
+
+def rule_on_thin(field: ObstacleField, thinnest_m: float | None) -> list[Rule]:
+    sensor = PAPER.contract.sensor.model_copy(update={"thinnest_obstacle_m": thinnest_m})
+    contract = PAPER.contract.model_copy(update={"sensor": sensor})
+    rules = check_field(assess(contract), field, None)
+    return [rule for rule in rules if rule.name == "thinnest_obstacle"]
+
+
+def test_a_known_obstacle_thinner_than_the_sensor_sees_for_certain_is_named() -> None:
+    field = ObstacleField.of(
+        [
+            Obstacle(id="wire", center_ned_m=(10.0, 0.0), size_m=(2.0, 0.02)),
+            Obstacle(id="trunk", center_ned_m=(40.0, 0.0), size_m=(0.3, 0.3)),
+        ]
+    )
+    (rule,) = rule_on_thin(field, 0.05)
+    assert not rule.holds
+    assert (rule.concerns, rule.offenders) == ("safety", ("wire: 0.02 m",))
+    (rule,) = rule_on_thin(field, 0.02)
+    assert rule.holds
+    assert rule_on_thin(field, None) == []
+
+
+def test_an_empty_field_has_no_thin_obstacle() -> None:
+    (rule,) = rule_on_thin(ObstacleField.of([]), 0.05)
+    assert rule.holds

@@ -65,3 +65,29 @@ def test_a_relative_path_belongs_to_the_directory_of_its_file(written: str, reso
 def test_without_a_configuration_file_nothing_is_moved() -> None:
     scouting = endpoints()
     assert scouting.relative_to(Path("/etc")) is scouting
+
+
+@pytest.mark.parametrize(
+    ("keys", "text"),
+    [
+        ({"listen": ("tcp/127.0.0.1:7448",)}, None),
+        ({"listen": ("tcp/[::1]:0", "udp/127.0.0.2:7448")}, None),
+        ({"listen": ("unixsock-stream//run/clearway",)}, None),
+        ({"connect": ("tcp/127.0.0.1:7447?rel=1#iface=lo",)}, None),
+        ({}, "scouts other computers"),
+        (
+            {"listen": ("tcp/127.0.0.1:7448", "tcp/0.0.0.0:7449")},
+            "zenoh.listen has tcp/0.0.0.0:7449",
+        ),
+        ({"listen": ("tcp/[::]:7449",)}, "zenoh.listen has tcp/[::]:7449"),
+        ({"listen": ("tcp/localhost:7449",)}, "zenoh.listen has tcp/localhost:7449"),
+        ({"connect": ("tls/192.168.1.2:7447",)}, "zenoh.connect has tls/192.168.1.2:7447"),
+        ({"listen": ("nonsense",)}, "zenoh.listen has nonsense"),
+        ({"config_file": Path("z.json5")}, "zenoh.config_file = z.json5"),
+    ],
+)
+def test_whether_other_computers_may_reach_a_process(
+    keys: dict[str, Any], text: str | None
+) -> None:
+    found = ZenohEndpoints.model_validate(keys).remote_access
+    assert (found is None) if text is None else (found is not None and text in found)

@@ -13,12 +13,11 @@ from onboard.files.contract_file import Contract, load_contract
 from onboard.guidance.authority import (
     AUTOPILOT_SILENCE_S,
     HANDOVER_AFTER_S,
-    STOPPED_MPS,
     TAKE_BACK_AFTER_S,
     ControlAuthority,
     hovering_at,
 )
-from onboard.guidance.departure import Refusal, RefusalKind
+from onboard.guidance.departure import STOPPED_MPS, Refusal, RefusalKind
 from onboard.guidance.navigator import Navigator
 from onboard.guidance.phases import Phase
 from onboard.mavlink.endpoint import MavlinkEndpoint
@@ -55,6 +54,9 @@ class FakeNavigator:
 
     def departure_refusals(self, pose: Pose) -> list[Refusal]:  # noqa: ARG002
         return self.refusals
+
+    def accept_no_progress(self, *, accepted: bool) -> bool:
+        return accepted
 
     def take_control(self, pose: Pose, now_s: float) -> None:  # noqa: ARG002
         assert self.phase is Phase.STANDBY, "control taken twice"

@@ -62,7 +62,7 @@ def test_an_illegal_transition_names_state_trigger_and_what_is_expected() -> Non
         next_state(FlightState.HOLDING, Trigger.PRE_CONDITION)
     assert str(caught.value) == (
         "no transition for trigger 'pre-condition' in state 'holding'"
-        " (expected 'mission changed', 'control taken')"
+        " (expected 'resumed', 'best effort resumed', 'mission changed', 'control taken')"
     )
 
 
@@ -144,13 +144,16 @@ def test_nothing_fails_while_not_flying(state: FlightState) -> None:
     assert Trigger.ASSUMPTION_FAILED not in triggers_of(state)
 
 
-def test_a_hold_is_left_only_by_the_pilot() -> None:
+def test_a_hold_is_left_only_by_the_pilot_or_the_operator() -> None:
     ways_out = [
         trigger
         for (state, trigger), target in TRANSITIONS.items()
         if state is FlightState.HOLDING and target is not FlightState.HOLDING
     ]
-    assert ways_out == [Trigger.CONTROL_TAKEN]
+    assert ways_out == [Trigger.RESUMED, Trigger.BEST_EFFORT_RESUMED, Trigger.CONTROL_TAKEN]
+    # At rest, and looking first, as at a departure.
+    assert next_state(FlightState.HOLDING, Trigger.RESUMED) is FlightState.ALIGNING
+    assert next_state(FlightState.HOLDING, Trigger.BEST_EFFORT_RESUMED) is FlightState.LOOKING
 
 
 @pytest.mark.parametrize("state", FlightState)

@@ -6,6 +6,7 @@ from pathlib import Path
 from onboard.guidance.adaptation_ladder import DELAYS, NOTICES
 from onboard.monitoring.adaptation import PROGRESS_ASSUMPTIONS, WORSENINGS
 from onboard.monitoring.assumptions import Assumption
+from onboard.monitoring.resumption import RESUMABLE
 
 PAGE = Path(__file__).parents[3] / "docs" / "responses.md"
 ROW = re.compile(r"^\| `(\w+)` \| ([^|]+) \| ([^|]+) \| ([^|]+) \| ([^|]+) \|$", re.MULTILINE)
@@ -16,12 +17,16 @@ THREADED = {Assumption.PLAN_EXISTS, Assumption.LEG_END_CLEAR, Assumption.TARGET_
 REPORTED = {Assumption.LATE_FIRST_SIGHT}
 
 
+def ended_by_whom(assumption: Assumption) -> str:
+    return "`clearway resume`" if assumption in RESUMABLE else "the pilot"
+
+
 def on_a_held_way(assumption: Assumption) -> str:
     """Return the response where passing is guaranteed and a way to rest is held."""
     if assumption in THREADED:
         return "threads"
     if assumption not in PROGRESS_ASSUMPTIONS:
-        return "the pilot"
+        return ended_by_whom(assumption)
     if assumption in NOTICES | REPORTED:
         return "by itself"
     last = "by itself" if assumption in DELAYS else "threads"
@@ -32,9 +37,11 @@ def test_the_page_states_every_assumption_as_the_code_has_it() -> None:
     rows = {name: tuple(cells) for name, _, *cells in ROW.findall(PAGE.read_text("utf-8"))}
     expected = {}
     for assumption in Assumption:
-        best_effort = "by itself" if assumption in PROGRESS_ASSUMPTIONS else "the pilot"
-        pure = "adapts, else the pilot" if assumption in ADAPTED else "the pilot"
+        ended_by = ended_by_whom(assumption)
+        best_effort = "by itself" if assumption in PROGRESS_ASSUMPTIONS else ended_by
+        pure = f"adapts, else {ended_by}" if assumption in ADAPTED else ended_by
         expected[assumption.value] = (on_a_held_way(assumption), best_effort, pure)
-    # Only what looks around gives up looking.
-    expected["no_passage"] = ("the pilot", "the pilot", "does not occur")
+    # Only what looks around gives up looking, and only there one late tick is not the last.
+    for only_there in (Assumption.NO_PASSAGE, Assumption.LATE_TICKS):
+        expected[only_there.value] = (*expected[only_there.value][:2], "does not occur")
     assert rows == expected

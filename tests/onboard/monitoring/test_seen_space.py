@@ -228,6 +228,38 @@ def test_a_scan_limits_what_boxes_leave_free(scene: Scene) -> None:
     assert not scene.is_free(5.0, -0.2)  # behind the stem
 
 
+def declaring(contract: Contract, **sensor: float) -> Scene:
+    changed = contract.sensor.model_copy(update=sensor)
+    return Scene(FakeFlight.under(contract.model_copy(update={"sensor": changed})))
+
+
+def test_no_return_shows_no_free_space_unless_that_is_declared(contract: Contract) -> None:
+    scan = (8.0, None, None, 8.0)
+    silent, declared = declaring(contract), declaring(contract, no_return_is_free_to_m=6.0)
+    for scene in (silent, declared):
+        for _ in range(2):
+            scene.look(free_range_m=scan)
+        assert scene.is_free(5.0, -4.0)
+    assert not silent.is_free(5.0, 0.0)
+    assert declared.is_free(5.0, 0.0)
+    assert not declared.is_free(6.5, 0.0)
+
+
+def test_a_scan_frees_only_what_its_rays_resolve(contract: Contract) -> None:
+    """Beyond that, the thinnest obstacle declared may stand between two of them."""
+    bins, half_m = 60, 6.0
+    thin_m = half_m * math.radians(120.0) / bins
+    scene = declaring(contract, thinnest_obstacle_m=thin_m)
+    for _ in range(2):
+        scene.look(free_range_m=(12.0,) * bins)
+    assert scene.is_free(half_m - 0.5, 0.0)
+    assert not scene.is_free(half_m + 0.2, 0.0)
+    boxes = declaring(contract, thinnest_obstacle_m=thin_m)
+    for _ in range(2):
+        boxes.look()
+    assert boxes.is_free(9.0, 0.0)
+
+
 # ------------------------------------------------------------------ contradictions
 
 

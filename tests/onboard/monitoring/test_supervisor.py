@@ -14,7 +14,7 @@ from onboard.mavlink.endpoint import MavlinkEndpoint
 from onboard.monitoring.assumptions import Assumption, Violation
 from onboard.monitoring.estimator.heading import POINTING_CONFIRMATION_S
 from onboard.monitoring.estimator.position_quality import PositionQualityMonitor, Sign, Worth
-from onboard.monitoring.loop_overrun import TICK_OVERRUN_S
+from onboard.monitoring.loop_overrun import AGAIN_WITHIN_S, TICK_OVERRUN_S
 from onboard.monitoring.response.tracking import CONFIRMATIONS
 from onboard.monitoring.response.trim import LEARNING_TIME_S
 from onboard.monitoring.response.vehicle_response import SECOND_COMMANDER_MEMORY_S
@@ -539,6 +539,26 @@ def test_in_seen_space_a_tick_so_late_that_the_stream_was_lost_ends_where_the_ve
     bench.supervisor.check_loop(bench.now_s + silent_s)
     assert bench.flight.answered == [Assumption.SELF_CHECK] * holds
     assert all(measured is bench.link.pose for _, measured in bench.flight.answers)
+
+
+@pytest.mark.parametrize(
+    ("apart_s", "speed_mps", "holds"),
+    [(AGAIN_WITHIN_S - 1.0, 2.0, True), (AGAIN_WITHIN_S + 1.0, 2.0, False), (5.0, 0.0, False)],
+)
+def test_in_seen_space_a_second_late_tick_in_motion_within_a_minute_is_answered(
+    bench: Bench, apart_s: float, speed_mps: float, *, holds: bool
+) -> None:
+    moving = MovingFlight(bench.flight.assessment, bench.flight.obstacles)
+    moving.speed_mps, moving.in_seen_space = speed_mps, True
+    bench = Bench(moving)
+    for in_time_s in (0.5, apart_s - 0.2):
+        for _ in range(round(in_time_s / TICK_S)):
+            bench.now_s += TICK_S
+            bench.supervisor.check_loop(bench.now_s)
+        bench.now_s += 0.2
+        bench.supervisor.check_loop(bench.now_s)
+    assert bench.flight.answered == [Assumption.LATE_TICKS] * holds
+    assert all(measured is None for _, measured in bench.flight.answers)
 
 
 def test_a_reset_of_unknown_size_forgets_where_frames_were_taken(bench: Bench) -> None:

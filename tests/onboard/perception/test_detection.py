@@ -118,9 +118,16 @@ def test_a_part_does_not_say_where_the_obstacle_ends() -> None:
 # ------------------------------------------------------------------ free range
 
 
-@pytest.mark.parametrize("ranges_m", [[0.0], [12.0, 0, 3.5], [1.0] * MAX_BEARING_BINS])
-def test_free_ranges_are_read(ranges_m: list[float]) -> None:
+@pytest.mark.parametrize(
+    "ranges_m", [[0.0], [12.0, 0, 3.5], [None, 2.0, None], [1.0] * MAX_BEARING_BINS]
+)
+def test_free_ranges_are_read(ranges_m: list[float | None]) -> None:
     assert detection_frame(free_range_m=ranges_m).free_range_m == tuple(ranges_m)
+
+
+def test_a_bin_is_its_share_of_the_view() -> None:
+    seen = detection_frame(free_range_m=[1.0] * 24, field_of_view_deg=120.0)
+    assert math.degrees(seen.bin_rad) == pytest.approx(5.0)
 
 
 @pytest.mark.parametrize(
@@ -132,7 +139,6 @@ def test_free_ranges_are_read(ranges_m: list[float]) -> None:
         [1.0, math.inf],
         ["12"],
         [True],
-        [None],
         12.0,
         "12",
         [[1.0]],

@@ -191,17 +191,17 @@ def test_faults_begin_at_any_time_on_a_transition_or_after_it() -> None:
 )
 def test_a_phase_off_the_nominal_path_is_led_to(phase: str, kind: str) -> None:
     gust = Fault.model_validate({"kind": "gust", "amount": 3.0, "phase": phase})
-    (leading,) = leading_faults(random.Random(1), gust)
+    (leading,) = leading_faults(random.Random(1), gust, SCENARIO)
     assert leading.kind == kind
     assert leading.phase in {"cruise", "avoid"}
     same = Fault.model_validate({"kind": kind, "phase": phase, "duration_s": 2.0})
-    assert leading_faults(random.Random(1), same) == ()
+    assert leading_faults(random.Random(1), same, SCENARIO) == ()
 
 
 @pytest.mark.parametrize("phase", ["cruise", "avoid", "arrived", None])
 def test_a_phase_on_the_nominal_path_needs_no_lead(phase: str | None) -> None:
     gust = Fault.model_validate({"kind": "gust", "amount": 3.0, "phase": phase})
-    assert leading_faults(random.Random(1), gust) == ()
+    assert leading_faults(random.Random(1), gust, SCENARIO) == ()
 
 
 def test_breaches_of_the_field_are_two_of_all() -> None:

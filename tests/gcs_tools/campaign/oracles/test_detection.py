@@ -9,6 +9,7 @@ import pytest
 from gcs_tools.campaign.detection_bounds import DetectionBound, detection_bound
 from gcs_tools.campaign.oracles.detection import detected_in_time
 from onboard.contract.assessment import TICK_S
+from onboard.guidance.phases import Phase
 from sitl.virtual.faults.schema import Fault, FaultKind
 from tests.gcs_tools.campaign.oracles.evidence import event, flown, scenario
 
@@ -62,7 +63,7 @@ def test_a_fault_that_passes_sooner_need_not_be_noticed() -> None:
 
 
 def test_a_fault_that_never_begins_need_not_be_noticed() -> None:
-    never = Fault(kind="detections_off", phase="hold")
+    never = Fault(kind="detections_off", phase=Phase.HOLD)
     assert not list(detected_in_time(flown(faults=(never,))))
 
 

@@ -75,16 +75,24 @@ class Onboard:
                 "stamp_unix_s": now_s + self._sensor_ahead_s, "range_m": 12.0,
                 "field_of_view_deg": 120.0, "obstacles": [],
             }  # fmt: skip
+            accepted = self._gate.accepts_no_progress(now_s)
             status = {
                 "time_s": now_s, "detection_age_s": 0.03, "telemetry_age_s": 0.02,
                 "cleared": self._gate.refusal(now_s) is None,
+                "progress": "best_effort" if accepted else "guaranteed",
             }  # fmt: skip
             for key, document in (("obstacles", frame), ("status", status | self._said)):
                 self._session.put(f"clearway/vehicle/{key}", json.dumps(document).encode())
             sequence += 1
 
 
-def checked(ahead_s: float = 0.0, sensor_ahead_s: float = -0.01, **said: Any) -> dict[str, Finding]:
+def checked(
+    ahead_s: float = 0.0,
+    sensor_ahead_s: float = -0.01,
+    *,
+    accept_no_progress: bool = False,
+    **said: Any,
+) -> dict[str, Finding]:
     """Return the findings by subject and name, the flight authorization among them."""
     port = free_ports(1)[0]
     listen = ZenohEndpoints(listen=(f"tcp/127.0.0.1:{port}",))
@@ -96,7 +104,10 @@ def checked(ahead_s: float = 0.0, sensor_ahead_s: float = -0.01, **said: Any) ->
     ):
         bus = BusCheck(ours, "vehicle")
         found = bus.run(assess(CONTRACT))
-        found.append(bus.authorize(CONTRACT, found, compliant=True))
+        authorized = bus.authorize(
+            CONTRACT, found, compliant=True, accept_no_progress=accept_no_progress
+        )
+        found.append(authorized)
     return {f"{each.subject} {each.name}": each for each in found}
 
 
@@ -106,6 +117,20 @@ def test_a_daemon_by_whose_clock_all_is_well_is_cleared(ahead_s: float) -> None:
     found = checked(ahead_s)
     assert {each.verdict for each in found.values()} == {Verdict.HOLDS}, found
     assert found["daemon flight authorization"].text == "given, and confirmed by the daemon"
+
+
+def test_an_acceptance_reaches_the_daemon_and_is_confirmed() -> None:
+    found = checked(accept_no_progress=True)["daemon flight authorization"]
+    assert found.verdict is Verdict.HOLDS
+    assert found.text == "given for one flight that may not arrive, and confirmed by the daemon"
+
+
+@pytest.mark.parametrize("says", ["guaranteed", None])
+def test_a_daemon_that_does_not_take_the_acceptance_has_not_confirmed_it(says: str | None) -> None:
+    """One of an earlier version, for instance, would stay in STANDBY."""
+    found = checked(accept_no_progress=True, progress=says)["daemon flight authorization"]
+    assert found.verdict is Verdict.UNKNOWN
+    assert "did not confirm it" in found.text
 
 
 @pytest.mark.parametrize(

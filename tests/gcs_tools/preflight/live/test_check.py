@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 import math
 from dataclasses import replace
@@ -387,6 +388,28 @@ def test_one_gap_is_enough() -> None:
     samples = [frame(n) for n in range(60) if not 20 < n < 28]
     assert detected(*samples)["front age"] is BROKEN
     assert detected(frame(0))["front age"] is BROKEN
+
+
+@pytest.mark.parametrize(
+    ("thinnest_m", "bins", "verdict"),
+    [
+        (0.05, 600, HOLDS),
+        (0.05, 500, BROKEN),
+        (0.6, 48, HOLDS),
+        (None, 2, None),
+        (0.05, None, None),
+    ],
+)
+def test_the_rays_of_a_scan_must_meet_the_thinnest_obstacle(
+    thinnest_m: float | None, bins: int | None, verdict: Verdict | None
+) -> None:
+    """At 12 m a view of 120 degrees is 25.1 m wide."""
+    terms = dataclasses.replace(ASSESSMENT.terms, thinnest_obstacle_m=thinnest_m)
+    scan = None if bins is None else [12.0] * bins
+    samples = [frame(n, free_range_m=scan) for n in range(60)]
+    found = check_detections(samples, ("front",), terms, 3.0, 0.0)
+    resolutions = [each for each in found if each.name == "front resolution"]
+    assert [each.verdict for each in resolutions] == ([] if verdict is None else [verdict])
 
 
 def test_garbage_is_reported() -> None:

@@ -145,7 +145,7 @@ def test_a_frame_with_one_foreign_value_is_read_or_counted(key: str, value: obje
     assert len(frames) + source.malformed == 1
     for read in frames:
         assert all(math.isfinite(each) for each in (read.stamp_unix_s, read.range_m))
-        assert all(range_m >= 0.0 for range_m in read.free_range_m or ())
+        assert all((range_m or 0.0) >= 0.0 for range_m in read.free_range_m or ())
         for seen in read.obstacles:
             top_m, bottom_m = seen.down_m or (0.0, 0.0)
             assert top_m <= bottom_m

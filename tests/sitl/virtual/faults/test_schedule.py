@@ -4,6 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from onboard.guidance.phases import Phase
 from sitl.virtual.faults.schedule import FaultSchedule
 from sitl.virtual.faults.schema import Fault
 
@@ -33,7 +34,7 @@ def test_a_window_without_a_duration_stays_open() -> None:
 
 
 def test_a_window_counts_from_the_named_entry_into_a_phase() -> None:
-    fault = Fault(kind="tick_stall", phase="avoid", entry=2, start_s=0.5, duration_s=1.0)
+    fault = Fault(kind="tick_stall", phase=Phase.AVOID, entry=2, start_s=0.5, duration_s=1.0)
     schedule = FaultSchedule((fault,), seed=1)
     stalled = []
     phases = ["cruise", "avoid", "cruise", "avoid", "avoid", "avoid", "cruise"]
@@ -44,14 +45,14 @@ def test_a_window_counts_from_the_named_entry_into_a_phase() -> None:
 
 
 def test_a_window_of_a_phase_that_never_comes_never_opens() -> None:
-    schedule = FaultSchedule((Fault(kind="tick_stall", phase="hold"),), seed=1)
+    schedule = FaultSchedule((Fault(kind="tick_stall", phase=Phase.HOLD),), seed=1)
     for step in range(100):
         schedule.advance(step * 0.5, "cruise")
         assert not schedule.any_present
 
 
 def test_a_window_outlasts_the_phase_that_opened_it() -> None:
-    schedule = FaultSchedule((Fault(kind="tick_stall", phase="avoid", duration_s=3.0),), seed=1)
+    schedule = FaultSchedule((Fault(kind="tick_stall", phase=Phase.AVOID, duration_s=3.0),), seed=1)
     schedule.advance(1.0, "avoid")
     schedule.advance(2.0, "cruise")
     assert schedule.present("tick_stall")

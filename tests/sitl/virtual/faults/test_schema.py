@@ -44,7 +44,7 @@ def test_every_kind_is_described_in_the_schema_with_its_unit(kind: FaultKind) ->
 def test_the_schema_lists_the_kinds_in_the_order_that_campaigns_draw_from() -> None:
     assert Fault.model_json_schema()["properties"]["kind"]["enum"] == list(KINDS)
     assert KINDS[0] == "detections_off"
-    assert KINDS[-1] == "mission_changed"
+    assert KINDS[-1] == "operator_resumes"
 
 
 @pytest.mark.parametrize("kind", [kind for kind in KINDS if not FAULTS[kind].unit])

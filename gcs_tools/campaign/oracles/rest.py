@@ -1,0 +1,77 @@
+"""The oracle about the invariant: at every time a way to rest is held, certified, and truly free.
+
+The first half reads what the service says of itself in every tick.  The second does not believe it:
+it grows every way that was held by the vehicle and its tracking error, and looks for true obstacles
+there, also where the vehicle never came.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from typing import Final
+
+import numpy as np
+
+from gcs_tools.campaign.generator.faults import MISLEADING
+from gcs_tools.campaign.oracles.evidence import ROUND_OFF, Evidence
+from onboard.files.obstacle_field import ObstacleField
+from onboard.geometry.frames import FloatArray
+from onboard.guidance.phases import FLYING_PHASES, Phase
+from onboard.recording.messages import StateRecord
+
+# Cruise and avoidance do not hold a way yet; with the shield this becomes `FLYING_PHASES`.
+_HOLDING_WAYS: Final = FLYING_PHASES & {Phase.THREAD, Phase.PAUSE}
+# A reference slower than this rests.
+_AT_REST_MPS: Final = 0.01
+
+
+def rest_held(evidence: Evidence) -> Iterator[str]:
+    """Where the contract requires to be able to stop, a certified way to rest is always held."""
+    if not evidence.case.scenario.contract.requirements.stop:
+        return
+    for state in evidence.states:
+        if state.phase in _HOLDING_WAYS and not _holds_way(state, evidence):
+            certified = "not held" if state.rest_certified is None else "not certified"
+            yield f"the way to rest is {certified} in {state.phase} ({state.state})"
+    yield from _ways_into_obstacles(evidence)
+
+
+def _holds_way(state: StateRecord, evidence: Evidence) -> bool:
+    """Tell whether a tick is as the invariant says.
+
+    A vehicle that rests where it has taken control holds nothing before it has looked round.  What
+    empties the set, a doubt of the position for instance, leaves it the way that was certified.
+    """
+    if state.rest_certified is None:
+        velocity_mps = state.reference_velocity_ned_mps
+        return velocity_mps is not None and math.hypot(*velocity_mps) <= _AT_REST_MPS
+    voided = state.free_cells == 0 and not evidence.undisturbed
+    return state.rest_certified or voided
+
+
+def _ways_into_obstacles(evidence: Evidence) -> Iterator[str]:
+    scenario = evidence.case.scenario
+    misled = any(fault.kind in MISLEADING for fault in scenario.faults)
+    if misled or not evidence.case.covered or not len(scenario.obstacles):
+        return
+    vehicle = scenario.contract.vehicle
+    body_m = vehicle.radius_m + vehicle.tracking_error_m
+    for way in evidence.ways:
+        room_m = float(distances_m(way.points_ned_m, scenario.obstacles).min())
+        if room_m < body_m - ROUND_OFF:
+            yield (
+                f"the way to rest held at {way.time_s:.2f} s passes a true obstacle at "
+                f"{room_m:.3f} m, where vehicle and tracking error take {body_m:.3f} m"
+            )
+
+
+def distances_m(points_ned_m: FloatArray, obstacles: ObstacleField) -> FloatArray:
+    """Return the distance of points (n, 2) from each obstacle, (n, m); 0 inside."""
+    offset_m = points_ned_m[:, None, :] - obstacles.center_ned_m[None, :, :]
+    cosine, sine = np.cos(obstacles.yaw_rad), np.sin(obstacles.yaw_rad)
+    along_m = np.abs(cosine * offset_m[..., 0] + sine * offset_m[..., 1])
+    across_m = np.abs(cosine * offset_m[..., 1] - sine * offset_m[..., 0])
+    outside_m = np.stack((along_m, across_m), axis=-1) - obstacles.half_size_m
+    distances: FloatArray = np.hypot(*np.moveaxis(np.maximum(outside_m, 0.0), -1, 0))
+    return distances

@@ -1,0 +1,1 @@
+"""``clearway resume``: the operator ends a hold whose cause has ended."""

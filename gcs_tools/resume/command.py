@@ -1,0 +1,77 @@
+"""Sends the daemon the command to end a hold, and writes its answer."""
+
+from __future__ import annotations
+
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Final
+
+import zenoh
+
+from gcs_tools.console.errors import CommandError
+from gcs_tools.console.output import Format, write_document
+from gcs_tools.preflight.live.bus import BusConfig
+from onboard.files.json_payload import MalformedPayloadError, parse
+from onboard.files.resume_payload import ResumeAnswer, ResumeCommand
+from onboard.zenoh_session import open_session
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+# The daemon answers with its next tick.
+ANSWER_TIMEOUT_S: Final = 3.0
+
+
+def resume(bus: BusConfig, *, form: Format, output: Path | None) -> bool:
+    """Ask the daemon to fly on; write and return whether it does.
+
+    Args:
+        bus: the vehicle, and how to reach it.
+        form: of the answer.
+        output: file for it; None for standard output.
+
+    Raises:
+        CommandError: no session, no answer, or more than one.
+    """
+    try:
+        with open_session(bus) as session:
+            answer = ask(session, bus.vehicle)
+    except zenoh.ZError as error:
+        raise CommandError(f"cannot open a Zenoh session: {error}") from error
+    write_document(answer.model_dump(), partial(print_answer, answer), form=form, path=output)
+    return answer.accepted
+
+
+def ask(session: zenoh.Session, vehicle: str, timeout_s: float = ANSWER_TIMEOUT_S) -> ResumeAnswer:
+    """Send the command, and return the daemon's answer.
+
+    Args:
+        session: an open session.
+        vehicle: its name in the Zenoh keys.
+        timeout_s: how long to wait.
+
+    Raises:
+        CommandError: no answer, one that cannot be read, or more than one.
+    """
+    key, command = f"clearway/{vehicle}/resume", ResumeCommand(command="resume")
+    payload = command.model_dump_json().encode()
+    replies = session.get(key, payload=payload, timeout=timeout_s)
+    answers = [reply.ok.payload.to_bytes() for reply in replies if reply.ok is not None]
+    if not answers:
+        raise CommandError(f"{key}: no daemon answered within {timeout_s:g} s")
+    if len(answers) > 1:
+        raise CommandError(f"{key}: {len(answers)} daemons answered (expected 1)")
+    try:
+        return parse(answers[0], ResumeAnswer)
+    except MalformedPayloadError as error:
+        raise CommandError(f"{key}: the answer cannot be read: {error}") from error
+
+
+def print_answer(answer: ResumeAnswer, console: Console) -> None:
+    """Print whether the flight goes on, and every reason if it does not."""
+    if answer.accepted:
+        console.print("resumed: the vehicle flies on", style="green")
+        return
+    console.print("refused: the vehicle goes on holding", style="red")
+    for reason in answer.reasons:
+        console.print(f"  • {reason.text}", markup=False, soft_wrap=True)
