@@ -217,7 +217,7 @@ def test_it_avoids_an_obstacle_on_its_line(rig: Rig) -> None:
     assert rig.texts("violation") == []
 
 
-@pytest.mark.parametrize(("growth_m", "kept"), [(0.09, True), (0.11, False)])
+@pytest.mark.parametrize(("growth_m", "kept"), [(0.13, True), (0.15, False)])
 def test_what_grows_within_the_map_error_may_be_flown_past_as_planned(
     monkeypatch: pytest.MonkeyPatch,
     contract: Contract,
@@ -226,7 +226,7 @@ def test_what_grows_within_the_map_error_may_be_flown_past_as_planned(
     *,
     kept: bool,
 ) -> None:
-    """Both measurements may be 0.05 m off: 0.1 m farther out does not say that a plan is unsafe."""
+    """Corners may be 0.07 m off in both: 0.14 m farther out does not say that a plan is unsafe."""
     plain = contract.model_copy(update={"requirements": Requirements(passive_safety=False)})
     rig = Rig(Autonomy(plain, mission, epoch_unix_s=EPOCH_UNIX_S))
     seen = box((20.0, 0.0))
@@ -248,10 +248,10 @@ def test_what_grows_beyond_the_end_of_the_plan_is_passed_all_the_same(
     contract = contract.model_copy(update={"vehicle": slow})
     rig = Rig(Autonomy(contract, mission, epoch_unix_s=EPOCH_UNIX_S), mode=OFFBOARD)
     # Hardly in the way: its sides are clear from the start, but for a drift.
-    rig.obstacles = [box((24.0, -1.1))]
+    rig.obstacles = [box((24.0, -1.121))]
     rig.run(30.0, until=lambda: rig.phase is Phase.AVOID)
     rig.run(1.0)
-    rig.obstacles = [box((24.025, -1.1)) | {"size_m": [1.05, 1.02]}]
+    rig.obstacles = [box((24.025, -1.121)) | {"size_m": [1.05, 1.02]}]
     rig.run(40.0, until=lambda: rig.phase in (Phase.ARRIVED, Phase.HOLD))
     assert rig.phase is Phase.ARRIVED
     assert rig.texts("violation") == []
@@ -400,7 +400,7 @@ def test_assumption_broken_beyond_adapting_ends_in_hold_and_is_named(
     [
         ({"range_m": 9.0}, 2.8),
         ({"field_of_view_deg": 90.0}, 2.8),
-        ({"range_m": 5.0}, 2.2),
+        ({"range_m": 3.5}, 2.2),
         ({"obstacles": [box((35.0, 20.0), side_m=5.0)]}, 2.8),
     ],
 )
@@ -422,7 +422,7 @@ def test_a_vehicle_that_speeds_up_slows_down_just_as_well(
     rig.run(20.0, until=lambda: rig.velocity_ned_mps[0] > 2.18)
     assert rig.acceleration_ned_mps2[0] > 0.2
     for _ in range(200):
-        rig.autonomy.receive_detection(rig.frame(range_m=5.0), rig.now_s)
+        rig.autonomy.receive_detection(rig.frame(range_m=3.5), rig.now_s)
         rig.tick()
     assert rig.phase is Phase.CRUISE
     assert rig.texts("certificate") == []

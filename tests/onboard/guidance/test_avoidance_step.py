@@ -54,7 +54,10 @@ def test_the_plan_starts_at_the_front_of_the_region(flight: PerfectFlight) -> No
     assert problem.start.velocity_leg_mps == pytest.approx((2.8, 0.0, 0.0))
     assert problem.region == obstacle.region
     assert problem.exit_speed_mps == pytest.approx(2.8)
-    assert problem.coast_time_s == flight.navigator.assessment.inflated.encounter.coast_time_s
+    assert (
+        problem.coast_time_s
+        == flight.navigator.assessment.inflated.manoeuvre_encounter.coast_time_s
+    )
     assert flight.texts("phase")[-1].startswith("avoiding front/1 (")
     assert flight.texts("violation") == flight.texts("pre_condition") == []
 
@@ -136,7 +139,7 @@ def test_an_obstacle_first_seen_late_is_reported(cruising: PerfectFlight) -> Non
     cruising.tick()
     assert cruising.state is FlightState.AVOIDING
     (text,) = cruising.texts("violation")
-    encounter_mps = cruising.navigator.assessment.inflated.encounter.speed_mps
+    encounter_mps = cruising.navigator.assessment.inflated.manoeuvre_encounter.speed_mps
     limit_m = encounter_mps * cruising.navigator.assessment.terms.reaction_time_s
     (problem,) = cruising.planner.problems
     late_m = problem.start.position_leg_m[0] - problem.region.approach_x_m

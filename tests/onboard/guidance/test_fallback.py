@@ -76,7 +76,7 @@ def test_where_braking_is_blocked_it_finishes_the_avoidance(
     assert avoidance is not None
     end_s = avoidance.plan.trajectory.end_s
     # Of the three ways only that which brakes at once ends before the plan does.
-    monkeypatch.setattr(ClearCheck, "is_clear", lambda _, way, *__: way.end_s >= end_s)
+    monkeypatch.setattr(ClearCheck, "is_clear", lambda _, way, *__: way.end_s >= end_s - 1e-9)
     avoiding.navigator.hold(DEFECT, avoiding.now_s)
     assert avoiding.texts("phase")[-1].endswith("; finishing the avoidance, then braking to hover")
     way = avoiding.situation.reference.current

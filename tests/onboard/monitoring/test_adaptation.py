@@ -231,7 +231,7 @@ def test_a_measured_run_is_never_used_above_its_speed(
         terms = adaptation.assessment.terms
         fastest_mps = terms.cruise_speed_mps + terms.velocity_error_x_mps
         assert fastest_mps <= 2.8 + 0.20 + 1e-9
-        assert adaptation.assessment.inflated.encounter.run_on_m <= 3.0 + 1e-9
+        assert adaptation.assessment.inflated.manoeuvre_encounter.run_on_m <= 3.0 + 1e-9
 
 
 def test_a_larger_speed_error_takes_from_the_speed_that_a_run_covers() -> None:

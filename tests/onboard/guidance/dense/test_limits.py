@@ -66,7 +66,7 @@ def test_the_run_is_that_of_the_direction_which_brakes_least(best_effort: Contra
     kappas = []
     for roll_deg in (15.0, 8.0):
         vehicle = best_effort.vehicle.model_copy(
-            update={"roll_max_deg": roll_deg, "pitch_max_deg": 15.0}
+            update={"roll_max_deg": roll_deg, "pitch_max_deg": 15.0, "setpoint_loss": None}
         )
         assessment = assess(best_effort.model_copy(update={"vehicle": vehicle}))
         kappas.append(run_on_of(assessment).reach_m(1.0))
