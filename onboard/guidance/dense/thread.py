@@ -175,7 +175,12 @@ class Thread:
         assessment, route = situation.assessment, situation.route
         limits = rest_limits_of(assessment, any_heading=route.mission.heading == "path")
         margin_m = assessment.inflation_m()
-        guide = Guide((route.length_m, 0.0), margin_m, route.leg.threading_half_width_m)
+        guide = Guide(
+            (route.length_m, 0.0),
+            margin_m,
+            route.leg.threading_half_width_m,
+            face_error_m=assessment.face_error_m,
+        )
         return _Leg(limits, SlicedPlanning(guide, limits), Pause(situation.reference, guide))
 
     # ------------------------------------------------------------------ one tick

@@ -98,7 +98,12 @@ class Flight:
         self._seen.limit(scene.half_width_m)
         self._seen.confirm(0.0, 0.0, vehicle.body_radius_m * math.sqrt(2.0) + 0.35)
         margin_m = vehicle.body_radius_m + vehicle.face_error_m
-        self.guide = Guide((scene.length_m, 0.0), margin_m, scene.half_width_m)
+        self.guide = Guide(
+            (scene.length_m, 0.0),
+            margin_m,
+            scene.half_width_m,
+            face_error_m=vehicle.face_error_m,
+        )
         self._planner = RecedingHorizonPlanner(vehicle.limits)
         self._horizon = Horizon.at_rest(0.0, 0.0, 0.0)
         self._surface_m = scene.obstacles.surface_points_m()

@@ -104,8 +104,9 @@ def test_without_room_it_keeps_the_plan_flown() -> None:
 
 def test_without_a_way_it_keeps_the_plan_flown() -> None:
     course = Course()
-    wall = Box(4.0, 5.0, -30.0, 30.0)
-    course.guide.update((0.0, 0.0), [wall])
+    walls = [Box(4.0, 5.0, -5.0, 5.0), Box(-5.0, -4.0, -5.0, 5.0)]
+    walls += [Box(-5.0, 5.0, 4.0, 5.0), Box(-5.0, 5.0, -5.0, -4.0)]
+    course.guide.update((0.0, 0.0), walls)
     assert course.plan().kind == "kept"
 
 
