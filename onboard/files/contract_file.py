@@ -40,6 +40,7 @@ LATER_KEYS: Final[dict[str, tuple[str, ...]]] = {
         "heading_error_deg",
         "estimator_reset_max_m",
         "drag_per_s",
+        "clearance_wish_m",
     ),
     "requirements": ("progress",),
     "environment": ("wind_max_mps",),
@@ -91,6 +92,11 @@ class VehicleTerms(FileModel):
     )
     drag_per_s: NonNegative = Field(
         0.45, description="deceleration per airspeed: how much tilt a steady wind takes (trim)"
+    )
+
+    clearance_wish_m: NonNegative = Field(
+        0.0,
+        description="preferred distance to obstacles with best effort, never required; 0: none",
     )
 
     @model_validator(mode="before")

@@ -73,7 +73,11 @@ class LegFlight:
         self._seen.confirm(0.0, 0.0, room_m)
         margin_m = assessment.terms.body_m + assessment.face_error_m
         self._guide = Guide(
-            (length_m, 0.0), margin_m, half_width_m, face_error_m=assessment.face_error_m
+            (length_m, 0.0),
+            margin_m,
+            half_width_m,
+            face_error_m=assessment.face_error_m,
+            wish_m=assessment.contract.vehicle.clearance_wish_m,
         )
         self._planner = RecedingHorizonPlanner(self._limits)
         self._flown = Horizon.at_rest(0.0, 0.0, 0.0)

@@ -180,6 +180,7 @@ class Thread:
             margin_m,
             route.leg.threading_half_width_m,
             face_error_m=assessment.face_error_m,
+            wish_m=assessment.contract.vehicle.clearance_wish_m,
         )
         return _Leg(limits, SlicedPlanning(guide, limits), Pause(situation.reference, guide))
 

@@ -116,6 +116,14 @@ def test_a_small_field_is_flown_and_nothing_is_touched() -> None:
     assert outcome.speed_mps(field.length_m) > 1.0
 
 
+def test_a_wish_for_clearance_is_kept_where_there_is_room() -> None:
+    field = scene((6.0, 0.1))
+    near, far = (Flight(field, Vehicle(), 1, wish_m=wish_m).fly() for wish_m in (0.0, 1.5))
+    assert near.end == far.end == "arrived"
+    assert near.clearance_min_m < 1.0
+    assert far.clearance_min_m >= 1.5
+
+
 def test_a_flight_of_one_seed_is_always_the_same() -> None:
     field = scene((5.0, 0.1), (7.0, -1.8))
     first, second = (Flight(field, Vehicle(), 1).fly(3.0).track for _ in range(2))
