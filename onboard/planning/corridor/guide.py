@@ -116,8 +116,9 @@ class Guide:
         i, j, inside = self._cells(x_m, y_m)
         values = np.where(inside, self._ways.left_m[i, j], _FAR_M)
         for k in np.flatnonzero(~np.isfinite(values)).tolist():
-            around = self._ways.left_m[max(0, i[k] - 3) : i[k] + 4, max(0, j[k] - 3) : j[k] + 4]
-            values[k] = min(float(around.min()) + 1.0, _FAR_M)
+            near = self._nearest_open((float(x_m[k]), float(y_m[k])))
+            # Where the path from there begins: staying must not look cheaper than setting off.
+            values[k] = _FAR_M if near is None else min(self._ways.left_m[near] + 1.0, _FAR_M)
         return values
 
     def path_leg_m(self, position_leg_m: tuple[float, float], length_m: float) -> FloatArray | None:
