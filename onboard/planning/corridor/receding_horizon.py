@@ -93,8 +93,11 @@ class RecedingHorizonPlanner:
         """Search for a better plan; yields after each slice of the work.
 
         Returns:
-            The cheapest plan that certifies; at worst the plan flown, filled up with rest.
+            The cheapest plan that certifies; at worst the plan flown, filled up with rest, as
+            where that cannot be continued at all.
         """
+        if not np.isfinite(problem.flown.nodes).all():
+            return HorizonPlan(problem.flown.next_node(), "kept", math.inf)
         search = _Search(problem, self._maps, self._sense)
         best = search.kept()
         if search.path_leg_m is None:
@@ -275,7 +278,10 @@ class _Search:
             np.concatenate((-jerk_mps3, low - offset)),
             self._sense.copy(),
         )
-        return maps.ending_at_rest(start, np.asarray(x)) if flag >= 1 else None
+        # The solver takes what is not a number for solved.
+        if flag < 1 or not np.isfinite(x).all():
+            return None
+        return maps.ending_at_rest(start, np.asarray(x))
 
     def _floor_mps(self, axis: int, seed: Horizon | None) -> float | FloatArray:
         """What a certified plan flies stays allowed, whatever the split of the speed is."""
