@@ -2,7 +2,8 @@
 
 ``python -m tests.tools.dense_fields FIELD.csv|DENSITY|SCENE… --legs N --seed S``: a file of stems,
 of pillars or of two-box scenes, a density [stems/ha], or slalom, slalom-tight, s:GAP, door:WIDTH,
-trap.  Exits with 1 if something was hit that may not be hit.
+trap.  ``--service`` flies them through the whole service in virtual time instead.  Exits with 1 if
+something was hit that may not be hit.
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ import numpy as np
 
 from tests.tools.dense_fields.flight import Flight, Outcome
 from tests.tools.dense_fields.scenes import Scene, scenes_of
+from tests.tools.dense_fields.service import Served, fly_by_service, margin_m, sum_of
 from tests.tools.dense_fields.vehicles import vehicles
 
 
@@ -43,6 +45,8 @@ class Flown(NamedTuple):
 def main() -> int:
     """Fly the chosen fields; return 1 after a collision, unless the ablation provokes it."""
     options = _parser().parse_args()
+    if options.service:
+        return _fly_by_service(options)
     vehicle = vehicles()[options.vehicle]
     if options.tracking_error is not None:
         vehicle = replace(vehicle, tracking_error_m=options.tracking_error)
@@ -69,6 +73,22 @@ def main() -> int:
     return int(hit > 0 and options.ablation is None)
 
 
+def _fly_by_service(options: argparse.Namespace) -> int:
+    wish_m, hit = options.clearance_wish, 0
+    for source in options.fields:
+        flown: list[tuple[bool, Served]] = []
+        for number, scene in enumerate(scenes_of(source, options.legs, options.seed)):
+            if number % options.every:
+                continue
+            served = fly_by_service(scene, number, wish_m=wish_m)
+            flown.append((scene.passable(margin_m()), served))
+            word = "passable" if flown[-1][0] else "closed"
+            print(f"{source} {scene.name}: {word}, {served.row()}", flush=True)
+        print(f"{source}: {sum_of(flown)}", flush=True)
+        hit += sum(served.result.collisions for _, served in flown)
+    return int(hit > 0)
+
+
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("fields", nargs="+", metavar="FIELD", help="file, density or scene")
@@ -78,6 +98,7 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--vehicle", choices=sorted(vehicles()), default="default")
     parser.add_argument("--tracking-error", type=float, help="E [m], instead of the vehicle's")
     parser.add_argument("--clearance-wish", type=float, default=0.0, help="[m], to be preferred")
+    parser.add_argument("--service", action="store_true", help="through the whole service")
     parser.add_argument("--first-look", action="store_true", help="turn on the spot first")
     parser.add_argument("--ablation", choices=("unseen-is-free",))
     return parser
