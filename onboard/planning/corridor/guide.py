@@ -33,9 +33,10 @@ if TYPE_CHECKING:
 AHEAD_M: Final = 14.0
 BEHIND_M: Final = 10.0
 ASIDE_M: Final = 10.0
-# Beyond it the straight way counts; to leave it aside or behind costs more, since a way that is
-# known is better than one that may be.
-_ASTRAY_M: Final = 100.0
+# Beyond it the straight way counts; to leave it aside costs more, since a way that is known is
+# better than one that may be, and to leave it behind is the last that is tried.
+_BEYOND_SIDE_M: Final = 10.0
+_BACKWARDS_M: Final = 100.0
 # No way leads farther than this behind the start of the leg, or beyond its end.
 _BEYOND_ENDS_M: Final = 10.0
 # A way that has turned out to be longer than the straight one by more than this leads nowhere.
@@ -44,7 +45,7 @@ _DETOUR_MAX_M: Final = 500.0
 # free costs up to 0.15 m of a gap, so that the nearest open shell is the last resort.
 _SHELLS: Final = ((0.5, 1.5), (0.25, 3.0), (0.12, 10.0))
 # Nearer than the wish for clearance; the field begins a little outside, for plans cut corners.
-_WISH_FACTOR: Final = 4.0
+_WISH_FACTOR: Final = 6.0
 _WISH_EDGE_M, _WISH_EDGE_FACTOR = 0.3, 1.5
 # Where a plan stood and nothing certified: another gap is to be tried.
 _PENALTY: Final = 8.0
@@ -208,8 +209,10 @@ class Guide:
         left_m = np.hypot(xs[i] - gx, ys[j] - gy)
         low_i, low_j = self._index(corner_m)
         before_m = self._memory.left_m(i + low_i, j + low_j)
-        ahead = i == self._row_ahead(corner_m)
-        guess_m = left_m + np.where(ahead, 0.0, _ASTRAY_M)
+        aside = (j == 0) | (j == self._shape[1] - 1)
+        astray_m = np.where(aside, _BEYOND_SIDE_M, _BACKWARDS_M)
+        astray_m[i == self._row_ahead(corner_m)] = 0.0
+        guess_m = left_m + astray_m
         before_m[before_m > left_m + _DETOUR_MAX_M] = math.inf
         exits[i, j] = np.maximum(guess_m, before_m)
         i, j = round((gx - xs[0]) / CELL_M), round((gy - ys[0]) / CELL_M)
