@@ -40,9 +40,9 @@ class HeldWays:
 
     def follow(self, navigator: Navigator, now_s: float) -> None:
         """Take down the way of a tick, if it is another one than before."""
-        thread = navigator.thread
-        flying = thread is not None and navigator.phase in FLYING_PHASES
-        held = thread.held_way if thread is not None and flying else None
+        shield = navigator.shield
+        flying = navigator.phase in FLYING_PHASES
+        held = shield.held_way if shield is not None and flying else None
         if held is self._last:
             return
         self._last = held

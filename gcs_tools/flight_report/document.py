@@ -127,7 +127,9 @@ def _facts(result: Document, contract: Contract | None) -> Iterator[tuple[str, s
     limits_mps = (None, None) if vehicle is None else vehicle.velocity_error_mps
     yield "obstacles avoided", str(result["obstacles_avoided"])
     yield "collisions", str(result["collisions"])
-    yield "least clearance", "unknown" if clearance_m is None else f"{clearance_m:.2f} m"
+    wish_m = 0.0 if vehicle is None else vehicle.clearance_wish_m
+    wish = f" (wish {wish_m:g} m)" if wish_m else ""
+    yield "least clearance", "unknown" if clearance_m is None else f"{clearance_m:.2f} m{wish}"
     yield (
         "tracking error",
         f"{result['tracking_error_max_m']:.3f}"

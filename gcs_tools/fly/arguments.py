@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from gcs_tools.console.arguments import RenamedOption, natural
+from gcs_tools.console.arguments import RenamedOption, natural, positive
 from gcs_tools.console.errors import EXIT_NO
 from gcs_tools.preflight.arguments import add_acceptance
 
@@ -30,6 +30,12 @@ def add_parser(commands: Any) -> None:
         help="fly even if the pre-flight check refuses",
     )
     add_acceptance(parser)
+    parser.add_argument(
+        "--clearance-wish",
+        type=positive,
+        metavar="M",
+        help="distance to obstacles [m] to prefer with best effort: vehicle.clearance_wish_m, once",
+    )
     parser.add_argument("--force", action=RenamedOption, const="--fly-outside-contract")
     parser.set_defaults(run=_run)
 
@@ -44,5 +50,6 @@ def _run(options: argparse.Namespace) -> int:
         out=options.out,
         fly_outside_contract=options.fly_outside_contract,
         accept_no_progress=options.accept_no_progress,
+        clearance_wish_m=options.clearance_wish,
     )
     return 0 if succeeded else EXIT_NO

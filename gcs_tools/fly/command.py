@@ -46,6 +46,7 @@ def fly(
     out: Path | None,
     fly_outside_contract: bool,
     accept_no_progress: bool = False,
+    clearance_wish_m: float | None = None,
 ) -> bool:
     """Fly a scenario; return whether the mission succeeded without collision or violation.
 
@@ -60,6 +61,7 @@ def fly(
         out: output directory; None for ``flights/<scenario>-<seed>``.
         fly_outside_contract: fly even if the pre-flight check refuses.
         accept_no_progress: fly by ``requirements.progress: best_effort``.
+        clearance_wish_m: in place of ``vehicle.clearance_wish_m``.
 
     Raises:
         FileError: the scenario or one of its files cannot be used.
@@ -68,6 +70,8 @@ def fly(
     scenario = load_scenario(path or DEFAULT_SCENARIO)
     if accept_no_progress:
         scenario = replace(scenario, contract=best_effort(scenario.contract))
+    if clearance_wish_m is not None:
+        scenario = replace(scenario, contract=_wishing(scenario.contract, clearance_wish_m))
     console = Console(highlight=False)
     checked = _checked(scenario)
     outside = fly_outside_contract or scenario.fly_outside_contract
@@ -103,6 +107,12 @@ def best_effort(contract: Contract) -> Contract:
     """Return a contract that accepts that arrival is not guaranteed."""
     requirements = contract.requirements.model_copy(update={"progress": "best_effort"})
     return contract.model_copy(update={"requirements": requirements})
+
+
+def _wishing(contract: Contract, clearance_wish_m: float) -> Contract:
+    """Return a contract that prefers a distance to obstacles."""
+    vehicle = contract.vehicle.model_copy(update={"clearance_wish_m": clearance_wish_m})
+    return contract.model_copy(update={"vehicle": vehicle})
 
 
 def _may_fly(checked: Preflight, fly_outside_contract: bool, console: Console) -> bool:
@@ -247,7 +257,8 @@ def _summary(scenario: Scenario, result: Result) -> Iterator[tuple[str, str]]:
     clearance_m = result.clearance_min_m
     yield "obstacles avoided", str(result.obstacles_avoided)
     yield "collisions", str(result.collisions)
-    yield "least clearance", "no obstacle" if clearance_m is None else f"{clearance_m:.2f} m"
+    wish = f" (wish {vehicle.clearance_wish_m:g} m)" if vehicle.clearance_wish_m else ""
+    yield "least clearance", "no obstacle" if clearance_m is None else f"{clearance_m:.2f} m{wish}"
     yield "tracking error", f"{result.tracking_error_max_m:.3f} of {vehicle.tracking_error_m} m"
     allowed_x_mps, allowed_y_mps = vehicle.velocity_error_mps
     yield (

@@ -43,6 +43,7 @@ LATER_KEYS: Final[dict[str, tuple[str, ...]]] = {
         "drag_per_s",
         "setpoint_loss",
         "position_drift_mps",
+        "clearance_wish_m",
     ),
     "requirements": ("progress", "flight_time_max_s"),
     "sensor": ("thinnest_obstacle_m", "no_return_is_free_to_m"),
@@ -143,6 +144,11 @@ class VehicleTerms(FileModel):
             )
         moved = {key: value for key, value in loss.items() if key != "timeout_s"}
         return data | {"setpoint_loss": moved, "setpoint_loss_timeout_s": timeout_s}
+
+    clearance_wish_m: NonNegative = Field(
+        0.0,
+        description="preferred distance to obstacles with best effort, never required; 0: none",
+    )
 
     @model_validator(mode="before")
     @classmethod

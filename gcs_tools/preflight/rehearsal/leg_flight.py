@@ -72,7 +72,13 @@ class LegFlight:
         room_m = start_clear_radius_m(assessment) + math.sqrt(2.0) * CELL_M
         self._seen.confirm(0.0, 0.0, room_m)
         margin_m = assessment.terms.body_m + assessment.face_error_m
-        self._guide = Guide((length_m, 0.0), margin_m, half_width_m)
+        self._guide = Guide(
+            (length_m, 0.0),
+            margin_m,
+            half_width_m,
+            face_error_m=assessment.face_error_m,
+            wish_m=assessment.contract.vehicle.clearance_wish_m,
+        )
         self._planner = RecedingHorizonPlanner(self._limits)
         self._flown = Horizon.at_rest(0.0, 0.0, 0.0)
         self._heading_rad = self._guided_s = self._idle_s = self._dwelt_s = 0.0

@@ -217,7 +217,13 @@ class Thread:
         assessment, route = situation.assessment, situation.route
         limits = rest_limits_of(assessment, any_heading=route.mission.heading == "path")
         margin_m = assessment.inflation_m()
-        guide = Guide((route.length_m, 0.0), margin_m, self._half_width_m(beside_m))
+        guide = Guide(
+            (route.length_m, 0.0),
+            margin_m,
+            self._half_width_m(beside_m),
+            face_error_m=assessment.face_error_m,
+            wish_m=assessment.contract.vehicle.clearance_wish_m,
+        )
         return _Leg(limits, SlicedPlanning(guide, limits), Pause(situation.reference, guide))
 
     # ------------------------------------------------------------------ one tick

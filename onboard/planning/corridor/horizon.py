@@ -97,8 +97,8 @@ def state_of(state: State) -> FloatArray:
 
 def _bernstein(nodes: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Cubic Bernstein points (n, 4, k) of position, velocity and acceleration."""
-    p, v, a = np.moveaxis(nodes[:-1], 1, 0)
-    p1, v1, a1 = np.moveaxis(nodes[1:], 1, 0)
+    p, v, a = nodes[:-1, 0], nodes[:-1, 1], nodes[:-1, 2]
+    p1, v1, a1 = nodes[1:, 0], nodes[1:, 1], nodes[1:, 2]
     t = PIECE_S
     middle = v + a * t / 2.0
     position = np.stack((p, p + v * t / 3.0, p + 2.0 * v * t / 3.0 + a * t * t / 6.0, p1), axis=1)

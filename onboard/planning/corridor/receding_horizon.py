@@ -93,8 +93,11 @@ class RecedingHorizonPlanner:
         """Search for a better plan; yields after each slice of the work.
 
         Returns:
-            The cheapest plan that certifies; at worst the plan flown, filled up with rest.
+            The cheapest plan that certifies; at worst the plan flown, filled up with rest, as
+            where that cannot be continued at all.
         """
+        if not np.isfinite(problem.flown.nodes).all():
+            return HorizonPlan(problem.flown.next_node(), "kept", math.inf)
         search = _Search(problem, self._maps, self._sense)
         best = search.kept()
         if search.path_leg_m is None:
@@ -102,7 +105,8 @@ class RecedingHorizonPlanner:
         targets = search.timed_targets()
         yield
         best = yield from self._improved(search, targets[0], best)
-        for timed in targets:
+        # The slower one only where nothing else was found: it takes as long as a round.
+        for timed in targets if best.kind == "kept" else targets[:1]:
             candidate = search.along_guide(timed)
             yield
             if candidate is not None:
@@ -179,6 +183,7 @@ class _Search:
         low, high = swept.min(axis=1).tolist(), swept.max(axis=1).tolist()
         found: list[Rectangle] = []
         last: Rectangle | None = None
+        leads = self._leads_to(plan.nodes[1:, 0])
         for k in range(PIECES):
             piece = Rectangle(low[k][0], high[k][0], low[k][1], high[k][1])
             if last is not None and k % 3 and k < PIECES - 6 and last.contains(piece):
@@ -187,7 +192,7 @@ class _Search:
                 found.append(piece)
                 last = None
             else:
-                last = self._corridor.grown(piece, self._leads_to(plan.nodes[k + 1, 0]))
+                last = self._corridor.grown(piece, leads[k])
                 found.append(last)
         return found
 
@@ -275,7 +280,10 @@ class _Search:
             np.concatenate((-jerk_mps3, low - offset)),
             self._sense.copy(),
         )
-        return maps.ending_at_rest(start, np.asarray(x)) if flag >= 1 else None
+        # The solver takes what is not a number for solved.
+        if flag < 1 or not np.isfinite(x).all():
+            return None
+        return maps.ending_at_rest(start, np.asarray(x))
 
     def _floor_mps(self, axis: int, seed: Horizon | None) -> float | FloatArray:
         """What a certified plan flies stays allowed, whatever the split of the speed is."""
@@ -307,16 +315,16 @@ class _Search:
         )
 
     def _leads_along(self) -> bool:
-        x, y = self._leads_to(self._start[0])
+        ((x, y),) = self._leads_to(self._start[:1])
         return abs(x) >= abs(y)
 
-    def _leads_to(self, point_leg_m: FloatArray) -> tuple[float, float]:
-        """Return the direction of the guide near a point."""
+    def _leads_to(self, points_leg_m: FloatArray) -> list[tuple[float, float]]:
+        """Return the direction of the guide near each point (k, 2)."""
         path = self.path_leg_m
         assert path is not None  # noqa: S101  the caller checked
-        k = int(((path - point_leg_m) ** 2).sum(axis=1).argmin())
-        x_m, y_m = (path[min(k + 6, len(path) - 1)] - point_leg_m).tolist()
-        return x_m, y_m
+        nearest = ((path - points_leg_m[:, None]) ** 2).sum(axis=2).argmin(axis=1)
+        ahead = path[np.minimum(nearest + 6, len(path) - 1)] - points_leg_m
+        return [(x_m, y_m) for x_m, y_m in ahead.tolist()]
 
     def _rectangles_of(self, points_m: FloatArray) -> tuple[list[Rectangle], FloatArray] | None:
         """Return free rectangles along points, and the points up to where that ends."""
@@ -326,6 +334,7 @@ class _Search:
         targets, stopped = points_m.copy(), False
         rectangles: list[Rectangle] = []
         before = (x_m, y_m)
+        leads = self._leads_to(points_m)
         for k in range(PIECES):
             to_x, to_y = targets[k].tolist()
             piece = Rectangle(
@@ -345,7 +354,7 @@ class _Search:
             if rectangles and k % 3 and rectangles[-1].contains(piece):
                 rectangles.append(rectangles[-1])
             else:
-                rectangles.append(self._corridor.grown(piece, self._leads_to(targets[k])))
+                rectangles.append(self._corridor.grown(piece, leads[k]))
             before = (to_x, to_y)
         return rectangles, targets
 

@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 import numpy as np
 
 if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
     from onboard.geometry.frames import FloatArray
     from onboard.geometry.free_grid import FreeGrid
 
@@ -56,29 +58,38 @@ class Corridor:
             rectangle: free.
             direction: (x, y) towards which the plan should get on.
         """
-        faces = list(rectangle)
+        faces, cells = list(rectangle), list(self._cells(rectangle))
         for face in _order(*direction):
-            faces[face] = self._moved(Rectangle(*faces), face)
+            faces[face], cells[face] = self._moved(faces[face], cells, face)
         return Rectangle(*faces)
 
-    def _moved(self, r: Rectangle, face: int) -> float:
-        i0, i1, j0, j1 = self._cells(r)
-        table, cell_m, radius_m = self._table, self._grid.cell_m, self._radius_m
-        if face == 1:
-            strip = table[i1:, j1] - table[i1:, j0]
-            last = i1 + int(np.searchsorted(strip, strip[0], side="right")) - 1
-            return max(r[face], min(self._x_m + last * cell_m - radius_m, r[face] + _GROWTH_MAX_M))
-        if face == 0:
-            strip = table[: i0 + 1, j1] - table[: i0 + 1, j0]
-            last = int(np.searchsorted(strip, strip[-1], side="left"))
-            return min(r[face], max(self._x_m + last * cell_m + radius_m, r[face] - _GROWTH_MAX_M))
-        if face == 3:
-            strip = table[i1, j1:] - table[i0, j1:]
-            last = j1 + int(np.searchsorted(strip, strip[0], side="right")) - 1
-            return max(r[face], min(self._y_m + last * cell_m - radius_m, r[face] + _GROWTH_MAX_M))
-        strip = table[i1, : j0 + 1] - table[i0, : j0 + 1]
-        last = int(np.searchsorted(strip, strip[-1], side="left"))
-        return min(r[face], max(self._y_m + last * cell_m + radius_m, r[face] - _GROWTH_MAX_M))
+    def _moved(self, at_m: float, cells: list[int], face: int) -> tuple[float, int]:
+        """Return where a face may be moved to, and the index of its cells there."""
+        cell_m, radius_m = self._grid.cell_m, self._radius_m
+        origin_m = self._x_m if face < 2 else self._y_m
+        reach = math.ceil(_GROWTH_MAX_M / cell_m) + 3
+        index = cells[face]
+        if face % 2:  # towards greater coordinates
+            strip = self._strip(cells, face, index, index + reach)
+            last = index + int(strip.searchsorted(strip[0], side="right")) - 1
+            free_m = min(origin_m + last * cell_m - radius_m, at_m + _GROWTH_MAX_M)
+            moved_m = max(at_m, free_m)
+            return moved_m, math.ceil((moved_m + radius_m - origin_m) / cell_m - 1e-9)
+        first = max(index + 1 - reach, 0)
+        strip = self._strip(cells, face, first, index + 1)
+        last = first + int(strip.searchsorted(strip[-1], side="left"))
+        free_m = max(origin_m + last * cell_m + radius_m, at_m - _GROWTH_MAX_M)
+        moved_m = min(at_m, free_m)
+        return moved_m, math.floor((moved_m - radius_m - origin_m) / cell_m + 1e-9)
+
+    def _strip(self, cells: list[int], face: int, first: int, last: int) -> NDArray[np.int32]:
+        """Return how many unknown cells lie beside the rectangle up to each line of cells."""
+        i0, i1, j0, j1 = cells
+        if face < 2:
+            lines = self._table[first:last]
+            strip: NDArray[np.int32] = lines[:, j1] - lines[:, j0]
+            return strip
+        return self._table[i1, first:last] - self._table[i0, first:last]
 
     def _cells(self, r: Rectangle) -> tuple[int, int, int, int]:
         """Index ranges of the cells that the grown rectangle touches."""
@@ -111,12 +122,12 @@ def unbroken_m(
         & (y >= r.y_min_m - 0.05)
         & (y <= r.y_max_m + 0.05)
     )
-    within = np.flatnonzero(inside)
+    (within,) = inside.nonzero()
     if not within.size:
         beside = np.maximum(np.maximum(r.x_min_m - x, x - r.x_max_m), 0.0) ** 2
         beside += np.maximum(np.maximum(r.y_min_m - y, y - r.y_max_m), 0.0) ** 2
         return float(lengths_m[int(beside.argmin())])
     first = within[((path[within] - near_leg_m) ** 2).sum(axis=1).argmin()]
-    beyond = np.flatnonzero(~inside[first:])
+    (beyond,) = (~inside[first:]).nonzero()
     last = first + int(beyond[0]) - 1 if beyond.size else len(path) - 1
     return float(lengths_m[min(last + 1, len(path) - 1)])

@@ -95,9 +95,11 @@ def test_the_accepted_contract_is_the_one_that_is_flown(
     with pytest.raises(CommandError, match="far enough"):
         fly(
             CONFIG / "intersecting_rois.yaml", virtual=True, seed=1, out=tmp_path / "out",
-            fly_outside_contract=False, accept_no_progress=True,
+            fly_outside_contract=False, accept_no_progress=True, clearance_wish_m=1.5,
         )  # fmt: skip
-    assert given == [best_effort(INTERSECTING.contract)]
+    accepted = best_effort(INTERSECTING.contract)
+    vehicle = accepted.vehicle.model_copy(update={"clearance_wish_m": 1.5})
+    assert given == [accepted.model_copy(update={"vehicle": vehicle})]
 
 
 def test_a_shipped_scenario_says_itself_that_it_is_outside() -> None:
@@ -183,6 +185,13 @@ def test_measured_errors_are_beside_what_is_allowed() -> None:
     assert facts["plans"] == "3 qp, 1 brake"
     assert facts["plan time"] == "p50 7.4, p99 19.1, max 20.0 ms"
     assert facts["final position"] == "4.2, 0.0, -4.0 m north, east, down"
+
+
+def test_a_wish_is_shown_beside_the_least_clearance() -> None:
+    vehicle = PAPER.contract.vehicle.model_copy(update={"clearance_wish_m": 1.5})
+    wishing = replace(PAPER, contract=PAPER.contract.model_copy(update={"vehicle": vehicle}))
+    facts = dict(_summary(wishing, result(clearance_min_m=1.234, plan_time_ms=TIMES)))
+    assert facts["least clearance"] == "1.23 m (wish 1.5 m)"
 
 
 def test_what_was_not_measured_is_left_out_or_said() -> None:

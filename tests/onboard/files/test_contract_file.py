@@ -210,6 +210,7 @@ def test_later_keys_at_their_defaults_are_not_in_the_hash(contract_path: Path) -
         "vehicle.heading_error_deg=0",
         "vehicle.estimator_reset_max_m=0",
         "vehicle.drag_per_s=0.45",
+        "vehicle.clearance_wish_m=0",
         "environment.wind_max_mps=null",
         "vehicle.setpoint_loss_run_on_speed_mps=null",
         "requirements.progress=guaranteed",
@@ -219,6 +220,14 @@ def test_later_keys_at_their_defaults_are_not_in_the_hash(contract_path: Path) -
         "sensor.no_return_is_free_to_m=null",
     )
     assert load_contract(contract_path, stated).sha256 == load_contract(contract_path).sha256
+
+
+def test_a_wish_for_clearance_is_in_the_hash_and_not_negative(contract_path: Path) -> None:
+    wishing = load_contract(contract_path, ("vehicle.clearance_wish_m=1.5",))
+    assert wishing.vehicle.clearance_wish_m == 1.5
+    assert wishing.sha256 != load_contract(contract_path).sha256
+    with pytest.raises(FileError, match="clearance_wish_m"):
+        load_contract(contract_path, ("vehicle.clearance_wish_m=-0.1",))
 
 
 # --- what stands for a number

@@ -80,6 +80,7 @@ class Flight:
         seed: of the faces' errors.
         unseen_is_free: the ablation: all but the reported boxes counts as seen free.
         first_look: turn on the spot first, although the start is confirmed to be free.
+        wish_m: distance to obstacles that is preferred.
     """
 
     def __init__(
@@ -90,6 +91,7 @@ class Flight:
         *,
         unseen_is_free: bool = False,
         first_look: bool = False,
+        wish_m: float = 0.0,
     ) -> None:
         self._scene, self._vehicle, self._unseen_is_free = scene, vehicle, unseen_is_free
         self._reports = scene.obstacles.reports(np.random.default_rng(seed), vehicle.face_error_m)
@@ -98,7 +100,13 @@ class Flight:
         self._seen.limit(scene.half_width_m)
         self._seen.confirm(0.0, 0.0, vehicle.body_radius_m * math.sqrt(2.0) + 0.35)
         margin_m = vehicle.body_radius_m + vehicle.face_error_m
-        self.guide = Guide((scene.length_m, 0.0), margin_m, scene.half_width_m)
+        self.guide = Guide(
+            (scene.length_m, 0.0),
+            margin_m,
+            scene.half_width_m,
+            face_error_m=vehicle.face_error_m,
+            wish_m=wish_m,
+        )
         self._planner = RecedingHorizonPlanner(vehicle.limits)
         self._horizon = Horizon.at_rest(0.0, 0.0, 0.0)
         self._surface_m = scene.obstacles.surface_points_m()

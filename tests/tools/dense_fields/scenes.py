@@ -68,8 +68,9 @@ def scenes_of(source: str, legs: int, seed: int) -> Iterator[Scene]:
         yield from _file_scenes(path, legs, seed)
     elif source.replace(".", "", 1).isdigit():
         yield from _forest_legs(random_forest(float(source), seed), _LEG_M["random"], legs, seed)
-    else:
-        yield drawn(source)
+    else:  # the faces' errors differ
+        for _ in range(legs):
+            yield drawn(source)
 
 
 def random_forest(stems_per_ha: float, seed: int) -> Obstacles:

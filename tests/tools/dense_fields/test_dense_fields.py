@@ -13,6 +13,7 @@ from onboard.planning.corridor.horizon import Horizon
 from tests.tools.dense_fields.flight import Flight
 from tests.tools.dense_fields.obstacles import Floats, Obstacles
 from tests.tools.dense_fields.scenes import Scene, drawn, scenes_of
+from tests.tools.dense_fields.service import field_of, fly_by_service
 from tests.tools.dense_fields.vehicles import Vehicle, vehicles
 
 TWO = Obstacles.stems(np.array(((5.0, 0.2), (8.0, 0.3))), np.array((0.3, 0.2)))
@@ -116,6 +117,14 @@ def test_a_small_field_is_flown_and_nothing_is_touched() -> None:
     assert outcome.speed_mps(field.length_m) > 1.0
 
 
+def test_a_wish_for_clearance_is_kept_where_there_is_room() -> None:
+    field = scene((6.0, 0.1))
+    near, far = (Flight(field, Vehicle(), 1, wish_m=wish_m).fly() for wish_m in (0.0, 1.5))
+    assert near.end == far.end == "arrived"
+    assert near.clearance_min_m < 1.0
+    assert far.clearance_min_m >= 1.5
+
+
 def test_a_flight_of_one_seed_is_always_the_same() -> None:
     field = scene((5.0, 0.1), (7.0, -1.8))
     first, second = (Flight(field, Vehicle(), 1).fly(3.0).track for _ in range(2))
@@ -127,3 +136,28 @@ def test_a_collision_is_found_out(error_m: float, end: str) -> None:
     flight = Flight(scene((5.0, 0.0)), Vehicle(tracking_error_m=error_m), 1)
     flight._horizon = Horizon.at_rest(0.0, 3.9, 0.0)
     assert flight._period(0.0) == end
+
+
+def test_the_service_flies_the_same_field_wherever_the_leg_heads() -> None:
+    obstacles = Obstacles(
+        np.array(((5.0, 1.0), (9.0, -2.0))), np.array(((1.0, 0.4), (0.0, 0.0))),
+        np.array((0.3, 0.0)), np.array((0.0, 0.2)),
+    )  # fmt: skip
+    heading_rad = 0.8
+    field = field_of(obstacles, heading_rad)
+    again = Obstacles(field.center_ned_m, field.half_size_m, field.yaw_rad, np.zeros(2))
+    points = np.array(((4.0, 4.0), (7.0, 0.0), (9.0, -5.0)))
+    back = again.along_leg(np.zeros(2), heading_rad)
+    assert back.distance_m(points) == pytest.approx(obstacles.distance_m(points))
+    assert field.center_ned_m[0] == pytest.approx(
+        (5.0 * math.cos(0.8) - math.sin(0.8), 5.0 * math.sin(0.8) + math.cos(0.8))
+    )
+
+
+def test_a_small_field_is_flown_by_the_whole_service() -> None:
+    served = fly_by_service(scene((5.0, 0.1), (8.0, -1.8)), 1)
+    assert served.arrived
+    assert served.result.clearance_min_m is not None
+    assert 0.0 < served.result.clearance_min_m < 1.5
+    assert 5.0 < served.first_look_s < 20.0
+    assert served.speed_mps > 1.0

@@ -9,8 +9,8 @@ import pytest
 
 from onboard.geometry.box import Box
 from onboard.geometry.frames import FloatArray
-from onboard.planning.corridor import guide as guide_module
-from onboard.planning.corridor.guide import CELL_M, Guide, along
+from onboard.planning.corridor.guide import AHEAD_M, ASIDE_M, BEHIND_M, Guide, along
+from onboard.planning.corridor.raster import CELL_M
 
 MARGIN_M = 0.75
 GOAL_M = (12.0, 0.0)
@@ -89,10 +89,8 @@ def test_the_old_field_serves_until_the_new_one_is_complete() -> None:
     made = guide()
     before = path_of(made)
     slices = made.updating((0.0, 0.0), [Box(5.0, 6.0, -2.0, 0.4)])
-    next(slices)
-    assert np.array_equal(path_of(made), before)
-    with pytest.raises(StopIteration):
-        next(slices)
+    for _ in slices:
+        assert np.array_equal(path_of(made), before)
     assert not np.array_equal(path_of(made), before)
 
 
@@ -107,14 +105,90 @@ def test_points_along_a_path() -> None:
     assert along(path, [1.0, 5.0, 99.0]).tolist() == [[1.0, 0.0], [3.0, 2.0], [3.0, 4.0]]
 
 
-def test_no_way_cuts_the_corner_between_two_blocked_cells() -> None:
-    cost = np.ones((3, 3))
-    cost[0, 1] = cost[1, 0] = math.inf
-    exits = np.full((3, 3), math.inf)
-    exits[0, 0] = 0.0
-    ways_m = guide_module._Raster((3, 3)).distances(cost, exits)
-    assert ways_m[0, 0] < 1e-6
-    assert math.isinf(ways_m[1, 1])
-    cost[0, 1] = cost[1, 0] = 1.0
-    ways_m = guide_module._Raster((3, 3)).distances(cost, exits)
-    assert ways_m[1, 1] == pytest.approx(math.sqrt(2.0) * CELL_M, abs=1e-6)
+@pytest.mark.parametrize(("gap_m", "passes"), [(1.77, True), (1.5, False)])
+@pytest.mark.parametrize("middle_m", [0.0, 0.05, 0.1, 0.17])
+def test_a_gap_is_a_way_if_the_seen_free_set_leaves_room_in_it(
+    gap_m: float, middle_m: float, *, passes: bool
+) -> None:
+    # Faces take 0.2 m of a gap, lines of sight 0.06 m, and cells up to 0.2 m: 1.3 m are needed.
+    low_m, high_m = middle_m - gap_m / 2.0, middle_m + gap_m / 2.0
+    made = Guide(GOAL_M, MARGIN_M, 9.0, face_error_m=0.1)
+    made.update((0.0, 0.0), [Box(4.0, 8.0, -9.0, low_m), Box(4.0, 8.0, high_m, 9.0)])
+    x_m, y_m = path_of(made, (0.0, middle_m)).T
+    assert (x_m.max() == GOAL_M[0] and x_m.min() > -1.0) == passes
+    if passes:
+        assert np.abs(y_m[(x_m > 3.4) & (x_m < 8.6)] - middle_m).max() < 0.15
+
+
+def test_a_wall_that_leaves_the_window_is_passed_round_its_nearer_end() -> None:
+    wall = Box(5.0, 6.0, -ASIDE_M - 4.0, ASIDE_M + 1.0)
+    for half_width_m in (40.0, math.inf):
+        made = guide(wall, half_width_m=half_width_m)
+        assert path_of(made)[:-1, 1].max() == pytest.approx(ASIDE_M, abs=0.5)
+        made.update((0.0, 6.0), [wall])
+        assert path_of(made, (0.0, 6.0))[:, 1].max() > wall.y_max_m + MARGIN_M
+
+
+def test_the_window_covers_the_corridor_wherever_the_vehicle_is_in_it() -> None:
+    wall = Box(5.0, 6.0, -9.0, 5.5)
+    made = guide(wall, half_width_m=9.0)
+    made.update((0.0, -7.0), [wall])
+    assert path_of(made, (0.0, -7.0))[:, 1].max() > 6.0
+
+
+def test_a_way_that_leads_nowhere_is_not_tried_again_from_farther_away() -> None:
+    """A pocket as long as the window is left for good, and the far way round is found."""
+    shut = Box(20.0, 21.0, -9.0, 3.0)
+    pocket = [shut, Box(4.0, 21.0, 3.0, 4.0)]
+    made = Guide((40.0, 0.0), MARGIN_M, 9.0)
+    x_m, y_m, turns, forward = 0.0, 0.0, 0, True
+    seen: list[Box] = []
+    for _ in range(400):
+        seen += [box for box in pocket if box.x_min_m - x_m < 8.0 and box not in seen]
+        made.update((x_m, y_m), seen)
+        path = path_of(made, (x_m, y_m))
+        before_m = x_m
+        x_m, y_m = along(path, (0.6,))[0].tolist()
+        if (x_m > before_m) != forward and abs(x_m - before_m) > 0.1:
+            turns, forward = turns + 1, not forward
+        if x_m > 25.0:
+            break
+    assert x_m > 25.0
+    assert turns <= 4
+
+
+def test_no_way_leads_far_behind_the_start_or_beyond_the_end() -> None:
+    wall = Box(5.0, 6.0, -12.0, 12.0)
+    made = guide(wall, half_width_m=9.0)
+    x_m, y_m = 0.0, 0.0
+    for _ in range(300):
+        made.update((x_m, y_m), [wall])
+        path = made.path_leg_m((x_m, y_m), 18.0)
+        if path is None:
+            break
+        x_m, y_m = along(path, (0.6,))[0].tolist()
+        assert x_m > -BEHIND_M - CELL_M
+        assert x_m < AHEAD_M
+    assert made.path_leg_m((x_m, y_m), 18.0) is None  # shut, and it knows
+
+
+def test_boxes_that_are_gone_close_no_way() -> None:
+    wall = [Box(5.0, 6.0, -12.0, 12.0), Box(5.0, 6.0, -12.0, 12.0)]
+    made = guide(*wall, half_width_m=9.0)
+    for x_m in (0.0, -4.0, -8.0):
+        made.update((x_m, 0.0), wall)
+    made.update((-8.0, 0.0), [])
+    path = path_of(made, (-8.0, 0.0))
+    assert path[1, 0] > path[0, 0]
+
+
+def test_the_wish_keeps_a_distance_where_there_is_room_and_closes_no_gap() -> None:
+    box = Box(5.0, 6.0, -2.0, 0.4)
+    walls = (Box(5.0, 6.0, -9.0, -1.2), Box(5.0, 6.0, 1.2, 9.0))
+    for boxes, least_m in (((box,), MARGIN_M + 1.5), (walls, MARGIN_M)):
+        made = Guide(GOAL_M, MARGIN_M, 9.0, wish_m=1.5)
+        made.update((0.0, 0.0), boxes)
+        path = path_of(made)
+        assert path[:, 0].min() > -1.0
+        assert min(least_gap_m(path, one) for one in boxes) >= least_m - CELL_M / 2.0
+    assert least_gap_m(path_of(guide(box)), box) < MARGIN_M + 1.0

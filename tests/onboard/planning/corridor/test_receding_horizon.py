@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 import pytest
 
@@ -9,7 +11,7 @@ from onboard.contract.run_on import NO_RUN_ON, RunOn, coasting_run_on
 from onboard.geometry.box import Box
 from onboard.geometry.free_grid import FreeGrid
 from onboard.planning.corridor.guide import Guide
-from onboard.planning.corridor.horizon import Horizon
+from onboard.planning.corridor.horizon import PIECES, Horizon
 from onboard.planning.corridor.receding_horizon import (
     HorizonPlan,
     HorizonProblem,
@@ -104,8 +106,45 @@ def test_without_room_it_keeps_the_plan_flown() -> None:
 
 def test_without_a_way_it_keeps_the_plan_flown() -> None:
     course = Course()
-    wall = Box(4.0, 5.0, -30.0, 30.0)
-    course.guide.update((0.0, 0.0), [wall])
+    walls = [Box(4.0, 5.0, -5.0, 5.0), Box(-5.0, -4.0, -5.0, 5.0)]
+    walls += [Box(-5.0, 5.0, 4.0, 5.0), Box(-5.0, 5.0, -5.0, -4.0)]
+    course.guide.update((0.0, 0.0), walls)
+    assert course.plan().kind == "kept"
+
+
+@pytest.mark.parametrize("value", [math.nan, math.inf])
+def test_what_is_not_finite_gives_no_proposal(value: float) -> None:
+    course = Course(Box(5.0, 6.0, -2.0, 0.4))
+    for row in range(3):
+        course.flown = Horizon.at_rest(0.0, 0.0, 0.0)
+        course.flown.nodes[1, row, 1] = value
+        assert course.plan().kind == "kept"
+
+
+@pytest.mark.parametrize("flag", [1, -1])
+def test_a_solution_that_is_not_finite_or_none_gives_no_proposal(
+    flag: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    course = Course(Box(5.0, 6.0, -2.0, 0.4))
+    solution = np.full(PIECES, math.nan if flag == 1 else 0.0)
+    monkeypatch.setattr("daqp.solve", lambda *_: (solution, 0.0, flag, {"iterations": 1}))
+    assert course.plan().kind == "kept"
+
+
+@pytest.mark.parametrize(
+    "state",
+    [
+        ((0.0, 0.0), (9.0, 0.0), (0.0, 0.0)),  # faster than the limit
+        ((0.0, 0.0), (2.0, 0.0), (9.0, -9.0)),  # accelerates harder than the limit
+        ((5.5, 0.0), (0.0, 0.0), (0.0, 0.0)),  # inside the box
+        ((400.0, 0.0), (0.0, 0.0), (0.0, 0.0)),  # outside of every grid
+    ],
+)
+def test_a_start_that_allows_no_plan_gives_no_proposal(
+    state: tuple[tuple[float, float], ...],
+) -> None:
+    course = Course(Box(5.0, 6.0, -2.0, 0.4))
+    course.flown = Horizon.integrated(0.0, np.array(state), np.zeros((PIECES, 2)))
     assert course.plan().kind == "kept"
 
 
