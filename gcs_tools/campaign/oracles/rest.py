@@ -17,11 +17,10 @@ from gcs_tools.campaign.generator.faults import MISLEADING
 from gcs_tools.campaign.oracles.evidence import ROUND_OFF, Evidence
 from onboard.files.obstacle_field import ObstacleField
 from onboard.geometry.frames import FloatArray
-from onboard.guidance.phases import FLYING_PHASES, Phase
+from onboard.guidance.phases import FLYING_PHASES
 from onboard.recording.messages import StateRecord
 
-# Cruise and avoidance do not hold a way yet; with the shield this becomes `FLYING_PHASES`.
-_HOLDING_WAYS: Final = FLYING_PHASES & {Phase.THREAD, Phase.PAUSE}
+
 # A reference slower than this rests.
 _AT_REST_MPS: Final = 0.01
 
@@ -31,7 +30,7 @@ def rest_held(evidence: Evidence) -> Iterator[str]:
     if not evidence.case.scenario.contract.requirements.stop:
         return
     for state in evidence.states:
-        if state.phase in _HOLDING_WAYS and not _holds_way(state, evidence):
+        if state.phase in FLYING_PHASES and not _holds_way(state, evidence):
             certified = "not held" if state.rest_certified is None else "not certified"
             yield f"the way to rest is {certified} in {state.phase} ({state.state})"
     yield from _ways_into_obstacles(evidence)
