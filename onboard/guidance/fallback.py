@@ -13,7 +13,7 @@ from onboard.guidance.envelope import HEADING_TOLERANCE_RAD, any_heading
 from onboard.guidance.induction_planner import InductionPlanner
 from onboard.guidance.phases import Phase, Trigger
 from onboard.guidance.situation import Situation
-from onboard.monitoring.assumptions import Violation
+from onboard.monitoring.assumptions import Assumption, Violation
 from onboard.motion.trajectory import State, Trajectory, X
 from onboard.perception.obstacle_map import Obstacle
 from onboard.planning.closed_form import brake_to_hover
@@ -56,12 +56,29 @@ class Fallback:
             situation.rest_held = False
         elif situation.rest_held:
             situation.reference.fly_guard()
+            how = self._leaving_what_is_contradicted(violation, now_s) or how
         else:
             braking, how = self._way_to_hover(now_s)
             situation.reference.fly(braking)
         situation.hold_cause = violation.assumption, now_s
         text = f"holding: {violation}; {how}"
         situation.fire(Trigger.ASSUMPTION_FAILED, now_s, text=text)
+
+    def _leaving_what_is_contradicted(self, violation: Violation, now_s: float) -> str | None:
+        """Brake otherwise where the way held leads to what was never seen; return how.
+
+        The set that it was certified in has turned out to be wrong.
+        """
+        current = self._situation.reference.current
+        contradicted = violation.assumption is Assumption.SENSOR_CONTRADICTION
+        if not contradicted or current is None or now_s >= current.end_s:
+            return None
+        if self._clear_check.is_clear(current.from_time(now_s)):
+            return None
+        braking, how = self._way_to_hover(now_s)
+        self._situation.reference.fly(braking)
+        self._situation.rest_held = False
+        return how
 
     def report_and_hold(self, violation: Violation, now_s: float) -> None:
         """Report an assumption that failed in guidance itself, and brake to hover."""

@@ -5,10 +5,11 @@ import math
 import pytest
 
 from onboard.events import Severity
+from onboard.files.contract_file import Contract
 from onboard.guidance.clear_check import ClearCheck
 from onboard.guidance.fallback import UNCERTIFIED
 from onboard.guidance.phases import FlightState, Phase
-from tests.onboard.guidance.perfect_flight import DEFECT, PerfectFlight, pose_at
+from tests.onboard.guidance.perfect_flight import DEFECT, PerfectFlight, mission_to, pose_at
 
 
 def at_rest(flight: PerfectFlight) -> bool:
@@ -185,3 +186,55 @@ def test_only_a_hover_moves_to_where_the_vehicle_is(
     else:
         assert cruising.situation.reference.current is current
     assert cruising.state is state
+
+
+# ------------------------------------------------------------------ where only swerving is safe
+
+
+@pytest.fixture
+def pointed(contract: Contract) -> PerfectFlight:
+    """A vehicle that rolls well and hardly brakes, at full speed, without passive safety."""
+    vehicle = contract.vehicle.model_copy(update={"pitch_max_deg": 6.0, "roll_max_deg": 20.0})
+    requirements = contract.requirements.model_copy(update={"passive_safety": False})
+    update = {"vehicle": vehicle, "requirements": requirements}
+    flight = PerfectFlight(contract.model_copy(update=update), mission_to((60.0, 0.0)))
+    flight.cruise_at_full_speed()
+    return flight
+
+
+def test_where_braking_comes_too_late_an_avoidance_is_tried_first(pointed: PerfectFlight) -> None:
+    here_m = pointed.reference.position_leg_m[0]
+    braking = pointed.situation.braking_from(pointed.reference, pointed.now_s)
+    stops_m = braking.final.position_leg_m[0]
+    obstacle = pointed.see(stops_m + 0.5, 0.2, size_m=(0.6, 0.6))
+    assert obstacle.region.extent.x_min_m > here_m
+    pointed.navigator.hold(DEFECT, pointed.now_s)
+    assert pointed.texts("phase")[-1].endswith(
+        "; avoiding what braking would meet, then braking to hover"
+    )
+    box = obstacle.region.obstacle
+    for _ in range(600):
+        pointed.tick()
+        x_m, y_m, _ = pointed.reference.position_leg_m
+        assert not (box.x_min_m < x_m < box.x_max_m and box.y_min_m < y_m < box.y_max_m)
+    assert at_rest(pointed)
+    assert pointed.reference.position_leg_m[0] > box.x_max_m
+
+
+@pytest.mark.parametrize(("yaw_rad", "along"), [(0.0, True), (math.pi / 4.0, False)])
+def test_from_a_pose_it_brakes_along_the_leg_with_w_and_else_with_the_least_of_it(
+    contract: Contract, yaw_rad: float, *, along: bool
+) -> None:
+    """W holds along and across the nose: of a turned one nothing beyond its least limit."""
+    vehicle = contract.vehicle.model_copy(update={"roll_max_deg": 5.0})
+    flight = PerfectFlight(
+        contract.model_copy(update={"vehicle": vehicle}), mission_to((60.0, 0.0))
+    )
+    flight.cruise_at_full_speed()
+    measured = pose_at(20.0, velocity_ned_mps=(2.8, 0.5, 0.0), yaw_rad=yaw_rad)
+    flight.navigator.hold(DEFECT, flight.now_s, measured)
+    current, limits = flight.situation.reference.current, flight.navigator.assessment.limits
+    assert current is not None
+    strongest_mps2 = math.hypot(*abs(current.acceleration_leg_mps2[:, :2]).max(axis=0))
+    least_mps2 = min(limits.brake_mps2, limits.left_mps2)
+    assert (strongest_mps2 <= least_mps2 + 1e-9) is not along

@@ -137,3 +137,34 @@ def test_the_nose_is_turned_from_the_leg() -> None:
     assert setpoint.yaw_ned_rad == pytest.approx(math.radians(-120.0))
     reference.clear()
     assert reference.heading_rad == 0.0
+
+
+# ------------------------------------------------------------------ the guard
+
+
+def test_the_guard_is_what_is_flown_whatever_is_intended() -> None:
+    reference = Reference()
+    reference.fly(moving(0.0, 0.0, 1.0))
+    reference.guard = moving(0.0, 50.0, 1.0)
+    reference.intend(moving(0.0, 200.0, 1.0))
+    reference.schedule(moving(0.5, 100.0, 2.0), 0.0)
+    reference.hand_over(1.0)
+    assert x_of(reference, 1.0) == pytest.approx(51.0)
+    assert reference.intended is not None
+    assert reference.intended.start_s == 0.5
+    reference.shift((3.0, 0.0, 0.0))
+    assert x_of(reference, 1.0) == pytest.approx(54.0)
+
+
+def test_the_guard_ends_where_something_else_is_flown() -> None:
+    reference = Reference()
+    reference.guard = moving(0.0, 50.0, 1.0)
+    reference.fly_guard()
+    assert reference.guard is None
+    assert x_of(reference, 1.0) == pytest.approx(51.0)
+    reference.guard = moving(0.0, 70.0, 1.0)
+    reference.fly(moving(0.0, 10.0, 1.0))
+    assert x_of(reference, 1.0) == pytest.approx(11.0)
+    reference.guard = moving(0.0, 70.0, 1.0)
+    reference.clear()
+    assert reference.sample(1.0) is None

@@ -284,3 +284,15 @@ def test_absolute_times_move_with_the_start(change: dict[str, float]) -> None:
     assert moved.first_time_s(0, 1.5) == pytest.approx(
         moved.start_s + (trajectory.first_time_s(0, 1.5) or math.nan)
     )
+
+
+@given(TRAJECTORIES, st.floats(0.01, 1.5))
+def test_the_part_before_a_time_is_the_same_motion_and_ends_then(
+    trajectory: Trajectory, share: float
+) -> None:
+    end_s = trajectory.start_s + share * (trajectory.end_s - trajectory.start_s)
+    part = trajectory.until(end_s)
+    assert part.end_s == pytest.approx(end_s)
+    for time_s in np.linspace(part.start_s, part.end_s, 20)[:-1].tolist():
+        for one, other in zip(part.sample(time_s), trajectory.sample(time_s), strict=True):
+            assert one == pytest.approx(other, abs=1e-6)
