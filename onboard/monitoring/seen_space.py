@@ -81,7 +81,8 @@ class SeenSpace:
         self._set = SeenFree(frames_needed=frames_needed)
         self._leg = flight.leg
         self._half_width_m = math.inf
-        self._pending: deque[_Sight] = deque()
+        # Sights to count, and the sensors whose row of frames ends between them, in order.
+        self._pending: deque[_Sight | str] = deque()
         self._stamps_s: dict[str, float] = {}
         # How many frames of each sensor have shown each sector around one place, in local NED.
         self._looked: dict[str, IntArray] = {}
@@ -223,12 +224,18 @@ class SeenSpace:
                 for seen in frame.obstacles
             ]
         self._pending.append(_Sight(frame, pose, turn_radps, placed_ned_m))
-        if len(self._pending) > _PENDING_MAX:
-            self.skip(self._pending.popleft().frame)
+        if self._sights_pending > _PENDING_MAX:
+            self._drop_oldest()
 
     def skip(self, frame: DetectionFrame) -> None:
-        """Take note of a frame that does not count: its sensor's row of frames begins again."""
-        self._set.break_row(frame.source)
+        """Take note of a frame that does not count: its sensor's row of frames begins again.
+
+        After those that wait: they were taken before.
+        """
+        if not self._pending:
+            self._set.break_row(frame.source)
+        elif self._pending[-1] != frame.source:
+            self._pending.append(frame.source)
 
     def advance(self, pose: Pose | None, *, trusted: bool) -> Violation | None:
         """Count a frame that waits, at most one a tick unless more sensors than ticks see.
@@ -244,15 +251,36 @@ class SeenSpace:
         if not trusted and (self._set.size or self._pending or self._looked):
             # It may drift without a jump: what was seen before is elsewhere once it is good again.
             self.void("the position is not to be believed")
-        if self._set.size and pose is not None and self._is_off_height(pose):
+        seen = self._set.size or self._looked
+        if seen and pose is not None and self._is_off_height(pose):
             self.void("the vehicle has left the height of the leg")
-        for _ in range(1 if len(self._pending) <= 2 else 2):
+        for _ in range(1 if self._sights_pending <= 2 else 2):
+            self._break_rows()
             if not self._pending:
                 return None
-            violation = self._see(self._pending.popleft())
+            sight = self._pending.popleft()
+            violation = None if isinstance(sight, str) else self._see(sight)
             if violation is not None:
                 return violation
+        self._break_rows()
         return None
+
+    @property
+    def _sights_pending(self) -> int:
+        return sum(not isinstance(waiting, str) for waiting in self._pending)
+
+    def _break_rows(self) -> None:
+        """Begin the rows of sensors again whose turn it is."""
+        while self._pending and isinstance(self._pending[0], str):
+            self._set.break_row(self._pending[0])
+            self._pending.popleft()
+
+    def _drop_oldest(self) -> None:
+        """Leave out the sight that has waited longest: it does not count."""
+        self._break_rows()
+        oldest = self._pending.popleft()
+        if not isinstance(oldest, str):
+            self._set.break_row(oldest.frame.source)
 
     def _see(self, sight: _Sight) -> Violation | None:
         frame, pose, terms = sight.frame, sight.pose, self._flight.assessment.terms

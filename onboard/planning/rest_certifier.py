@@ -7,7 +7,9 @@ that box is not free, the piece is split by de Casteljau's algorithm, a few time
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
@@ -33,6 +35,8 @@ if TYPE_CHECKING:
 # The body is taken to be larger by twice this, so that no round-off of the grid matters.
 GRID_TOLERANCE_M: Final = 1e-3
 _SPLITS_MAX: Final = 4
+# Rectangles that together cover a disc end at these angles.
+_COVER_RAD: Final = tuple(math.radians(angle_deg) for angle_deg in (0.0, 22.5, 45.0, 67.5, 90.0))
 
 
 @dataclass(frozen=True)
@@ -188,10 +192,35 @@ def _space_failures(trajectory: Trajectory, limits: RestLimits, grid: FreeGrid) 
 
 
 def _are_free(points: FloatArray, grown_m: float, grid: FreeGrid) -> NDArray[np.bool_]:
-    """Tell for each piece whether the bounding box of its points, grown, is seen free."""
-    low = points.min(axis=(0, 2)) - grown_m
-    high = points.max(axis=(0, 2)) + grown_m
-    return grid.are_free(low[:, 0], high[:, 0], low[:, 1], high[:, 1])
+    """Tell for each piece whether the bounding box of its points, grown by a disc, is seen free."""
+    low, high = points.min(axis=(0, 2)), points.max(axis=(0, 2))
+    free = grid.are_free(
+        low[:, 0] - grown_m, high[:, 0] + grown_m, low[:, 1] - grown_m, high[:, 1] + grown_m
+    )
+    # The corners of that square belong to no disc: without them it may be free all the same.
+    left = np.flatnonzero(~free)
+    if left.size:
+        free[left] = _discs_are_free(low[left], high[left], grown_m, grid)
+    return free
+
+
+def _discs_are_free(
+    low: FloatArray, high: FloatArray, grown_m: float, grid: FreeGrid
+) -> NDArray[np.bool_]:
+    """Tell for boxes, (n, 2) corners, whether each is seen free when a disc grows it.
+
+    A point of the disc at an angle between two others is no farther along x than the first of them
+    and no farther along y than the second: so many rectangles cover the disc.
+    """
+    free = np.ones(len(low), bool)
+    for begin_rad, end_rad in pairwise(_COVER_RAD):
+        x_m, y_m = grown_m * math.cos(begin_rad), grown_m * math.sin(end_rad)
+        free &= grid.are_free(low[:, 0] - x_m, high[:, 0] + x_m, low[:, 1] - y_m, high[:, 1] + y_m)
+    if grid.free_disc is not None:
+        *middle, radius_m = grid.free_disc
+        farthest = np.maximum(np.abs(low - middle), np.abs(high - middle))
+        free |= np.hypot(farthest[:, 0], farthest[:, 1]) + grown_m <= radius_m
+    return free
 
 
 def _halves(points: FloatArray) -> FloatArray:
