@@ -30,6 +30,9 @@ if TYPE_CHECKING:
 OVERHANGS_M: Final = (1.0, 0.6, 0.4, 0.2, 0.1)
 # How far beyond the keep-out face to go: a cell's diagonal at least, more shows more behind it.
 _BEYOND_FACE_M: Final = (0.6, 0.4, 0.25, 0.15)
+# A metre of room at the side, up to the most of that, is worth so much of a way.
+_ROOM_WEIGHT: Final = 1.5
+_TARGETS_MAX: Final = 12
 # How far to draw back first: cells along the front face are seen at a grazing angle only.
 _BACK_M: Final = (0.0, 0.3, 0.6, 1.0)
 # Kept before what is not free, for the same reason.
@@ -144,10 +147,10 @@ def go_ahead(at: Standstill) -> Iterator[Horizon]:
 
 
 def sidesteps(at: Standstill) -> Iterator[Horizon]:
-    """Yield motions to either side of the obstacle ahead, or back to the leg's end, from rest.
+    """Yield motions to either side of the obstacle ahead, or aside to the leg's end, from rest.
 
-    Those whose strips are not seen free are left out.  The nearer side comes first; before it moves
-    sideways the vehicle may draw back a little.
+    Those whose strips are not seen free are left out.  The side with room comes first, then the
+    nearer one; before it moves sideways the vehicle may draw back a little.
     """
     x_m, y_m = at.place_leg_m
     for target_m in _targets_m(at):
@@ -175,14 +178,34 @@ def _aside(at: Standstill, back_m: float, aside_m: float) -> Iterator[Horizon]:
 
 
 def _targets_m(at: Standstill) -> list[float]:
-    """Return the lateral positions to go to, y in the leg frame, in this order."""
+    """Return the lateral positions to go to, y in the leg frame, the best first.
+
+    Beside a face of what stands abreast of the obstacle ahead, where no known obstacle is in the
+    way along the leg.
+    """
     (x_m, y_m), (goal_x_m, goal_y_m) = at.place_leg_m, at.goal_leg_m
     ahead = at.obstacle_ahead()
     if ahead is None:
         return [goal_y_m] if abs(x_m - goal_x_m) < GO_MIN_M else []
-    left_m, right_m = ahead.y_min_m - at.margin_m, ahead.y_max_m + at.margin_m
-    sides = sorted(((left_m, -1.0), (right_m, 1.0)), key=lambda side: abs(side[0] - y_m))
-    return [face_m + way * beyond_m for face_m, way in sides for beyond_m in _BEYOND_FACE_M]
+    past_m = ahead.x_max_m + 2.0 * at.margin_m
+    abreast = [
+        box
+        for box in at.boxes
+        if box.x_max_m + at.margin_m > x_m - _BACK_M[-1] and box.x_min_m - at.margin_m < past_m
+    ]
+    left_m = np.array([box.y_min_m for box in abreast]) - at.margin_m
+    right_m = np.array([box.y_max_m for box in abreast]) + at.margin_m
+    beyond_m = np.array(_BEYOND_FACE_M)[:, None]
+    gaps_m = (left_m[:, None] + right_m[None, :]) / 2.0
+    targets_m = np.concatenate(
+        [(left_m - beyond_m).ravel(), (right_m + beyond_m).ravel(), gaps_m.ravel()]
+    )
+    room_m = np.maximum(left_m - targets_m[:, None], targets_m[:, None] - right_m).min(axis=1)
+    ways_m = np.abs(targets_m - y_m) - _ROOM_WEIGHT * np.minimum(room_m, _BEYOND_FACE_M[0])
+    order = np.argsort(ways_m, kind="stable")
+    # A cell takes up to its edge from the room on either side.
+    clear = order[room_m[order] > at.grid.cell_m]
+    return [float(target_m) for target_m in targets_m[clear[:_TARGETS_MAX]]]
 
 
 def _is_tried(at: Standstill, place_leg_m: tuple[float, float]) -> bool:

@@ -12,6 +12,7 @@ import math
 from enum import Enum, auto, unique
 from typing import TYPE_CHECKING, Final, NamedTuple
 
+from onboard.geometry.frames import wrap_angle
 from onboard.guidance.dense.look_round import LookRound, points_at
 from onboard.planning.sidestep import GO_MIN_M, Standstill, go_ahead, looks_aside_rad, sidesteps
 
@@ -20,10 +21,13 @@ if TYPE_CHECKING:
 
     from onboard.geometry.box import Box
     from onboard.geometry.free_grid import FreeGrid
+    from onboard.guidance.dense.seen_space import SeenSpace
     from onboard.guidance.dense.way_to_rest import WayToRest
     from onboard.guidance.reference import Reference
+    from onboard.guidance.situation import Situation
     from onboard.planning.corridor.horizon import Horizon
     from onboard.planning.rest_certifier import RestLimits
+    from onboard.vehicle_state import Pose
 
 # Motions without getting farther along the leg than ever before: then it is for others to try.
 MOTIONS_MAX: Final = 8
@@ -62,14 +66,30 @@ class Known(NamedTuple):
     Attributes:
         grid: the seen-free set.
         boxes: known obstacles, leg frame.
+        position_leg_m: (x, y) of the reference.
         heading_rad: of the nose, measured, from the leg towards its right.
         frames_counted: so far.
     """
 
     grid: FreeGrid
     boxes: Sequence[Box]
+    position_leg_m: tuple[float, float]
     heading_rad: float
     frames_counted: int
+
+
+def known_of(situation: Situation, seen: SeenSpace, pose: Pose, now_s: float) -> Known:
+    """Return what is known now."""
+    state = situation.reference.sample(now_s)
+    assert state is not None  # noqa: S101  what threads has a reference
+    x_m, y_m, _ = state.position_leg_m
+    return Known(
+        grid=seen.grid(),
+        boxes=[obstacle.measured for obstacle in situation.obstacles],
+        position_leg_m=(x_m, y_m),
+        heading_rad=wrap_angle(pose.yaw_rad - situation.leg.heading_rad),
+        frames_counted=seen.frames_counted,
+    )
 
 
 class StopAndSidestep:
@@ -151,7 +171,7 @@ class StopAndSidestep:
             now_s: the time.
         """
         if self._stage is _Stage.GOING:
-            return self._go_on()
+            return self._go_on(known.position_leg_m[0])
         if self._stage is _Stage.SIDESTEPPING:
             if self._way.still:
                 self._stage, self._round = _Stage.FACING, LookRound((0.0,), self._needed)
@@ -164,9 +184,7 @@ class StopAndSidestep:
             self._stage = _Stage.DECIDING
         return Step.GOES_ON
 
-    def _go_on(self) -> Step:
-        assert self._way.flown is not None  # noqa: S101  a motion is flown
-        x_m = float(self._way.flown.nodes[0, 0, 0])
+    def _go_on(self, x_m: float) -> Step:
         if x_m < self._passed_x_m and not self._way.still:
             return Step.GOES_ON
         self._stage = _Stage.IDLE
@@ -181,7 +199,8 @@ class StopAndSidestep:
             if self._fly_first(go_ahead(at), known, now_s):
                 self._stage, self._passed_x_m = _Stage.GOING, self._end_of_go_m(at)
                 return Step.FLIES
-            self._tried_leg_m.append(at.place_leg_m)
+            if at.place_leg_m not in self._tried_leg_m:
+                self._tried_leg_m.append(at.place_leg_m)
             if self._fly_first(sidesteps(at), known, now_s):
                 self._stage, self._has_looked = _Stage.SIDESTEPPING, False
                 return Step.FLIES

@@ -1,0 +1,104 @@
+"""What belongs to one leg in THREAD and PAUSE: limits, the end, and what plans the way there."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Final, NamedTuple
+
+from onboard.guidance.dense.leg_end import end_beside, is_blocked
+from onboard.guidance.dense.limits import rest_limits_of
+from onboard.guidance.dense.pause import Pause
+from onboard.guidance.dense.sliced_planning import SlicedPlanning
+from onboard.guidance.dense.stop_and_sidestep import StopAndSidestep, looks_before_sidestep_rad
+from onboard.monitoring.assumptions import Assumption, Violation
+from onboard.planning.corridor.guide import Guide
+
+if TYPE_CHECKING:
+    from onboard.guidance.dense.way_to_rest import WayToRest
+    from onboard.guidance.situation import Situation
+    from onboard.planning.rest_certifier import RestLimits
+
+# The vehicle has arrived where it rests this near to the leg's end.
+ARRIVED_M: Final = 0.3
+NO_END: Final = Violation(
+    Assumption.LEG_END_CLEAR,
+    0.0,
+    1.0,
+    "places",
+    sentence="an obstacle covers the end of the leg, and each place where it may end",
+)
+# The cells of the seen-free set take so much from a gap.
+_CELLS_M: Final = 0.15
+
+
+class ThreadedLeg(NamedTuple):
+    """What belongs to the leg that is flown, and to where it is to end.
+
+    Attributes:
+        limits: what a way to rest may ask for.
+        planning: of ways to rest.
+        pause: counts the pauses.
+        manoeuvre: stop, look, sidestep, go.
+        end_leg_m: (x, y) where the leg is to end.
+    """
+
+    limits: RestLimits
+    planning: SlicedPlanning
+    pause: Pause
+    manoeuvre: StopAndSidestep
+    end_leg_m: tuple[float, float]
+
+
+def leg_to(
+    end_leg_m: tuple[float, float], situation: Situation, way: WayToRest, frames_needed: int
+) -> ThreadedLeg:
+    """Return what flies the situation's leg to a place.
+
+    Args:
+        end_leg_m: (x, y) of the place.
+        situation: what is flown.
+        way: the way to rest that is held.
+        frames_needed: frames that have to show a cell free.
+    """
+    assessment, route = situation.assessment, situation.route
+    terms, margin_m = assessment.terms, assessment.inflation_m()
+    limits = rest_limits_of(assessment, any_heading=route.mission.heading == "path")
+    guide = Guide(end_leg_m, margin_m, route.leg.threading_half_width_m)
+    manoeuvre = StopAndSidestep(
+        situation.reference,
+        way,
+        limits,
+        margin_m=margin_m,
+        goal_leg_m=end_leg_m,
+        looks_rad=looks_before_sidestep_rad(
+            terms.sure_view_rad / 2.0, terms.radius_m, terms.tracking_error_m
+        ),
+        frames_needed=frames_needed,
+    )
+    pause = Pause(situation.reference, guide)
+    return ThreadedLeg(limits, SlicedPlanning(guide, limits), pause, manoeuvre, end_leg_m)
+
+
+def end_is_blocked(leg: ThreadedLeg, situation: Situation) -> bool:
+    """Tell whether a known obstacle covers the end that a leg is flown to."""
+    boxes = [obstacle.measured for obstacle in situation.obstacles]
+    return is_blocked(leg.end_leg_m, boxes, situation.assessment.inflation_m())
+
+
+def other_end(leg: ThreadedLeg, situation: Situation) -> tuple[float, float] | None:
+    """Return the nearest place to the mission's end of the leg where it may end, too.
+
+    Returns:
+        None if known obstacles cover every such place.
+    """
+    margin_m, route = situation.assessment.inflation_m(), situation.route
+    boxes = [obstacle.measured for obstacle in situation.obstacles]
+    half_width_m = min(
+        route.leg.target_half_width_m - ARRIVED_M,
+        route.leg.threading_half_width_m - leg.limits.body_radius_m,
+    )
+    end_leg_m = (route.length_m, 0.0)
+    for grown_m in (margin_m + _CELLS_M, margin_m):
+        place_leg_m = end_beside(end_leg_m, boxes, grown_m, half_width_m)
+        if place_leg_m is not None:
+            return place_leg_m
+    return None

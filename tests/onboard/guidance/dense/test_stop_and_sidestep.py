@@ -1,0 +1,97 @@
+"""Theorem P, flown: at the limit of the clause every obstacle is passed by stop, look and sidestep.
+
+The planner finds nothing here, so that the only motions are those of the proof.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Generator
+
+import numpy as np
+import pytest
+
+from onboard.contract.assessment import Assessment, assess
+from onboard.contract.run_on import NO_RUN_ON
+from onboard.files.contract_file import Contract
+from onboard.geometry.box import Box
+from onboard.guidance.dense.limits import run_on_of
+from onboard.guidance.phases import FlightState
+from onboard.perception.seen_free import CELL_M
+from onboard.planning.corridor.receding_horizon import (
+    HorizonPlan,
+    HorizonProblem,
+    RecedingHorizonPlanner,
+)
+from tests.onboard.guidance.dense.box_flight import BoxFlight
+from tests.onboard.guidance.perfect_flight import mission_to
+
+OVERHANG_M = 0.5
+SIZE_MAX_M = 1.6
+ROWS = 2
+
+
+@pytest.fixture(autouse=True)
+def no_planner(monkeypatch: pytest.MonkeyPatch) -> None:
+    def plan(
+        _: RecedingHorizonPlanner, problem: HorizonProblem
+    ) -> Generator[None, None, HorizonPlan]:
+        yield
+        return HorizonPlan(problem.flown.next_node(), "kept", 0.0)
+
+    monkeypatch.setattr(RecedingHorizonPlanner, "plan", plan)
+
+
+def with_passive_safety(contract: Contract, passive: bool) -> Contract:
+    requirements = contract.requirements.model_copy(update={"passive_safety": passive})
+    sensor = contract.sensor.model_copy(update={"field_of_view_deg": 90.0})
+    return contract.model_copy(update={"requirements": requirements, "sensor": sensor})
+
+
+def separations_m(assessment: Assessment) -> tuple[float, float]:
+    """Return F + S and o + S of two-tier theory, 2.1 and B1, a cell's diagonal included."""
+    terms, limits = assessment.terms, assessment.limits
+    v, run_on = terms.cruise_speed_mps, run_on_of(assessment)
+    late_m = v * (terms.reaction_time_s + terms.attitude_lag_s)
+    coasts = run_on is not NO_RUN_ON
+    front_m = late_m + (run_on.reach_m(v) if coasts else v**2 / (2.0 * limits.brake_mps2))
+    rho_m = terms.body_m + 2.0 * terms.position_error_m + math.sqrt(2.0) * CELL_M
+    size_m = SIZE_MAX_M + 2.0 * rho_m
+    return front_m + size_m, (OVERHANG_M if coasts else 0.0) + size_m
+
+
+def field_at_the_limit(assessment: Assessment, seed: int) -> list[Box]:
+    """Return rows of boxes across the leg that are as near to each other as the clause allows."""
+    random = np.random.default_rng(seed)
+    along_m, aside_m = separations_m(assessment)
+    boxes, x_m = [], 7.0
+    for _ in range(ROWS):
+        y_m = float(random.uniform(-0.9, 0.9))
+        for place in range(-2, 3):
+            # Those in the way are as large as the clause says, some of their neighbours, too.
+            largest = place == 0 or random.random() < 0.5
+            half_m = np.full(2, SIZE_MAX_M / 2.0) if largest else random.uniform(0.15, 0.8, 2)
+            (half_x_m, half_y_m), at_y_m = half_m.tolist(), y_m + place * (aside_m + 1e-6)
+            boxes.append(Box(x_m - half_x_m, x_m + half_x_m, at_y_m - half_y_m, at_y_m + half_y_m))
+        x_m += along_m + 1e-6
+    return boxes
+
+
+@pytest.mark.parametrize("passive", [True, False])
+@pytest.mark.parametrize("heading", ["leg", "path"])
+@pytest.mark.parametrize("seed", [1, 2])
+def test_every_obstacle_of_the_clause_is_passed_without_the_planner(
+    best_effort: Contract, heading: str, seed: int, passive: bool
+) -> None:
+    contract = with_passive_safety(best_effort, passive)
+    boxes = field_at_the_limit(assess(contract), seed)
+    end_m = max(box.x_max_m for box in boxes) + 4.0
+    mission = mission_to((end_m, 0.0), half_width_m=12.0).model_copy(update={"heading": heading})
+    flight = BoxFlight(contract, mission, boxes, seed)
+    flight.depart()
+    over = (FlightState.ARRIVED, FlightState.HOLDING)
+    flight.run(240.0, until=lambda: flight.state in over)
+    assert flight.state is FlightState.ARRIVED, (flight.events, flight.reference)
+    assert flight.clearance_m > 0.0
+    assert flight.run_on_clearance_m > 0.0
+    assert flight.uncertified == 0
