@@ -38,7 +38,7 @@ _BACK_M: Final = (0.0, 0.3, 0.6, 1.0)
 # Kept before what is not free, for the same reason.
 _ROOM_M: Final = 0.3
 # Setting off for less than this is no progress.
-GO_MIN_M: Final = 0.3
+GO_MIN_M: Final = 0.2
 _REACH_M: Final = 12.0
 _STEP_M: Final = 0.1
 # Places nearer to each other than this are the same.
@@ -81,9 +81,12 @@ class Standstill:
         return x_m, y_m
 
     def obstacle_ahead(self) -> Box | None:
-        """Return the nearest known obstacle whose keep-out the line along the leg meets."""
+        """Return the nearest known obstacle whose keep-out the line along the leg meets.
+
+        Or comes nearer to than a cell: beside it the vehicle may find no free row of cells.
+        """
         x_m, y_m = self.place_leg_m
-        margin_m = self.margin_m + 2.0 * GRID_TOLERANCE_M
+        margin_m = self.margin_m + self.grid.cell_m
         ahead = [
             box
             for box in self.boxes
@@ -129,16 +132,18 @@ class _Strip(NamedTuple):
 def go_ahead(at: Standstill) -> Iterator[Horizon]:
     """Yield motions along the leg as far as the space seen free lets the vehicle, from rest.
 
-    They end some way before what is not free, so that there is room to look and to sidestep.
+    They end some way before an obstacle, so that there is room to look and to sidestep.  What is
+    only not seen yet is better seen from near.
     """
     x_m, _ = at.place_leg_m
-    goal_x_m = at.goal_leg_m[0]
-    reach_m = _free_ahead_m(at)
+    goal_x_m, reach_m, ahead = at.goal_leg_m[0], _free_ahead_m(at), at.obstacle_ahead()
+    near_m = x_m + reach_m + at.margin_m + _ROOM_M
+    room_m = _ROOM_M if ahead is not None and ahead.x_min_m <= near_m else 0.0
     for overhang_m in _overhangs_m(at.limits.run_on):
         if goal_x_m + overhang_m <= x_m + reach_m:
             target_m = goal_x_m
         else:
-            target_m = min(goal_x_m, x_m + reach_m - max(overhang_m, _ROOM_M))
+            target_m = min(goal_x_m, x_m + reach_m - max(overhang_m, room_m))
         arrives = target_m >= goal_x_m - _SAME_PLACE_M and target_m > x_m + _STEP_M
         if target_m - x_m >= GO_MIN_M or arrives:
             motion = _motion(at, ((0, target_m - x_m),), overhang_m)

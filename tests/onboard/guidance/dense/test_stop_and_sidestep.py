@@ -5,7 +5,6 @@ The planner finds nothing here, so that the only motions are those of the proof.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Generator
 
 import numpy as np
@@ -49,13 +48,17 @@ def with_passive_safety(contract: Contract, passive: bool) -> Contract:
 
 
 def separations_m(assessment: Assessment) -> tuple[float, float]:
-    """Return F + S and o + S of two-tier theory, 2.1 and B1, a cell's diagonal included."""
+    """Return F + S and o + S of two-tier theory, 2.1 and B1, with what cells take from a gap.
+
+    A cell on either side for where it begins, and another one for lines of sight that graze a face:
+    a cell's diagonal, as P has it, is not always enough.
+    """
     terms, limits = assessment.terms, assessment.limits
     v, run_on = terms.cruise_speed_mps, run_on_of(assessment)
     late_m = v * (terms.reaction_time_s + terms.attitude_lag_s)
     coasts = run_on is not NO_RUN_ON
     front_m = late_m + (run_on.reach_m(v) if coasts else v**2 / (2.0 * limits.brake_mps2))
-    rho_m = terms.body_m + 2.0 * terms.position_error_m + math.sqrt(2.0) * CELL_M
+    rho_m = terms.body_m + 2.0 * terms.position_error_m + 2.0 * CELL_M
     size_m = SIZE_MAX_M + 2.0 * rho_m
     return front_m + size_m, (OVERHANG_M if coasts else 0.0) + size_m
 
