@@ -49,7 +49,7 @@ class AdaptationLadder:
             return
         if situation.state.in_seen_space:
             # What the set and the way held were built with is never adapted in flight.
-            if not costs_progress_only(violation.assumption):
+            if not costs_progress_only(violation.assumption, situation.assessment.terms):
                 self._fallback.hold(violation, now_s, measured)
             return
         adaptation = adapt(situation.assessment, violation) if situation.adaptive else None

@@ -8,7 +8,6 @@ A1-sensor).  A frame that does not count also breaks its sensor's row of success
 from __future__ import annotations
 
 import math
-from collections import deque
 from collections.abc import Sequence
 from typing import Final, NamedTuple
 
@@ -18,6 +17,7 @@ from onboard.geometry.box import Box
 from onboard.geometry.frames import FloatArray, LegFrame, Vector, wrap_angle
 from onboard.geometry.free_grid import FreeGrid
 from onboard.monitoring.assumptions import Assumption, Violation
+from onboard.monitoring.sight_queue import SightQueue
 from onboard.monitoring.supervised_flight import SupervisedFlight
 from onboard.perception.detection import Corners, DetectionFrame, corners_ned, shifted_corners
 from onboard.perception.face_strips import enclosing_boxes, strip_around
@@ -34,8 +34,6 @@ _TURN_AROUND_S: Final = 0.1
 _POSE_APART_S: Final = 0.05
 # A vehicle that drifts at rest stays on the disc where it began, by this.
 START_MARGIN_M: Final = 0.3
-# More frames than these wait only if a tick has come late: the oldest do not count.
-_PENDING_MAX: Final = 8
 # What makes a frame that shows it, and what has been seen with it, unfit to say what is free.
 DOUBTS: Final = frozenset(
     {
@@ -81,8 +79,7 @@ class SeenSpace:
         self._set = SeenFree(frames_needed=frames_needed)
         self._leg = flight.leg
         self._half_width_m = math.inf
-        # Sights to count, and the sensors whose row of frames ends between them, in order.
-        self._pending: deque[_Sight | str] = deque()
+        self._pending = SightQueue[_Sight](self._break_row)
         self._stamps_s: dict[str, float] = {}
         # How many frames of each sensor have shown each sector around one place, in local NED.
         self._looked: dict[str, IntArray] = {}
@@ -223,19 +220,14 @@ class SeenSpace:
                 shifted_corners(corners_ned(seen, None), (north_m, east_m))
                 for seen in frame.obstacles
             ]
-        self._pending.append(_Sight(frame, pose, turn_radps, placed_ned_m))
-        if self._sights_pending > _PENDING_MAX:
-            self._drop_oldest()
+        self._pending.add(frame.source, _Sight(frame, pose, turn_radps, placed_ned_m))
 
     def skip(self, frame: DetectionFrame) -> None:
-        """Take note of a frame that does not count: its sensor's row of frames begins again.
+        """Take note of a frame that does not count: its sensor's row of frames begins again."""
+        self._pending.add_break(frame.source)
 
-        After those that wait: they were taken before.
-        """
-        if not self._pending:
-            self._set.break_row(frame.source)
-        elif self._pending[-1] != frame.source:
-            self._pending.append(frame.source)
+    def _break_row(self, source: str) -> None:
+        self._set.break_row(source)  # of the present leg's set
 
     def advance(self, pose: Pose | None, *, trusted: bool) -> Violation | None:
         """Count a frame that waits, at most one a tick unless more sensors than ticks see.
@@ -254,33 +246,12 @@ class SeenSpace:
         seen = self._set.size or self._looked
         if seen and pose is not None and self._is_off_height(pose):
             self.void("the vehicle has left the height of the leg")
-        for _ in range(1 if self._sights_pending <= 2 else 2):
-            self._break_rows()
-            if not self._pending:
-                return None
-            sight = self._pending.popleft()
-            violation = None if isinstance(sight, str) else self._see(sight)
+        for _ in range(1 if len(self._pending) <= 2 else 2):
+            sight = self._pending.pop()
+            violation = None if sight is None else self._see(sight)
             if violation is not None:
                 return violation
-        self._break_rows()
         return None
-
-    @property
-    def _sights_pending(self) -> int:
-        return sum(not isinstance(waiting, str) for waiting in self._pending)
-
-    def _break_rows(self) -> None:
-        """Begin the rows of sensors again whose turn it is."""
-        while self._pending and isinstance(self._pending[0], str):
-            self._set.break_row(self._pending[0])
-            self._pending.popleft()
-
-    def _drop_oldest(self) -> None:
-        """Leave out the sight that has waited longest: it does not count."""
-        self._break_rows()
-        oldest = self._pending.popleft()
-        if not isinstance(oldest, str):
-            self._set.break_row(oldest.frame.source)
 
     def _see(self, sight: _Sight) -> Violation | None:
         frame, pose, terms = sight.frame, sight.pose, self._flight.assessment.terms

@@ -36,7 +36,7 @@ if TYPE_CHECKING:
 GRID_TOLERANCE_M: Final = 1e-3
 _SPLITS_MAX: Final = 4
 # Rectangles that together cover a disc end at these angles.
-_COVER_RAD: Final = tuple(math.radians(angle_deg) for angle_deg in (0.0, 22.5, 45.0, 67.5, 90.0))
+_COVER_RAD: Final = tuple(math.pi / 2.0 * step / 8.0 for step in range(9))
 
 
 @dataclass(frozen=True)
