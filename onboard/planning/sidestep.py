@@ -33,6 +33,8 @@ _BEYOND_FACE_M: Final = (0.6, 0.4, 0.25, 0.15)
 # A metre of room at the side, up to the most of that, is worth so much of a way.
 _ROOM_WEIGHT: Final = 1.5
 _TARGETS_MAX: Final = 12
+# Beside an obstacle that is nearer than this, a cell at its corner may not be seen free.
+_GRAZING_CELLS: Final = 2
 # How far to draw back first: cells along the front face are seen at a grazing angle only.
 _BACK_M: Final = (0.0, 0.3, 0.6, 1.0)
 # Kept before what is not free, for the same reason.
@@ -80,13 +82,14 @@ class Standstill:
         x_m, y_m = self.flown.nodes[-1, 0].tolist()
         return x_m, y_m
 
-    def obstacle_ahead(self) -> Box | None:
+    def obstacle_ahead(self, *, cells: int = 0) -> Box | None:
         """Return the nearest known obstacle whose keep-out the line along the leg meets.
 
-        Or comes nearer to than a cell: beside it the vehicle may find no free row of cells.
+        Args:
+            cells: or comes nearer to than so many cells.
         """
         x_m, y_m = self.place_leg_m
-        margin_m = self.margin_m + self.grid.cell_m
+        margin_m = self.margin_m + 2.0 * GRID_TOLERANCE_M + cells * self.grid.cell_m
         ahead = [
             box
             for box in self.boxes
@@ -189,7 +192,7 @@ def _targets_m(at: Standstill) -> list[float]:
     way along the leg.
     """
     (x_m, y_m), (goal_x_m, goal_y_m) = at.place_leg_m, at.goal_leg_m
-    ahead = at.obstacle_ahead()
+    ahead = at.obstacle_ahead(cells=_GRAZING_CELLS)
     if ahead is None:
         return [goal_y_m] if abs(x_m - goal_x_m) < GO_MIN_M else []
     past_m = ahead.x_max_m + 2.0 * at.margin_m

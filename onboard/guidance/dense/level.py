@@ -5,6 +5,7 @@ What is seen free is so at one height: no frame counts before, and nothing is fl
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING, Final
 
 from onboard.motion.trajectory import State
@@ -16,6 +17,8 @@ if TYPE_CHECKING:
 
 # A start nearer to the height of the leg than this is at it.
 LEVEL_M: Final = 0.02
+# Time is of no importance here, and nothing has been seen above or below.
+CLIMB_MPS: Final = 0.5
 
 
 class Level:
@@ -37,7 +40,9 @@ class Level:
         self.changing = abs(position_leg_m[2]) > LEVEL_M
         if self.changing:
             hovering = State(position_leg_m, (0.0, 0.0, 0.0))
-            climb = cruise(hovering, now_s, self._situation.envelope, 0.0, z_m=0.0)
+            envelope = self._situation.envelope
+            slow = replace(envelope, speed_max_mps=min(envelope.speed_max_mps, CLIMB_MPS))
+            climb = cruise(hovering, now_s, slow, 0.0, z_m=0.0)
             self._situation.reference.fly(climb)
         return self.changing
 
