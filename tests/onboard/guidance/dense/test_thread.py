@@ -242,6 +242,19 @@ def test_what_safety_rests_on_ends_at_rest_on_the_way_that_was_held(
     assert not any("no way to stop" in text for text in flight.texts("phase"))
 
 
+@pytest.mark.parametrize("passive", [True, False])
+def test_a_vehicle_that_is_too_fast_is_held_for_its_run_on_only(
+    best_effort: Contract, *, passive: bool
+) -> None:
+    requirements = best_effort.requirements.model_copy(update={"passive_safety": passive})
+    contract = best_effort.model_copy(update={"requirements": requirements})
+    seen = IdealSeenSpace(start_known=True)
+    flight = threading(FieldFlight(contract, mission_to((16.0, 0.0)), [], seen), 1.0)
+    too_fast = Violation(Assumption.VELOCITY_ERROR, 0.9, 0.2, "m/s", "x")
+    flight.navigator.respond_to(too_fast, flight.now_s)
+    assert (flight.state is FlightState.HOLDING) == passive
+
+
 def test_a_late_tick_flies_on_along_the_way_that_is_held(flight_over: FlightOver) -> None:
     flight = threading(flight_over())
     flight.now_s += 0.7
