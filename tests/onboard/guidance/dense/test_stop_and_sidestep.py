@@ -5,6 +5,7 @@ The planner finds nothing here, so that the only motions are those of the proof.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Generator
 
 import numpy as np
@@ -15,8 +16,10 @@ from onboard.contract.run_on import NO_RUN_ON
 from onboard.files.contract_file import Contract
 from onboard.geometry.box import Box
 from onboard.guidance.dense.limits import run_on_of
+from onboard.guidance.dense.stop_and_sidestep import MOTIONS_MAX, Known, Step
 from onboard.guidance.phases import FlightState
 from onboard.perception.seen_free import CELL_M
+from onboard.planning.corridor.horizon import PIECES, Horizon
 from onboard.planning.corridor.receding_horizon import (
     HorizonPlan,
     HorizonProblem,
@@ -41,7 +44,7 @@ def no_planner(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(RecedingHorizonPlanner, "plan", plan)
 
 
-def with_passive_safety(contract: Contract, passive: bool) -> Contract:
+def with_passive_safety(contract: Contract, *, passive: bool) -> Contract:
     requirements = contract.requirements.model_copy(update={"passive_safety": passive})
     sensor = contract.sensor.model_copy(update={"field_of_view_deg": 90.0})
     return contract.model_copy(update={"requirements": requirements, "sensor": sensor})
@@ -80,13 +83,15 @@ def field_at_the_limit(assessment: Assessment, seed: int) -> list[Box]:
     return boxes
 
 
-@pytest.mark.parametrize("passive", [True, False])
-@pytest.mark.parametrize("heading", ["leg", "path"])
-@pytest.mark.parametrize("seed", [1, 2])
+# The first field asks for draws back and for second sidesteps, the other for gaps' middles.
+@pytest.mark.parametrize(
+    ("seed", "heading", "passive"),
+    [(12, "leg", True), (12, "path", False), (25, "leg", False), (25, "path", True)],
+)
 def test_every_obstacle_of_the_clause_is_passed_without_the_planner(
-    best_effort: Contract, heading: str, seed: int, passive: bool
+    best_effort: Contract, seed: int, heading: str, *, passive: bool
 ) -> None:
-    contract = with_passive_safety(best_effort, passive)
+    contract = with_passive_safety(best_effort, passive=passive)
     boxes = field_at_the_limit(assess(contract), seed)
     end_m = max(box.x_max_m for box in boxes) + 4.0
     mission = mission_to((end_m, 0.0), half_width_m=12.0).model_copy(update={"heading": heading})
@@ -98,3 +103,60 @@ def test_every_obstacle_of_the_clause_is_passed_without_the_planner(
     assert flight.clearance_m > 0.0
     assert flight.run_on_clearance_m > 0.0
     assert flight.uncertified == 0
+
+
+# ---------------------------------------------------------------------------- when it is tried
+
+
+@pytest.fixture
+def resting(best_effort: Contract) -> BoxFlight:
+    """Rest before a wall through which nothing leads."""
+    wall = Box(3.0, 4.0, -12.0, 12.0)
+    flight = BoxFlight(best_effort, mission_to((12.0, 0.0)), [wall])
+    flight.depart()
+    flight.run_until(FlightState.THREADING)
+    flight.run(30.0, until=lambda: flight.thread.pauses == 1)
+    return flight
+
+
+def test_before_a_wall_it_is_tried_before_each_pause_and_ends_at_rest(resting: BoxFlight) -> None:
+    flight, manoeuvre = resting, resting.thread._leg.manoeuvre
+    looked = 0
+    for _ in range(3000):
+        flight.tick()
+        looked += manoeuvre.looking
+        if flight.thread.pauses == 3:
+            break
+    assert looked > 100
+    assert flight.thread.pauses == 3
+    assert flight.thread.way.still
+    assert flight.state is FlightState.LOOKING
+    assert flight.clearance_m > 0.0
+
+
+def test_it_is_begun_at_rest_and_not_for_ever_without_getting_farther(resting: BoxFlight) -> None:
+    manoeuvre, way = resting.thread._leg.manoeuvre, resting.thread.way
+    assert way.flown is not None
+    manoeuvre.cancel()
+    manoeuvre._motions = MOTIONS_MAX
+    assert not manoeuvre.begin(may_look=True)
+    way.begin(resting.now_s, (way.flown.nodes[0, 0, 0] + 0.31, 0.0, 0.0))
+    assert manoeuvre.begin(may_look=True)
+    jerks = np.zeros((PIECES, 2))
+    jerks[:2, 0] = 3.0, -3.0
+    way.flown = Horizon.integrated(resting.now_s, np.zeros((3, 2)), jerks)
+    assert not manoeuvre.begin(may_look=True)
+
+
+def test_along_the_leg_nothing_is_flown_with_the_nose_elsewhere(resting: BoxFlight) -> None:
+    manoeuvre = resting.thread._leg.manoeuvre
+    manoeuvre.cancel()
+    resting.seen._seen.void()
+    resting.seen._seen.confirm(0.0, 0.0, 14.0)
+    known = Known(resting.seen.grid(), [], (0.0, 0.0), math.radians(40.0), 100)
+    assert manoeuvre.begin(may_look=False)
+    assert manoeuvre.advance(known, resting.now_s) is Step.FAILED
+    assert manoeuvre.begin(may_look=False)
+    ahead = known._replace(heading_rad=0.0)
+    resting.situation.reference.heading_rad = 0.0
+    assert manoeuvre.advance(ahead, resting.now_s) is Step.FLIES
