@@ -25,13 +25,13 @@ from onboard.guidance.dense.seen_space import NothingSeen, SeenSpace
 from onboard.guidance.dense.sliced_planning import Surroundings, leads_on
 from onboard.guidance.dense.standstill_clock import StandstillClock
 from onboard.guidance.dense.stop_and_sidestep import Step, known_of
+from onboard.guidance.dense.thread_record import ThreadRecord
 from onboard.guidance.dense.threaded_leg import (
     ARRIVED_M,
     NO_END,
     ThreadedLeg,
-    end_is_blocked,
     leg_to,
-    other_end,
+    with_free_end,
 )
 from onboard.guidance.dense.way_to_rest import WayToRest
 from onboard.guidance.phases import FlightState, Trigger
@@ -40,14 +40,13 @@ from onboard.planning.corridor.look import Outlook, first_looks_rad
 
 if TYPE_CHECKING:
     from onboard.geometry.frames import FloatArray
-    from onboard.geometry.free_grid import FreeGrid
     from onboard.guidance.fallback import Fallback
     from onboard.guidance.situation import Situation
-    from onboard.motion.trajectory import State, Trajectory, Vector
+    from onboard.motion.trajectory import State, Vector
     from onboard.vehicle_state import Pose
 
 
-class Thread:
+class Thread(ThreadRecord):
     """Flies legs with best effort.
 
     Args:
@@ -58,7 +57,6 @@ class Thread:
         way: the way to rest that is held.
         plans: how many plans were adopted.
         nose: turns in flight.
-        slices_max: the most slices of planning that one tick has done.
     """
 
     def __init__(self, situation: Situation, fallback: Fallback) -> None:
@@ -75,49 +73,6 @@ class Thread:
         self._frames_before = 0
         self._clock = StandstillClock()
         self._level = Level(situation)
-
-    @property
-    def nose_steady(self) -> bool:
-        """Whether the nose has been told for a while to point where it does."""
-        return self.nose.steady
-
-    @property
-    def slices_max(self) -> int:
-        """The most slices of planning that one tick has done on this leg."""
-        return self._leg.planning.slices_max
-
-    @property
-    def pauses(self) -> int:
-        """Pauses on this leg."""
-        return self._leg.pause.count
-
-    @property
-    def free_grid(self) -> FreeGrid | None:
-        """The seen-free set, leg frame, for the record."""
-        return self._seen.grid() if self.way.flown is not None else None
-
-    @property
-    def held_way(self) -> Trajectory | None:
-        """The way to rest that is flown, for the record."""
-        return None if self.way.flown is None else self._situation.reference.current
-
-    @property
-    def guide_path_leg_m(self) -> FloatArray | None:
-        """The way to try, (k, 2), for the record; None where no way leads on."""
-        return self._path_leg_m
-
-    @property
-    def pause_reason(self) -> str | None:
-        """Why the vehicle rests; None while it flies on."""
-        if self._situation.state is not FlightState.LOOKING:
-            return None
-        if self._level.changing:
-            return "going to the height of the leg"
-        if self._confirming:
-            return "looking round: the start has to be seen"
-        if self._leg.manoeuvre.looking:
-            return "looking aside, to sidestep what is ahead"
-        return f"nothing certifies (pause {self.pauses} of {PAUSES_MAX}): looking"
 
     def see_by(self, seen: SeenSpace) -> None:
         """Fly in the space that this set says was seen free; before, nothing was."""
@@ -283,8 +238,14 @@ class Thread:
 
     def _look_or_give_up(self, now_s: float) -> None:
         """Begin a pause (NO_WAY), or give up."""
-        if self._leg.pause.repeated and self._ends_nowhere(now_s):
-            return
+        if self._leg.pause.repeated:
+            leg = with_free_end(self._leg, self._situation, self.way, self._seen.frames_needed)
+            if leg is None:
+                self._fallback.report_and_hold(NO_END, now_s)
+                return
+            if leg is not self._leg:
+                self._leg = leg
+                self._clock.begin_leg(now_s)
         if self._leg.pause.exhausted:
             pauses = float(self._leg.pause.count)
             exhausted = Violation(Assumption.NO_PASSAGE, pauses, float(PAUSES_MAX), "pauses")
@@ -296,24 +257,6 @@ class Thread:
         )
         self._leg.planning.forget_guide()
         self._restart_clock(now_s)
-
-    def _ends_nowhere(self, now_s: float) -> bool:
-        """Choose a free place beside an end that an obstacle covers; give up if there is none.
-
-        Returns:
-            Whether there is none.
-        """
-        situation, leg = self._situation, self._leg
-        if not end_is_blocked(leg, situation):
-            return False
-        place_leg_m = other_end(leg, situation)
-        if place_leg_m is None:
-            self._fallback.report_and_hold(NO_END, now_s)
-            return True
-        self._leg = self._leg_to(place_leg_m)
-        self._leg.pause.count = leg.pause.count
-        self._clock.begin_leg(now_s)
-        return False
 
     def _may_plan(self, pose: Pose) -> bool:
         """Tell whether what a plan may ask for holds where the nose points now.

@@ -78,27 +78,32 @@ def leg_to(
     return ThreadedLeg(limits, SlicedPlanning(guide, limits), pause, manoeuvre, end_leg_m)
 
 
-def end_is_blocked(leg: ThreadedLeg, situation: Situation) -> bool:
-    """Tell whether a known obstacle covers the end that a leg is flown to."""
-    boxes = [obstacle.measured for obstacle in situation.obstacles]
-    return is_blocked(leg.end_leg_m, boxes, situation.assessment.inflation_m())
+def with_free_end(
+    leg: ThreadedLeg, situation: Situation, way: WayToRest, frames_needed: int
+) -> ThreadedLeg | None:
+    """Return what flies the leg to a free place beside its end, if an obstacle covers that.
 
-
-def other_end(leg: ThreadedLeg, situation: Situation) -> tuple[float, float] | None:
-    """Return the nearest place to the mission's end of the leg where it may end, too.
+    Args:
+        leg: what flies it now; returned as it is if its end is free as far as is known.
+        situation: what is flown.
+        way: the way to rest that is held.
+        frames_needed: frames that have to show a cell free.
 
     Returns:
-        None if known obstacles cover every such place.
+        None if known obstacles cover every place where the mission lets the leg end.
     """
-    margin_m, route = situation.assessment.inflation_m(), situation.route
     boxes = [obstacle.measured for obstacle in situation.obstacles]
+    margin_m, route = situation.assessment.inflation_m(), situation.route
+    if not is_blocked(leg.end_leg_m, boxes, margin_m):
+        return leg
     half_width_m = min(
         route.leg.target_half_width_m - ARRIVED_M,
         route.leg.threading_half_width_m - leg.limits.body_radius_m,
     )
-    end_leg_m = (route.length_m, 0.0)
     for grown_m in (margin_m + _CELLS_M, margin_m):
-        place_leg_m = end_beside(end_leg_m, boxes, grown_m, half_width_m)
+        place_leg_m = end_beside((route.length_m, 0.0), boxes, grown_m, half_width_m)
         if place_leg_m is not None:
-            return place_leg_m
+            other = leg_to(place_leg_m, situation, way, frames_needed)
+            other.pause.count = leg.pause.count
+            return other
     return None
