@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from itertools import pairwise
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
@@ -35,8 +34,9 @@ if TYPE_CHECKING:
 # The body is taken to be larger by twice this, so that no round-off of the grid matters.
 GRID_TOLERANCE_M: Final = 1e-3
 _SPLITS_MAX: Final = 4
-# Rectangles that together cover a disc end at these angles.
-_COVER_RAD: Final = tuple(math.pi / 2.0 * step / 8.0 for step in range(9))
+# Half sides of rectangles that together cover a disc of radius 1: they end at equal angles.
+_COVER_X: Final = np.cos(np.linspace(0.0, math.pi / 2.0, 9))[:-1]
+_COVER_Y: Final = np.sin(np.linspace(0.0, math.pi / 2.0, 9))[1:]
 
 
 @dataclass(frozen=True)
@@ -212,10 +212,10 @@ def _discs_are_free(
     A point of the disc at an angle between two others is no farther along x than the first of them
     and no farther along y than the second: so many rectangles cover the disc.
     """
-    free = np.ones(len(low), bool)
-    for begin_rad, end_rad in pairwise(_COVER_RAD):
-        x_m, y_m = grown_m * math.cos(begin_rad), grown_m * math.sin(end_rad)
-        free &= grid.are_free(low[:, 0] - x_m, high[:, 0] + x_m, low[:, 1] - y_m, high[:, 1] + y_m)
+    (x0_m, y0_m), (x1_m, y1_m) = low.T, high.T
+    x_m, y_m = grown_m * _COVER_X[:, None], grown_m * _COVER_Y[:, None]
+    covered = grid.are_free(x0_m - x_m, x1_m + x_m, y0_m - y_m, y1_m + y_m)
+    free: NDArray[np.bool_] = np.logical_and.reduce(covered, axis=0)
     if grid.free_disc is not None:
         *middle, radius_m = grid.free_disc
         farthest = np.maximum(np.abs(low - middle), np.abs(high - middle))

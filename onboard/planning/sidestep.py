@@ -33,6 +33,8 @@ _BEYOND_FACE_M: Final = (0.6, 0.4, 0.25, 0.15)
 # A metre of room at the side, up to the most of that, is worth so much of a way.
 _ROOM_WEIGHT: Final = 1.5
 _TARGETS_MAX: Final = 12
+# Of what stands abreast, the nearest: the time for a decision is bounded.
+_ABREAST_MAX: Final = 24
 # Beside an obstacle that is nearer than this, a cell at its corner may not be seen free.
 _GRAZING_CELLS: Final = 2
 # How far to draw back first: cells along the front face are seen at a grazing angle only.
@@ -196,11 +198,14 @@ def _targets_m(at: Standstill) -> list[float]:
     if ahead is None:
         return [goal_y_m] if abs(x_m - goal_x_m) < GO_MIN_M else []
     past_m = ahead.x_max_m + 2.0 * at.margin_m
-    abreast = [
-        box
-        for box in at.boxes
-        if box.x_max_m + at.margin_m > x_m - _BACK_M[-1] and box.x_min_m - at.margin_m < past_m
-    ]
+    abreast = sorted(
+        (
+            box
+            for box in at.boxes
+            if box.x_max_m + at.margin_m > x_m - _BACK_M[-1] and box.x_min_m - at.margin_m < past_m
+        ),
+        key=lambda box: max(box.y_min_m - y_m, y_m - box.y_max_m),
+    )[:_ABREAST_MAX]
     left_m = np.array([box.y_min_m for box in abreast]) - at.margin_m
     right_m = np.array([box.y_max_m for box in abreast]) + at.margin_m
     beyond_m = np.array(_BEYOND_FACE_M)[:, None]

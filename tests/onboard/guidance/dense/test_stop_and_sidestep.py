@@ -16,6 +16,7 @@ from onboard.contract.run_on import NO_RUN_ON
 from onboard.files.contract_file import Contract
 from onboard.geometry.box import Box
 from onboard.guidance.dense.limits import run_on_of
+from onboard.guidance.dense.pause import PAUSES_MAX
 from onboard.guidance.dense.stop_and_sidestep import MOTIONS_MAX, Known, Step
 from onboard.guidance.phases import FlightState
 from onboard.perception.seen_free import CELL_M
@@ -31,6 +32,8 @@ from tests.onboard.guidance.perfect_flight import mission_to
 OVERHANG_M = 0.5
 SIZE_MAX_M = 1.6
 ROWS = 2
+# In this field all looks have been used up at the start.
+LOOKED_ENOUGH = 26
 
 
 @pytest.fixture(autouse=True)
@@ -86,7 +89,13 @@ def field_at_the_limit(assessment: Assessment, seed: int) -> list[Box]:
 # The first field asks for draws back and for second sidesteps, the other for gaps' middles.
 @pytest.mark.parametrize(
     ("seed", "heading", "passive"),
-    [(12, "leg", True), (12, "path", False), (25, "leg", False), (25, "path", True)],
+    [
+        (12, "leg", True),
+        (12, "path", False),
+        (25, "leg", False),
+        (25, "path", True),
+        (LOOKED_ENOUGH, "path", False),
+    ],
 )
 def test_every_obstacle_of_the_clause_is_passed_without_the_planner(
     best_effort: Contract, seed: int, heading: str, *, passive: bool
@@ -97,6 +106,8 @@ def test_every_obstacle_of_the_clause_is_passed_without_the_planner(
     mission = mission_to((end_m, 0.0), half_width_m=12.0).model_copy(update={"heading": heading})
     flight = BoxFlight(contract, mission, boxes, seed)
     flight.depart()
+    if seed == LOOKED_ENOUGH:  # it is tried before giving up, too
+        flight.thread._leg.pause.count = PAUSES_MAX
     over = (FlightState.ARRIVED, FlightState.HOLDING)
     flight.run(240.0, until=lambda: flight.state in over)
     assert flight.state is FlightState.ARRIVED, (flight.events, flight.reference)
