@@ -35,13 +35,9 @@ class Nose:
         self._turn_radps = 0.0
         self.steady = False
 
-    def begin_leg(self, now_s: float) -> None:
-        """Keep the nose where it is; it may have been turned just now."""
+    def rest(self, now_s: float) -> None:
+        """Keep the nose where it is; a look at rest may have turned it just now."""
         self._turned_s, self._turn_radps, self.steady = now_s, 0.0, False
-
-    def keep(self) -> None:
-        """Turn no more."""
-        self._turn_radps = 0.0
 
     def follow(self, outlook: Outlook, most_radps: float) -> None:
         """Point along the guide until the next node.

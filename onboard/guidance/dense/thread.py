@@ -115,7 +115,6 @@ class Thread(ThreadRecord):
         looks_rad = first_looks_rad(0.0, outlook.half_view_rad) if self._confirming else (0.0,)
         self._leg.pause.look_round(looks_rad, seen.frames_needed)
         self._clock.begin_leg(now_s)
-        self.nose.begin_leg(now_s)
         self._restart_clock(now_s)
 
     def release(self) -> None:
@@ -198,7 +197,7 @@ class Thread(ThreadRecord):
         elif step is Step.FAILED:
             self._look_or_give_up(now_s)
         if not manoeuvre.moving:
-            self.nose.keep()
+            self.nose.rest(now_s)
         if step is Step.PASSED:
             self._restart_clock(now_s)
 
@@ -327,7 +326,7 @@ class Thread(ThreadRecord):
 
     def _restart_clock(self, now_s: float) -> None:
         self._frames_before = self._seen.frames_counted
-        self.nose.keep()
+        self.nose.rest(now_s)
         self._clock.restart(now_s)
 
     def _here(self) -> Vector:

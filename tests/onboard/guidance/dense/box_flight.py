@@ -34,6 +34,7 @@ class BoxFlight(PerfectFlight):
         clearance_m: least distance of the vehicle's body from any box.
         run_on_clearance_m: the same if the stream had been lost, at every frame.
         uncertified: ticks in which the way to rest held did not certify.
+        misled: ticks in which the nose turned although its heading was said to be steady.
     """
 
     def __init__(
@@ -46,7 +47,7 @@ class BoxFlight(PerfectFlight):
         self._low = np.array([(box.x_min_m, box.y_min_m) for box in boxes])
         self._high = np.array([(box.x_max_m, box.y_max_m) for box in boxes])
         self.clearance_m = self.run_on_clearance_m = math.inf
-        self.uncertified = self._ticks = 0
+        self.uncertified = self.misled = self._ticks = 0
         self._yaw_rad = self.pose.yaw_rad
 
     @property
@@ -59,7 +60,10 @@ class BoxFlight(PerfectFlight):
         self._ticks += 1
         if self._ticks % FRAME_TICKS == 0:
             self._look()
+        heading_rad = self.situation.reference.heading_rad
         super().tick()
+        turned_rad = abs(self.situation.reference.heading_rad - heading_rad)
+        self.misled += self.navigator.pointing_rad is not None and turned_rad > math.radians(0.5)
         terms = self.navigator.assessment.terms
         north_m, east_m, down_m = self.pose.position_ned_m
         to_box_m = self._to_nearest_m((north_m, east_m))
