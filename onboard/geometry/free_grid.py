@@ -23,11 +23,13 @@ class FreeGrid:
         origin_leg_m: corner of the grid with the least x and y.
         cell_m: edge of a cell.
         unknown_sum: (nx + 1, ny + 1), number of unknown cells below and left of each corner.
+        free_disc: (x, y, radius) of a disc that is free besides, whatever its cells are.
     """
 
     origin_leg_m: tuple[float, float]
     cell_m: float
     unknown_sum: NDArray[np.int32]
+    free_disc: tuple[float, float, float] | None = None
 
     @property
     def free_cells(self) -> int:

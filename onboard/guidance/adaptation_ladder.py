@@ -75,7 +75,7 @@ class AdaptationLadder:
         self, shield: Shield, violation: Violation, now_s: float, measured: Pose | None
     ) -> None:
         assumption = violation.assumption
-        if not costs_progress_only(assumption):
+        if not costs_progress_only(assumption, self._situation.assessment.terms):
             # What the set and the way held were built with is never adapted in flight.
             self._fallback.hold(violation, now_s, measured)
         elif self._situation.state.in_seen_space or assumption in NOTICES:

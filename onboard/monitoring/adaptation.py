@@ -41,8 +41,14 @@ PROGRESS_ASSUMPTIONS: Final = frozenset(
 )
 
 
-def costs_progress_only(assumption: Assumption) -> bool:
-    """Tell whether breaking an assumption costs time only, in the space seen free."""
+def costs_progress_only(assumption: Assumption, terms: Terms[float]) -> bool:
+    """Tell whether breaking an assumption costs time only, in the space seen free.
+
+    The speed of the vehicle itself matters to how it runs on after a loss of the stream, and to
+    nothing else there: what is flown is certified for the reference.
+    """
+    if assumption is Assumption.VELOCITY_ERROR:
+        return not terms.passive_safety
     return assumption in PROGRESS_ASSUMPTIONS
 
 

@@ -8,7 +8,6 @@ A1-sensor).  A frame that does not count also breaks its sensor's row of success
 from __future__ import annotations
 
 import math
-from collections import deque
 from collections.abc import Sequence
 from typing import Final, NamedTuple
 
@@ -19,6 +18,7 @@ from onboard.geometry.box import Box
 from onboard.geometry.frames import FloatArray, LegFrame, Vector, wrap_angle
 from onboard.geometry.free_grid import FreeGrid
 from onboard.monitoring.assumptions import Assumption, Violation
+from onboard.monitoring.sight_queue import SightQueue
 from onboard.monitoring.supervised_flight import SupervisedFlight
 from onboard.perception.detection import Corners, DetectionFrame, corners_ned, shifted_corners
 from onboard.perception.face_strips import enclosing_boxes, strip_around
@@ -35,8 +35,6 @@ _TURN_AROUND_S: Final = 0.1
 _POSE_APART_S: Final = 0.05
 # A vehicle that drifts at rest stays on the disc where it began, by this.
 START_MARGIN_M: Final = 0.3
-# More frames than these wait only if a tick has come late: the oldest do not count.
-_PENDING_MAX: Final = 8
 # What makes a frame that shows it, and what has been seen with it, unfit to say what is free.
 DOUBTS: Final = frozenset(
     {
@@ -82,7 +80,7 @@ class SeenSpace:
         self._set = SeenFree(frames_needed=frames_needed)
         self._leg = flight.leg
         self._half_width_m = math.inf
-        self._pending: deque[_Sight] = deque()
+        self._pending = SightQueue[_Sight](self._break_row)
         self._stamps_s: dict[str, float] = {}
         # How many frames of each sensor have shown each sector around one place, in local NED.
         self._looked: dict[str, IntArray] = {}
@@ -243,13 +241,14 @@ class SeenSpace:
                 shifted_corners(corners_ned(seen, None), (north_m, east_m))
                 for seen in frame.obstacles
             ]
-        self._pending.append(_Sight(frame, pose, turn_radps, placed_ned_m))
-        if len(self._pending) > _PENDING_MAX:
-            self.skip(self._pending.popleft().frame)
+        self._pending.add(frame.source, _Sight(frame, pose, turn_radps, placed_ned_m))
 
     def skip(self, frame: DetectionFrame) -> None:
         """Take note of a frame that does not count: its sensor's row of frames begins again."""
-        self._set.break_row(frame.source)
+        self._pending.add_break(frame.source)
+
+    def _break_row(self, source: str) -> None:
+        self._set.break_row(source)  # of the present leg's set
 
     def advance(self, pose: Pose | None, *, trusted: bool) -> Violation | None:
         """Count a frame that waits, at most one a tick unless more sensors than ticks see.
@@ -265,12 +264,12 @@ class SeenSpace:
         if not trusted and (self._set.size or self._pending or self._looked):
             # It may drift without a jump: what was seen before is elsewhere once it is good again.
             self.void("the position is not to be believed")
-        if self._set.size and pose is not None and self._is_off_height(pose):
+        seen = self._set.size or self._looked
+        if seen and pose is not None and self._is_off_height(pose):
             self.void("the vehicle has left the height of the leg")
         for _ in range(1 if len(self._pending) <= 2 else 2):
-            if not self._pending:
-                return None
-            violation = self._see(self._pending.popleft())
+            sight = self._pending.pop()
+            violation = None if sight is None else self._see(sight)
             if violation is not None:
                 return violation
         return None

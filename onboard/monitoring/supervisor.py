@@ -226,7 +226,13 @@ class MonitorSupervisor:
         self.wind_violation = self.response.check_wind(now_s, terms)
         if self._flight.flying:
             self._check_flight(pose, tilt, now_s, moved=moved)
-        elif in_control(self._flight, now_s):
+            return
+        if moved:
+            # What has been seen before the departure is flown into after it.
+            for doubt in self._heading_violations(pose, now_s):
+                if doubt is not None:
+                    self.seen.void(str(doubt))
+        if in_control(self._flight, now_s):
             if self.position_sign is not None:
                 self._report(self.position_sign.violation(), now_s)
             if self.flight_time_violation is not None:
@@ -276,7 +282,8 @@ class MonitorSupervisor:
         if violation.assumption in DOUBTS:
             self.seen.void(str(violation))
         flight = self._flight
-        if flight.in_seen_space and costs_progress_only(violation.assumption):
+        terms = flight.assessment.terms
+        if flight.in_seen_space and costs_progress_only(violation.assumption, terms):
             self._log.report_delay(violation, now_s)
             flight.respond_to(violation, now_s, measured)
         elif flight.flying:

@@ -30,6 +30,8 @@ REACH_M: Final = 16.0
 # The grid follows the vehicle in steps of this, so that it moves seldom.
 _STEP_CELLS: Final = 40
 _ROUND_OFF_M: Final = 1e-6
+# Around a place where the vehicle rests, no more than this matters.
+_REST_MAX_M: Final = 3.0
 
 
 class SeenFree:
@@ -55,6 +57,8 @@ class SeenFree:
         # By sensor: how many successive frames of it have shown a cell free so far.
         self._rows: dict[str, Counts] = {}
         self._half_width_m = math.inf
+        # Where the vehicle rested when the frame was turned: (x, y, radius) of what is free there.
+        self._rest_disc: tuple[float, float, float] | None = None
         self._snapshot: FreeGrid | None = None
         self.version = 0
 
@@ -84,6 +88,7 @@ class SeenFree:
         """Forget everything: after an estimator reset, a change of altitude, a contradiction."""
         self._rows.clear()
         self._free[:] = False
+        self._rest_disc = None
         self._has_changed()
 
     def break_row(self, source: str) -> None:
@@ -114,6 +119,9 @@ class SeenFree:
         """Shift the set with the map after a declared reset: by whole cells, then eroded by one."""
         cells = (round(x_m / self._cell_m), round(y_m / self._cell_m))
         self._free = _eroded(_shifted(self._free, -cells[0], -cells[1]))
+        if self._rest_disc is not None:
+            disc_x_m, disc_y_m, radius_m = self._rest_disc
+            self._rest_disc = (disc_x_m + x_m, disc_y_m + y_m, radius_m)
         self._rows.clear()
         self._has_changed()
 
@@ -170,7 +178,8 @@ class SeenFree:
             origin_leg_m: origin of the new leg, in this frame.
             turn_rad: heading of the new leg less that of this one.
 
-        A cell is free there only if every cell here that its circumscribed square meets is.
+        A cell is free there only if every cell here that its circumscribed square meets is.  What
+        that takes from the place where the leg begins, and the vehicle rests, stays free as a disc.
         """
         new = SeenFree(
             frames_needed=self._needed,
@@ -187,7 +196,34 @@ class SeenFree:
         half_m = self._cell_m / 2.0 * (abs(cosine) + abs(sine)) + _ROUND_OFF_M
         free = self._grid(math.inf).are_free(x_m - half_m, x_m + half_m, y_m - half_m, y_m + half_m)
         new._free[i[free], j[free]] = True
+        radius_m = self.free_radius_m(*origin_leg_m)
+        if radius_m > 0.0:
+            new._rest_disc = (0.0, 0.0, radius_m)
+            new.confirm(0.0, 0.0, radius_m)
         return new
+
+    def free_radius_m(self, x_m: float, y_m: float) -> float:
+        """Return the radius of the largest disc about a place that is free, up to a few metres."""
+        xs_m, ys_m = self._centres(slice(None), slice(None))
+        i = np.flatnonzero(np.abs(xs_m - x_m) <= _REST_MAX_M)
+        j = np.flatnonzero(np.abs(ys_m - y_m) <= _REST_MAX_M)
+        half_m, radius_m = self._cell_m / 2.0, 0.0
+        if i.size and j.size:
+            inside_m = (
+                x_m - xs_m[i[0]],
+                xs_m[i[-1]] - x_m,
+                y_m - ys_m[j[0]],
+                ys_m[j[-1]] - y_m,
+            )  # beyond the grid nothing is known
+            away_x_m = np.maximum(np.abs(xs_m[i] - x_m) - half_m, 0.0)[:, None]
+            away_y_m = np.maximum(np.abs(ys_m[j] - y_m) - half_m, 0.0)[None, :]
+            unknown = ~self._free[i[0] : i[-1] + 1, j[0] : j[-1] + 1]
+            nearest_m = np.where(unknown, np.hypot(away_x_m, away_y_m), math.inf).min()
+            radius_m = max(0.0, min(float(nearest_m), min(inside_m) + half_m))
+        if self._rest_disc is not None:
+            disc_x_m, disc_y_m, disc_m = self._rest_disc
+            radius_m = max(radius_m, disc_m - math.hypot(x_m - disc_x_m, y_m - disc_y_m))
+        return radius_m
 
     def _grid(self, half_width_m: float) -> FreeGrid:
         unknown = ~self._free
@@ -198,7 +234,7 @@ class SeenFree:
         np.cumsum(unknown, axis=0, dtype=np.int32, out=table[1:, 1:])
         np.cumsum(table[1:, 1:], axis=1, out=table[1:, 1:])
         corner_m = (self._corner[0] * self._cell_m, self._corner[1] * self._cell_m)
-        return FreeGrid(corner_m, self._cell_m, table)
+        return FreeGrid(corner_m, self._cell_m, table, self._rest_disc)
 
     def _has_changed(self) -> None:
         self._snapshot = None

@@ -37,6 +37,9 @@ if TYPE_CHECKING:
 # The body is taken to be larger by twice this, so that no round-off of the grid matters.
 GRID_TOLERANCE_M: Final = 1e-3
 _SPLITS_MAX: Final = 4
+# Half sides of rectangles that together cover a disc of radius 1: they end at equal angles.
+_COVER_X: Final = np.cos(np.linspace(0.0, math.pi / 2.0, 9))[:-1]
+_COVER_Y: Final = np.sin(np.linspace(0.0, math.pi / 2.0, 9))[1:]
 
 
 @dataclass(frozen=True)
@@ -207,12 +210,37 @@ def _space_failures(trajectory: Trajectory, limits: RestLimits, grid: FreeGrid) 
 def _are_free(
     points: FloatArray, gains: Sequence[tuple[float, float]], grown_m: float, grid: FreeGrid
 ) -> NDArray[np.bool_]:
-    """Tell for each piece whether the box around its points with these gains is seen free."""
+    """Tell for each piece whether the box of its points, grown by a disc, is seen free."""
     position, velocity, acceleration = points
     swept = np.stack([position + kappa * velocity + c * acceleration for kappa, c in gains])
-    low = swept.min(axis=(0, 2)) - grown_m
-    high = swept.max(axis=(0, 2)) + grown_m
-    return grid.are_free(low[:, 0], high[:, 0], low[:, 1], high[:, 1])
+    low, high = swept.min(axis=(0, 2)), swept.max(axis=(0, 2))
+    free = grid.are_free(
+        low[:, 0] - grown_m, high[:, 0] + grown_m, low[:, 1] - grown_m, high[:, 1] + grown_m
+    )
+    # The corners of that square belong to no disc: without them it may be free all the same.
+    left = np.flatnonzero(~free)
+    if left.size:
+        free[left] = _discs_are_free(low[left], high[left], grown_m, grid)
+    return free
+
+
+def _discs_are_free(
+    low: FloatArray, high: FloatArray, grown_m: float, grid: FreeGrid
+) -> NDArray[np.bool_]:
+    """Tell for boxes, (n, 2) corners, whether each is seen free when a disc grows it.
+
+    A point of the disc at an angle between two others is no farther along x than the first of them
+    and no farther along y than the second: so many rectangles cover the disc.
+    """
+    (x0_m, y0_m), (x1_m, y1_m) = low.T, high.T
+    x_m, y_m = grown_m * _COVER_X[:, None], grown_m * _COVER_Y[:, None]
+    covered = grid.are_free(x0_m - x_m, x1_m + x_m, y0_m - y_m, y1_m + y_m)
+    free: NDArray[np.bool_] = np.logical_and.reduce(covered, axis=0)
+    if grid.free_disc is not None:
+        *middle, radius_m = grid.free_disc
+        farthest = np.maximum(np.abs(low - middle), np.abs(high - middle))
+        free |= np.hypot(farthest[:, 0], farthest[:, 1]) + grown_m <= radius_m
+    return free
 
 
 def _halves(points: FloatArray) -> FloatArray:

@@ -20,7 +20,6 @@ from onboard.geometry.frames import FloatArray
 from onboard.guidance.phases import FLYING_PHASES
 from onboard.recording.messages import StateRecord
 
-
 # A reference slower than this rests.
 _AT_REST_MPS: Final = 0.01
 

@@ -6,6 +6,7 @@ import math
 from typing import TYPE_CHECKING, Final
 
 from onboard.contract.run_on import RunOn, contract_run_on
+from onboard.planning.corridor.look import TURN_FAST_RADPS
 from onboard.planning.rest_certifier import RestLimits
 
 if TYPE_CHECKING:
@@ -13,6 +14,8 @@ if TYPE_CHECKING:
 
 # A vehicle without lag still has no use for more jerk than this allows for.
 _LAG_MIN_S: Final = 0.05
+# Of the jerk that the attitude can follow, turning the nose in flight takes no more than this.
+_TURN_SHARE: Final = 0.5
 
 
 def rest_limits_of(assessment: Assessment, *, any_heading: bool) -> RestLimits:
@@ -27,14 +30,26 @@ def rest_limits_of(assessment: Assessment, *, any_heading: bool) -> RestLimits:
     box_mps2 = (limits.brake_mps2, limits.forward_mps2, limits.left_mps2, limits.right_mps2)
     least_mps2 = min(box_mps2)
     lag_s = max(terms.attitude_lag_s, _LAG_MIN_S)
+    jerk_mps3 = least_mps2 / lag_s
+    if any_heading:
+        # The vehicle tilts in its body's frame.  There an acceleration a whose nose turns at omega
+        # changes by a * omega besides, and the jerk of two axes may add up.
+        turning_mps3 = least_mps2 * turn_max_radps(assessment)
+        jerk_mps3 = (jerk_mps3 - turning_mps3) / math.sqrt(2.0)
     return RestLimits(
         body_radius_m=terms.body_m,
         speed_max_mps=terms.cruise_speed_mps,
         acceleration_max_mps2=(least_mps2,) * 4 if any_heading else box_mps2,
         acceleration_disc_mps2=least_mps2 if any_heading else math.inf,
-        jerk_max_mps3=least_mps2 / lag_s / (math.sqrt(2.0) if any_heading else 1.0),
+        jerk_max_mps3=jerk_mps3,
         run_on=run_on_of(assessment),
     )
+
+
+def turn_max_radps(assessment: Assessment) -> float:
+    """Return how fast the nose may turn in flight, where it may point anywhere."""
+    lag_s = max(assessment.terms.attitude_lag_s, _LAG_MIN_S)
+    return min(TURN_FAST_RADPS, _TURN_SHARE / lag_s)
 
 
 def run_on_of(assessment: Assessment, speed_max_mps: float | None = None) -> RunOn:

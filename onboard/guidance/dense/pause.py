@@ -1,7 +1,7 @@
 """PAUSE: nothing better certifies, so look: along the guide first, then all round.
 
 A pause is no failure: every assumption holds, and the vehicle stays on its way to rest.  From the
-second look in a row on, the guide is made dearer just ahead, so that another gap is tried.
+second look in a row on, the guide's cost just ahead is raised, so that another gap is tried.
 """
 
 from __future__ import annotations
@@ -19,8 +19,8 @@ if TYPE_CHECKING:
 
 # Of one leg; then the vehicle gives up.
 PAUSES_MAX: Final = 25
-# This far ahead the guide becomes dearer.
-_DEARER_AHEAD_M: Final = 0.8
+# This far ahead the guide's cost is raised.
+_COST_AHEAD_M: Final = 0.8
 # Nearer to the leg's end than before by this: what was tried has helped.
 _PROGRESS_M: Final = 1.0
 # After a look, a plan has this long to certify before the next look.
@@ -55,6 +55,11 @@ class Pause:
         """Whether the nose turns, or has come to point somewhere."""
         return self._looked_s is None
 
+    @property
+    def repeated(self) -> bool:
+        """Whether the vehicle has looked since it last got on."""
+        return self._in_a_row > 0
+
     def begin_leg(self) -> None:
         """Count from zero again."""
         self.count = self._in_a_row = 0
@@ -77,7 +82,7 @@ class Pause:
         looks_rad = looks_at_rest_rad(outlook, all_round=self._in_a_row > 1)
         nothing_new = len(looks_rad) == 1
         if (self._in_a_row > 1 or nothing_new) and outlook.path_leg_m is not None:
-            x_m, y_m = along(outlook.path_leg_m, (_DEARER_AHEAD_M,))[0].tolist()
+            x_m, y_m = along(outlook.path_leg_m, (_COST_AHEAD_M,))[0].tolist()
             self._guide.penalized_leg_m.append((x_m, y_m))
         self.look_round((*looks_rad, 0.0) if along_leg else looks_rad, frames_needed)
 

@@ -2,10 +2,16 @@
 
 from __future__ import annotations
 
+import logging
 import math
 from typing import TYPE_CHECKING, Final, NamedTuple
 
+import numpy as np
+
+from onboard.guidance.dense.standstill_clock import NEARER_M
+from onboard.guidance.dense.way_to_rest import moves
 from onboard.planning.corridor.guide import Guide
+from onboard.planning.corridor.horizon import PIECES
 from onboard.planning.corridor.receding_horizon import (
     HorizonPlan,
     HorizonProblem,
@@ -21,6 +27,8 @@ if TYPE_CHECKING:
     from onboard.guidance.dense.way_to_rest import WayToRest
     from onboard.planning.corridor.horizon import Horizon
     from onboard.planning.rest_certifier import RestLimits
+
+log = logging.getLogger(__name__)
 
 # A plan takes about ten slices, and has ten ticks.
 SLICES_PER_TICK: Final = 2
@@ -62,6 +70,7 @@ class SlicedPlanning:
     Attributes:
         guide: as given.
         slices_max: the most slices that one tick has done.
+        failures: how often planning has raised an exception; nothing is proposed then.
     """
 
     def __init__(self, guide: Guide, limits: RestLimits) -> None:
@@ -71,7 +80,7 @@ class SlicedPlanning:
         self._guide_work: Generator[None] | None = None
         self._version = -1
         self._guide_revision, self._guide_s = -1, -math.inf
-        self.slices_max = 0
+        self.slices_max = self.failures = 0
 
     def advance(self, way: WayToRest, surroundings: Surroundings, now_s: float) -> Proposal | None:
         """Work for one tick on the plan of the next node; return it once it is complete.
@@ -80,10 +89,25 @@ class SlicedPlanning:
         """
         if way.flown is None or way.decided:
             return None
+        if len(way.flown.jerk_mps3) > PIECES + 1:  # a motion that takes longer than plans reach
+            return None
+        try:
+            return self._advance(way, way.flown, surroundings, now_s)
+        except Exception:
+            # What is held goes on; nothing proposed costs time only.
+            if not self.failures:
+                log.exception("planning failed")
+            self.failures += 1
+            self._work = self._guide_work = None
+            return None
+
+    def _advance(
+        self, way: WayToRest, flown: Horizon, surroundings: Surroundings, now_s: float
+    ) -> Proposal | None:
         if self._guide_work is None and self._version != way.version:
             # The work is on another plan than the one flown.
             self._version, self._work = way.version, None
-            if not self._begin_guide(way.flown, surroundings, now_s):
+            if not self._begin_guide(flown, surroundings, now_s):
                 self._begin_plan(way, surroundings)
         if self._guide_work is not None:
             if next(self._guide_work, True):
@@ -110,7 +134,9 @@ class SlicedPlanning:
             except StopIteration as done:
                 self._work = None
                 plan: HorizonPlan = done.value
-                return None if plan.kind == "kept" else Proposal(plan.horizon, way.version)
+                if plan.kind == "kept" or not is_finite(plan.horizon):
+                    return None
+                return Proposal(plan.horizon, way.version)
         return None
 
     def _begin_plan(self, way: WayToRest, surroundings: Surroundings) -> None:
@@ -130,3 +156,14 @@ class SlicedPlanning:
         self._guide_work = self.guide.updating((x_m, y_m), surroundings.boxes)
         self._guide_revision, self._guide_s = surroundings.revision, now_s
         return True
+
+
+def is_finite(plan: Horizon) -> bool:
+    """Tell whether a plan is made of numbers."""
+    return bool(np.isfinite(plan.nodes).all() and np.isfinite(plan.jerk_mps3).all())
+
+
+def leads_on(plan: Horizon) -> bool:
+    """Tell whether a plan is worth setting off for, from rest."""
+    x_m, y_m = (plan.nodes[-1, 0] - plan.nodes[0, 0]).tolist()
+    return moves(plan) and math.hypot(x_m, y_m) >= NEARER_M

@@ -3,71 +3,51 @@
 Nothing here decides on safety.  A plan is flown only if the certifier accepts it for the set as it
 is (`way_to_rest`); whatever else happens, the one that is held goes on and ends at rest.  So late
 frames, a short range, large or near obstacles and a planner that finds nothing cost time only.
+Before a pause, and before it gives up, the vehicle stops, looks and sidesteps
+(`stop_and_sidestep`).
 """
 
 from __future__ import annotations
 
 import math
 from dataclasses import replace
-from typing import TYPE_CHECKING, Final, NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from onboard.contract.assessment import TICK_S
 from onboard.geometry.frames import wrap_angle
-from onboard.guidance.dense.limits import rest_limits_of
+from onboard.guidance.dense.level import Level
+from onboard.guidance.dense.limits import turn_max_radps
 from onboard.guidance.dense.look_round import points_at
-from onboard.guidance.dense.pause import PAUSES_MAX, Pause
+from onboard.guidance.dense.nose import Nose
+from onboard.guidance.dense.pause import PAUSES_MAX
 from onboard.guidance.dense.seen_space import NothingSeen, SeenSpace, take_operators_word
-from onboard.guidance.dense.sliced_planning import SlicedPlanning, Surroundings
-from onboard.guidance.dense.way_to_rest import WayToRest, moves
+from onboard.guidance.dense.sliced_planning import Surroundings, leads_on
+from onboard.guidance.dense.standstill_clock import StandstillClock
+from onboard.guidance.dense.stop_and_sidestep import Step, known_of
+from onboard.guidance.dense.thread_record import ThreadRecord
+from onboard.guidance.dense.threaded_leg import (
+    ARRIVED_M,
+    NO_END,
+    ThreadedLeg,
+    leg_to,
+    with_free_end,
+)
+from onboard.guidance.dense.way_to_rest import WayToRest
 from onboard.guidance.phases import FlightState, Trigger
 from onboard.monitoring.assumptions import Assumption, Violation
 from onboard.motion.trajectory import Y
-from onboard.planning.corridor.guide import Guide
-from onboard.planning.corridor.horizon import PIECE_S
-from onboard.planning.corridor.look import (
-    TURN_MAX_RADPS,
-    Outlook,
-    first_looks_rad,
-    heading_in_flight_rad,
-)
+from onboard.planning.corridor.look import Outlook, first_looks_rad
 
 if TYPE_CHECKING:
     from onboard.geometry.frames import FloatArray
-    from onboard.geometry.free_grid import FreeGrid
     from onboard.guidance.fallback import Fallback
     from onboard.guidance.situation import Situation
     from onboard.motion.trajectory import State, Trajectory, Vector
-    from onboard.planning.corridor.horizon import Horizon
-    from onboard.planning.rest_certifier import RestLimits
     from onboard.vehicle_state import Pose
 
-_GUIDE_M: Final = 18.0
-# The vehicle has arrived where it rests this near to the leg's end.
-ARRIVED_M: Final = 0.3
-# At rest for so long, or without getting nearer by `_NEARER_M` for longer: nothing certifies.
-_IDLE_S: Final = 0.6
-_WITHOUT_PROGRESS_S: Final = 5.0
-_NEARER_M: Final = 0.2
-# After a turn the nose of a vehicle follows its command within this.
-_STEADY_S: Final = 1.0
-_STEADY_RADPS: Final = math.radians(0.5)
-# The guide has changed: the way left is longer by this than it was.
-_LONGER_M: Final = 2.0
-# Beside where an avoidance has led there is this much room for another way.
-_BESIDE_M: Final = 1.0
 
-
-class _Leg(NamedTuple):
-    """What belongs to the leg that is flown."""
-
-    limits: RestLimits
-    planning: SlicedPlanning
-    pause: Pause
-
-
-class Thread:
+class Thread(ThreadRecord):
     """Flies legs with best effort.
 
     Args:
@@ -77,70 +57,23 @@ class Thread:
     Attributes:
         way: the way to rest that is held.
         plans: how many plans were adopted.
-        nose_steady: whether the nose has been told for a while to point where it does.
-        slices_max: the most slices of planning that one tick has done.
+        nose: turns in flight.
     """
 
     def __init__(self, situation: Situation, fallback: Fallback) -> None:
         self._situation, self._fallback = situation, fallback
         self._seen: SeenSpace = NothingSeen()
         self.way = WayToRest(situation.reference)
+        self.nose = Nose(situation.reference)
         self.plans = 0
-        self._leg = self._new_leg()
+        self._leg = self._leg_to((situation.route.length_m, 0.0))
         # From the node that was passed last.
         self._path_leg_m: FloatArray | None = None
         self._confirming = False
-        self.nose_steady = False
-        self._turned_s = -math.inf
-        self._turn_radps = 0.0
         # Frames that had counted when the look, or the way since, began.
         self._frames_before = 0
-        self._idle_since_s: float | None = None
-        self._nearest_m, self._nearest_s = math.inf, -math.inf
-
-    @property
-    def slices_max(self) -> int:
-        """The most slices of planning that one tick has done on this leg."""
-        return self._leg.planning.slices_max
-
-    @property
-    def pauses(self) -> int:
-        """Pauses on this leg."""
-        return self._leg.pause.count
-
-    @property
-    def turns_nose(self) -> bool:
-        """Whether the nose may still be on its way to where it was told to point."""
-        return self._situation.state.in_seen_space and not self.nose_steady
-
-    @property
-    def confirms_start(self) -> bool:
-        """Whether the vehicle looks all round, since the place where it hovers has to be seen."""
-        return self._confirming
-
-    @property
-    def free_grid(self) -> FreeGrid | None:
-        """The seen-free set, leg frame, for the record."""
-        return self._seen.grid() if self.way.flown is not None else None
-
-    @property
-    def held_way(self) -> Trajectory | None:
-        """The way to rest that is flown, for the record."""
-        return None if self.way.flown is None else self._situation.reference.current
-
-    @property
-    def guide_path_leg_m(self) -> FloatArray | None:
-        """The way to try, (k, 2), for the record; None where no way leads on."""
-        return self._path_leg_m
-
-    @property
-    def pause_reason(self) -> str | None:
-        """Why the vehicle rests; None while it flies on."""
-        if self._situation.state is not FlightState.LOOKING:
-            return None
-        if self._confirming:
-            return "looking round: the start has to be seen"
-        return f"nothing certifies (pause {self.pauses} of {PAUSES_MAX}): looking"
+        self._clock = StandstillClock()
+        self._level = Level(situation)
 
     def see_by(self, seen: SeenSpace) -> None:
         """Fly in the space that this set says was seen free; before, nothing was."""
@@ -152,28 +85,38 @@ class Thread:
     def begin_leg(self, state: State, yaw_rad: float, now_s: float) -> None:
         """Start, resume or go on with a leg where the vehicle is at rest: look first.
 
+        What is seen free is so at the height of the leg only.  A vehicle at another height goes
+        there on the spot before it looks.
+
         Args:
             state: in the frame of the leg, which is the situation's already.
             yaw_rad: where the nose points.
             now_s: the time.
         """
         situation, seen = self._situation, self._seen
-        self._leg, self._path_leg_m = self._new_leg(), None
+        self._leg = self._leg_to((situation.route.length_m, 0.0))
+        self._path_leg_m = None
         seen.begin_leg(situation.leg)
-        seen.limit(self._half_width_m(0.0))
-        self.way.begin(now_s, state.position_leg_m)
-        take_operators_word(seen, situation.route.mission)
-        self.way.recheck(self._leg.limits, seen.grid())
+        seen.limit(self._leg.half_width_m)
         situation.reference.heading_rad = wrap_angle(yaw_rad - situation.leg.heading_rad)
+        self._begin_at(state.position_leg_m, now_s)
+
+    def _begin_at(self, position_leg_m: Vector, now_s: float) -> None:
+        """Begin the leg at a place; first go to its height, if that is another."""
+        if self._level.begin(position_leg_m, now_s):
+            self.way.end()
+            return
+        (x_m, y_m, _), seen = position_leg_m, self._seen
+        self.way.begin(now_s, (x_m, y_m, 0.0))
+        take_operators_word(seen, self._situation.route.mission)
+        self.way.recheck(self._leg.limits, seen.grid())
         self._confirming = not self.way.certified
         outlook = replace(self._outlook(), heading_rad=0.0)
         if self._confirming:
             self.way.certified = None  # not before the look all round
         looks_rad = first_looks_rad(0.0, outlook.half_view_rad) if self._confirming else (0.0,)
         self._leg.pause.look_round(looks_rad, seen.frames_needed)
-        self._nearest_m = math.inf
-        self._turned_s, self._turn_radps = now_s, 0.0
-        self.nose_steady = False
+        self._clock.begin_leg(now_s)
         self._restart_clock(now_s)
 
     def take_over(self, held: Trajectory, now_s: float) -> None:
@@ -185,46 +128,26 @@ class Thread:
         """
         seen = self._seen
         beside_m = max(map(abs, held.position_range_m(Y)))
-        self._leg, self._path_leg_m = self._new_leg(beside_m), None
+        end_leg_m = (self._situation.route.length_m, 0.0)
+        self._leg, self._path_leg_m = self._leg_to(end_leg_m, beside_m), None
         self.way.follow(held, now_s)
-        self._confirming = False
-        seen.limit(self._half_width_m(beside_m))
+        self._confirming = self._level.changing = False
+        seen.limit(self._leg.half_width_m)
         self._leg.pause.look_round((0.0,), seen.frames_needed)
-        self._nearest_m = math.inf
-        self._turned_s, self.nose_steady = now_s, False
+        self._clock.begin_leg(now_s)
         self._restart_clock(now_s)
 
     def release(self) -> None:
         """Hold nothing: another commander flies."""
         self.way.end()
+        self._level.changing = False
 
     def shift(self, shift_leg_m: Vector) -> None:
         """Move with the estimate."""
         self.way.shift(shift_leg_m)
 
-    def _half_width_m(self, beside_m: float) -> float:
-        """Return how far beside its line the leg may be flown.
-
-        Without a stated corridor an avoidance may have led farther than best effort would.
-        """
-        leg = self._situation.route.leg
-        room_m = self._situation.assessment.inflation_m() + _BESIDE_M
-        stated = leg.corridor_half_width_m is not None
-        return max(leg.threading_half_width_m, 0.0 if stated else beside_m + room_m)
-
-    def _new_leg(self, beside_m: float = 0.0) -> _Leg:
-        situation = self._situation
-        assessment, route = situation.assessment, situation.route
-        limits = rest_limits_of(assessment, any_heading=route.mission.heading == "path")
-        margin_m = assessment.inflation_m()
-        guide = Guide(
-            (route.length_m, 0.0),
-            margin_m,
-            self._half_width_m(beside_m),
-            face_error_m=assessment.face_error_m,
-            wish_m=assessment.contract.vehicle.clearance_wish_m,
-        )
-        return _Leg(limits, SlicedPlanning(guide, limits), Pause(situation.reference, guide))
+    def _leg_to(self, end_leg_m: tuple[float, float], beside_m: float = 0.0) -> ThreadedLeg:
+        return leg_to(end_leg_m, self._situation, self.way, self._seen.frames_needed, beside_m)
 
     # ------------------------------------------------------------------ one tick
 
@@ -235,27 +158,68 @@ class Thread:
             pose: the newest.
             now_s: the time.
         """
+        if self._level.changing:
+            place_leg_m = self._level.reached_leg_m(now_s)
+            if place_leg_m is not None:
+                self._begin_at(place_leg_m, now_s)
+            return False
+        passed = self._pass_nodes(now_s)
+        if self._situation.state is FlightState.RESTING:
+            return self.way.ended
+        if self._leg.manoeuvre.active:
+            self._manoeuvre(pose, now_s, passed=passed)
+            threading = self._situation.state is FlightState.THREADING
+            return threading and self._is_at_end() and self.way.ended
+        if self._situation.state is FlightState.LOOKING:
+            self._look(pose, now_s)
+        elif self._fly_on(now_s, passed=passed):
+            return self.way.ended
+        if self._may_plan(pose):
+            self._plan(now_s)
+        return False
+
+    def _pass_nodes(self, now_s: float) -> bool:
+        """Go on to the plan that is due; tell whether a node has been passed."""
         passed = self.way.pass_nodes(now_s)
         if passed:
             x_m, y_m, _ = self._here()
             self._path_leg_m = self._leg.planning.path_leg_m((x_m, y_m))
         if passed and not self._confirming:
             self.way.recheck(self._leg.limits, self._seen.grid())
-        if self._situation.state is FlightState.RESTING:
-            return self.way.ended
-        if self._situation.state is FlightState.LOOKING:
-            self._look(pose, now_s)
-        else:
+        return passed
+
+    def _fly_on(self, now_s: float, *, passed: bool) -> bool:
+        """Turn the nose and look after progress; tell whether the leg's end has been reached."""
+        if passed:
+            self._follow_guide()
+        self.nose.turn(now_s)
+        if passed and self._is_at_end():
+            return True
+        if passed and self._stands(now_s):
+            self._pause(now_s)
+        return False
+
+    def _manoeuvre(self, pose: Pose, now_s: float, *, passed: bool) -> None:
+        """Stop, look, sidestep or go for one tick."""
+        situation, manoeuvre = self._situation, self._leg.manoeuvre
+        if manoeuvre.moving:
             if passed:
                 self._follow_guide()
-            self._turn_nose(now_s)
-            if passed and self._is_at_end():
-                return self.way.ended
-            if passed and self._stands(now_s):
-                self._pause(now_s)
-        if self._situation.state.in_seen_space and self._may_plan(pose):
-            self._plan(now_s)
-        return False
+            self.nose.turn(now_s)
+        known = known_of(situation, self._seen, pose, now_s)
+        step = manoeuvre.advance(known, now_s)
+        if manoeuvre.looking and situation.state is FlightState.THREADING:
+            situation.fire(Trigger.NO_WAY, now_s)
+        elif step is Step.FLIES:
+            self.plans += 1
+            if situation.state is FlightState.LOOKING:
+                situation.fire(Trigger.WAY_FOUND, now_s)
+        elif step is Step.FAILED:
+            self._look_or_give_up(now_s)
+        if not manoeuvre.moving:
+            self.nose.rest(now_s)
+        if step is Step.PASSED:
+            self._restart_clock(now_s)
 
     def _look(self, pose: Pose, now_s: float) -> None:
         """Turn the nose; once all round for a start that has to be seen, then in each pause.
@@ -285,7 +249,22 @@ class Thread:
             self._fallback.report_and_hold(blocked, now_s)
 
     def _pause(self, now_s: float) -> None:
+        """Stop, look and sidestep, if that may lead on; else pause or give up."""
+        pause = self._leg.pause
+        # The first look is short, along the guide: that is often enough.
+        if not self._leg.manoeuvre.begin(may_look=pause.repeated or pause.exhausted):
+            self._look_or_give_up(now_s)
+
+    def _look_or_give_up(self, now_s: float) -> None:
         """Begin a pause (NO_WAY), or give up."""
+        if self._leg.pause.repeated:
+            leg = with_free_end(self._leg, self._situation, self.way, self._seen.frames_needed)
+            if leg is None:
+                self._fallback.report_and_hold(NO_END, now_s)
+                return
+            if leg is not self._leg:
+                self._leg = leg
+                self._clock.begin_leg(now_s)
         if self._leg.pause.exhausted:
             pauses = float(self._leg.pause.count)
             exhausted = Violation(Assumption.NO_PASSAGE, pauses, float(PAUSES_MAX), "pauses")
@@ -305,7 +284,10 @@ class Thread:
         it waits for a sensor that is silent; where W is meant along the leg, not before the nose
         is back, and told to be: on its way from one look to the next it passes the leg.
         """
-        if self._situation.state is FlightState.THREADING:
+        state = self._situation.state
+        if self._leg.manoeuvre.active or not state.in_seen_space:
+            return False
+        if state is FlightState.THREADING:
             return True
         heading_rad = wrap_angle(pose.yaw_rad - self._situation.leg.heading_rad)
         told_rad = self._situation.reference.heading_rad
@@ -321,7 +303,7 @@ class Thread:
             self._seen.grid, [obstacle.measured for obstacle in obstacles], obstacles.revision
         )
         proposal = leg.planning.advance(way, surroundings, now_s)
-        if proposal is None or (way.still and not self._leads_on(proposal.horizon)):
+        if proposal is None or (way.still and not leads_on(proposal.horizon)):
             return
         certificate = way.adopt(
             proposal.horizon, proposal.version, now_s, leg.limits, self._seen.grid()
@@ -338,34 +320,20 @@ class Thread:
         """Whether what plans ask for holds with the nose along the leg only."""
         return math.isinf(self._leg.limits.acceleration_disc_mps2)
 
-    def _leads_on(self, plan: Horizon) -> bool:
-        """Tell whether a plan is worth setting off for, from rest."""
-        x_m, y_m = (plan.nodes[-1, 0] - plan.nodes[0, 0]).tolist()
-        return moves(plan) and math.hypot(x_m, y_m) >= _NEARER_M
-
     def _follow_guide(self) -> None:
-        """Choose the heading of the next node: along the guide, or back along the leg."""
-        heading_rad = self._situation.reference.heading_rad
-        if self._situation.route.mission.heading == "path":
-            wanted_rad = heading_in_flight_rad(self._outlook(), PIECE_S)
-            self._turn_radps = (wanted_rad - heading_rad) / PIECE_S
+        """Choose where the nose points until the next node: along the guide, or along the leg."""
+        along_path = self._situation.route.mission.heading == "path"
+        if along_path and not self._leg.manoeuvre.active:
+            self.nose.follow(self._outlook(), turn_max_radps(self._situation.assessment))
         else:
-            turn_rad, most_rad = wrap_angle(-heading_rad), TURN_MAX_RADPS * PIECE_S
-            self._turn_radps = max(-most_rad, min(most_rad, turn_rad)) / PIECE_S
-
-    def _turn_nose(self, now_s: float) -> None:
-        """Turn the nose by a tick's worth."""
-        self._situation.reference.heading_rad += self._turn_radps * TICK_S
-        if abs(self._turn_radps) > _STEADY_RADPS:
-            self._turned_s = now_s
-        self.nose_steady = now_s - self._turned_s >= _STEADY_S
+            self.nose.return_to_leg()
 
     # ------------------------------------------------------------------ what is the case
 
     def _is_at_end(self) -> bool:
         """Tell whether the vehicle comes to rest at the end of the leg."""
         x_m, y_m, _ = self._here()
-        left_m = math.hypot(x_m - self._situation.route.length_m, y_m)
+        left_m = math.dist((x_m, y_m), self._leg.end_leg_m)
         return self.way.still and left_m <= ARRIVED_M
 
     def _stands(self, now_s: float) -> bool:
@@ -374,19 +342,12 @@ class Thread:
         guide = self._leg.planning.guide
         left_m = float(guide.distance_m(np.array([x_m]), np.array([y_m]))[0])
         self._leg.pause.note_progress(left_m)
-        if left_m < self._nearest_m - _NEARER_M or left_m > self._nearest_m + _LONGER_M:
-            self._nearest_m, self._nearest_s = left_m, now_s
-        if not self.way.still:
-            self._idle_since_s = None
-        elif self._idle_since_s is None:
-            self._idle_since_s = now_s
-        idle = self._idle_since_s is not None and now_s - self._idle_since_s >= _IDLE_S
-        return idle or now_s - self._nearest_s > _WITHOUT_PROGRESS_S
+        return self._clock.has_stopped(left_m, now_s, still=self.way.still)
 
     def _restart_clock(self, now_s: float) -> None:
         self._frames_before = self._seen.frames_counted
-        self._turn_radps = 0.0
-        self._idle_since_s, self._nearest_s = None, now_s
+        self.nose.rest(now_s)
+        self._clock.restart(now_s)
 
     def _here(self) -> Vector:
         flown = self.way.flown

@@ -25,7 +25,7 @@ PIECE_S: Final = 0.2
 
 @dataclass(frozen=True, eq=False)
 class Horizon:
-    """Nodes of `PIECES` pieces from a start.
+    """Nodes of `PIECES` pieces from a start, or of more where a motion takes longer.
 
     Attributes:
         start_s: time of the first node.
@@ -61,7 +61,9 @@ class Horizon:
         return first
 
     def next_node(self) -> Horizon:
-        """Return the same plan from its second node on, filled up with rest."""
+        """Return the same plan from its second node on; one of `PIECES` is filled up with rest."""
+        if len(self.jerk_mps3) > PIECES:
+            return Horizon(self.start_s + PIECE_S, self.nodes[1:], self.jerk_mps3[1:])
         nodes = np.concatenate((self.nodes[1:], self.nodes[-1:]))
         nodes[-1, 1:] = 0.0
         jerk_mps3 = np.concatenate((self.jerk_mps3[1:], ((0.0, 0.0),)))

@@ -10,10 +10,13 @@ import pytest
 from onboard.files.contract_file import Contract
 from onboard.geometry.box import Box
 from onboard.geometry.frames import LegFrame
+from onboard.guidance.dense.limits import rest_limits_of
 from onboard.monitoring.assumptions import Assumption, Violation
 from onboard.monitoring.seen_space import TURN_MAX_RADPS, SeenSpace
 from onboard.perception.detection import Detection, DetectionFrame
 from onboard.perception.pose_history import PoseHistory
+from onboard.planning.corridor.horizon import Horizon
+from onboard.planning.rest_certifier import certify_rest
 from onboard.vehicle_state import Pose
 from tests.onboard.monitoring.fake_flight import FakeFlight
 
@@ -150,6 +153,35 @@ def test_a_frame_that_may_be_wrong_does_not_count(scene: Scene, changed: dict[st
     assert scene.space.size > 0
 
 
+def test_a_skipped_frame_breaks_the_row_after_those_that_wait(scene: Scene) -> None:
+    scene.look()
+    scene.fly()
+    scene.space.take(scene.frame(), scene.now_s, scene.now_s, HERE)  # waits
+    scene.space.skip(scene.frame())
+    scene.fly()
+    scene.space.take(scene.frame(), scene.now_s, scene.now_s, HERE)
+    scene.space.advance(scene.pose, trusted=True)
+    assert scene.space.size > 0  # the first two are successive
+    scene.space.void("for the rest")
+    scene.look()
+    scene.fly()
+    scene.space.skip(scene.frame())
+    scene.space.take(scene.frame(), scene.now_s, scene.now_s, HERE)
+    scene.space.advance(scene.pose, trusted=True)
+    assert scene.space.size == 0
+
+
+def test_frames_on_both_sides_of_a_skipped_one_are_not_successive(scene: Scene) -> None:
+    scene.fly()
+    scene.space.take(scene.frame(), scene.now_s, scene.now_s, HERE)
+    scene.space.skip(scene.frame())
+    scene.fly()
+    scene.space.take(scene.frame(), scene.now_s, scene.now_s, HERE)
+    for _ in range(3):
+        scene.space.advance(scene.pose, trusted=True)
+    assert scene.space.size == 0
+
+
 def test_the_same_frame_counts_once(scene: Scene) -> None:
     scene.fly()
     frame, stamp_s = scene.frame(), scene.now_s
@@ -189,6 +221,15 @@ def test_frames_of_climb_and_descent_do_not_count(scene: Scene) -> None:
     for _ in range(2):
         scene.look()
     assert scene.space.size > 0
+
+
+def test_leaving_the_height_ends_a_look_all_round(scene: Scene) -> None:
+    look_round(scene, free_range_m=(2.0,) * 4)
+    scene.space._set.void()
+    scene.position_ned_m = (0.0, 0.0, 0.0)
+    scene.space.advance(scene.pose, trusted=True)
+    scene.position_ned_m = (0.0, 0.0, -4.0)
+    assert not scene.space.confirm_start(0.0, 0.0)
 
 
 def test_leaving_the_height_voids_the_set(scene: Scene) -> None:
@@ -391,6 +432,32 @@ def test_the_set_is_stated_in_the_frame_of_the_next_leg(scene: Scene) -> None:
     size = scene.space.size
     scene.space.advance(scene.pose, trusted=True)
     assert scene.space.size <= size
+
+
+@pytest.mark.parametrize("turn_deg", [30.0, 45.0, 90.0, 200.0])
+def test_where_the_vehicle_rests_between_two_legs_stays_certified(
+    contract: Contract, turn_deg: float
+) -> None:
+    """The cells of another raster take up to two of theirs from the place: not from the disc."""
+    scene = Scene(FakeFlight.under(contract))
+    limits = rest_limits_of(scene.flight.assessment, any_heading=True)
+    scene.space._set.confirm(3.0, 0.2, limits.body_radius_m + 0.2)
+    assert rests_at(scene, 3.0, 0.2)
+    assert not rests_at(scene, 3.15, 0.2)
+    scene.flight.leg = LegFrame((3.0, 0.2, -4.0), math.radians(turn_deg))
+    assert rests_at(scene, 0.0, 0.0)
+    assert not rests_at(scene, 0.3, 0.0)
+    scene.space.shift((0.4, 0.0, 0.0))
+    x_m, y_m, _ = scene.flight.leg.vector_leg((0.4, 0.0, 0.0))
+    assert rests_at(scene, x_m, y_m)
+    scene.space.void("a contradiction")
+    assert not rests_at(scene, x_m, y_m)
+
+
+def rests_at(scene: Scene, x_m: float, y_m: float) -> bool:
+    limits = rest_limits_of(scene.flight.assessment, any_heading=True)
+    hover = Horizon.at_rest(0.0, x_m, y_m).trajectory(0.0)
+    return certify_rest(hover, hover.sample(0.0), 0.0, limits, scene.space.grid()).valid
 
 
 def test_a_leg_at_another_height_has_not_been_seen(scene: Scene) -> None:

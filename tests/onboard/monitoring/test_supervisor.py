@@ -1,6 +1,7 @@
 """The supervisor with real monitors: what each finding does to the flight, and what it says."""
 
 import json
+import math
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -524,6 +525,20 @@ def test_in_seen_space_what_costs_time_only_is_a_delay(bench: Bench) -> None:
     assert bench.flight.answered == [Assumption.SELF_CHECK]
 
 
+@pytest.mark.parametrize("passive", [True, False])
+def test_in_seen_space_the_speed_error_matters_to_the_run_on_only(
+    bench: Bench, *, passive: bool
+) -> None:
+    flight = bench.flight
+    flight.in_seen_space = True
+    terms = replace(flight.assessment.terms, passive_safety=passive)
+    flight.assessment = replace(flight.assessment, terms=terms)
+    fast = Violation(Assumption.VELOCITY_ERROR, 0.9, 0.2, "m/s", "x")
+    bench.supervisor.report_and_respond(fast, 0.0)
+    assert flight.answered == [Assumption.VELOCITY_ERROR] * passive
+    assert bench.names() == ["violation" if passive else "delayed"]
+
+
 @pytest.mark.parametrize(
     ("silent_s", "speed_mps", "holds"), [(0.3, 2.0, False), (0.7, 2.0, True), (0.7, 0.0, False)]
 )
@@ -559,6 +574,28 @@ def test_in_seen_space_a_second_late_tick_in_motion_within_a_minute_is_answered(
         bench.supervisor.check_loop(bench.now_s)
     assert bench.flight.answered == [Assumption.LATE_TICKS] * holds
     assert all(measured is None for _, measured in bench.flight.answers)
+
+
+@pytest.mark.parametrize("doubt", ["compass", "gyros", "none"])
+def test_a_heading_that_is_doubted_in_standby_voids_what_has_been_seen(
+    bench: Bench, doubt: str
+) -> None:
+    """It is flown into after the departure, which begins with fresh monitors."""
+    bench.flight.stand_by()
+    terms = replace(bench.flight.assessment.terms, heading_error_rad=math.radians(1.0))
+    bench.flight.assessment = replace(bench.flight.assessment, terms=terms)
+    look(bench)
+    assert bench.supervisor.seen.size > 0
+    bench.link.compass_ratio = 3.0 if doubt == "compass" else 0.5
+    for tick in range(round(4.0 / TICK_S)):
+        bench.now_s += TICK_S
+        if doubt == "gyros":
+            bench.link.heading_drift.drift_rad = math.radians(10.0) * min(tick / 100.0, 1.0)
+        bench.check()
+    assert (bench.supervisor.seen.size > 0) == (doubt == "none")
+    if doubt != "none":
+        assert doubt in bench.supervisor.seen.void_reason
+    assert bench.events == []
 
 
 def test_a_reset_of_unknown_size_forgets_where_frames_were_taken(bench: Bench) -> None:

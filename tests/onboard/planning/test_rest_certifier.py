@@ -210,6 +210,33 @@ def test_numbers_that_are_not_finite_are_refused(value: float) -> None:
         Horizon(0.0, nodes, swaying().jerk_mps3).trajectory(-5.0)
 
 
+def hover_among(
+    unknown: tuple[int, int], free_disc: tuple[float, float, float] | None = None
+) -> bool:
+    """Tell whether a hover at the origin certifies, with one unknown cell, counted from there."""
+    cells = np.zeros((SIDE, SIDE), bool)
+    cells[SIDE // 2 + unknown[0], SIDE // 2 + unknown[1]] = True
+    case = Case(Horizon.at_rest(0.0, 0.0, 0.0), cells, NO_RUN_ON, 0.5)
+    limits = replace(LIMITS, body_radius_m=0.5)
+    plan, grid = case.horizon.trajectory(0.0), replace(case.grid, free_disc=free_disc)
+    return certify_rest(plan, plan.sample(0.0), 0.0, limits, grid).valid
+
+
+def test_only_the_disc_of_the_body_has_to_be_free_not_its_square() -> None:
+    corner = int(0.45 / CELL_M)
+    assert hover_among((corner, corner))
+    assert hover_among((-corner - 1, corner))
+    assert not hover_among((corner, 0))
+    assert not hover_among((int(0.35 / CELL_M), int(0.34 / CELL_M)))
+
+
+def test_a_disc_that_is_free_besides_counts_as_a_whole_only() -> None:
+    assert not hover_among((0, 0))
+    assert hover_among((0, 0), free_disc=(0.0, 0.0, 0.51))
+    assert not hover_among((0, 0), free_disc=(0.0, 0.0, 0.49))
+    assert not hover_among((0, 0), free_disc=(0.02, 0.0, 0.51))
+
+
 def test_a_plan_that_leaves_the_grid_is_refused() -> None:
     plan = Horizon.at_rest(0.0, 11.9, 0.0).trajectory(-5.0)
     assert not certify_rest(plan, plan.sample(0.0), 0.0, LIMITS, all_free()).valid

@@ -5,7 +5,7 @@ import pytest
 from onboard.contract.assessment import assess
 from onboard.contract.run_on import NO_RUN_ON
 from onboard.files.contract_file import Contract
-from onboard.guidance.dense.limits import rest_limits_of, run_on_of
+from onboard.guidance.dense.limits import rest_limits_of, run_on_of, turn_max_radps
 
 
 def test_along_the_leg_the_box_of_accelerations_holds(best_effort: Contract) -> None:
@@ -29,9 +29,29 @@ def test_with_any_heading_the_disc_lies_in_every_turned_box(best_effort: Contrac
     assert limits.acceleration_disc_mps2 == min(limits.acceleration_max_mps2)
     fixed = rest_limits_of(assessment, any_heading=False)
     assert limits.acceleration_disc_mps2 <= min(fixed.acceleration_max_mps2)
-    assert math.hypot(limits.jerk_max_mps3, limits.jerk_max_mps3) == pytest.approx(
-        limits.acceleration_disc_mps2 / assessment.terms.attitude_lag_s
-    )
+
+
+@pytest.mark.parametrize("lag_s", [0.0, 0.15, 0.27, 0.6, 2.0])
+def test_a_nose_that_turns_in_flight_leaves_the_body_no_more_jerk_than_it_follows(
+    best_effort: Contract, lag_s: float
+) -> None:
+    """In the body's frame R(-psi) a changes by R(-psi) (j - omega x a)."""
+    vehicle = best_effort.vehicle.model_copy(update={"attitude_lag_s": lag_s})
+    assessment = assess(best_effort.model_copy(update={"vehicle": vehicle}))
+    limits, omega_radps = rest_limits_of(assessment, any_heading=True), turn_max_radps(assessment)
+    assert limits.jerk_max_mps3 > 0.0
+    assert 0.0 < omega_radps <= math.radians(60.0)
+    j, a = limits.jerk_max_mps3, limits.acceleration_disc_mps2
+    worst_mps3 = 0.0
+    for step in range(360):
+        ax, ay = a * math.cos(math.radians(step)), a * math.sin(math.radians(step))
+        for jx in (-j, j):
+            for jy in (-j, j):
+                turned = math.hypot(jx + omega_radps * ay, jy - omega_radps * ax)
+                worst_mps3 = max(worst_mps3, turned)
+    follows_mps3 = a / max(lag_s, 0.05)
+    assert worst_mps3 <= follows_mps3 + 1e-9
+    assert worst_mps3 > 0.95 * follows_mps3
 
 
 def test_without_lag_the_jerk_stays_finite(best_effort: Contract) -> None:

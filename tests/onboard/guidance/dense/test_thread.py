@@ -9,12 +9,14 @@ import pytest
 from onboard.contract.assessment import TICK_S
 from onboard.files.contract_file import Contract
 from onboard.guidance.dense import pause
-from onboard.guidance.dense import thread as module
 from onboard.guidance.dense.sliced_planning import SLICES_PER_TICK
+from onboard.guidance.dense.stop_and_sidestep import StopAndSidestep
+from onboard.guidance.dense.threaded_leg import ARRIVED_M
 from onboard.guidance.dense.way_to_rest import STILL_MPS
 from onboard.guidance.phases import FlightState, Phase
 from onboard.monitoring.adaptation import PROGRESS_ASSUMPTIONS
 from onboard.monitoring.assumptions import Assumption, Violation
+from onboard.planning.corridor.horizon import Horizon
 from onboard.planning.corridor.receding_horizon import (
     HorizonPlan,
     HorizonProblem,
@@ -70,7 +72,7 @@ def test_a_forest_is_flown_and_every_plan_on_the_way_ends_clear_of_the_stems(
     assert flight.thread.plans > 10
     assert_safe(flight)
     north_m, east_m, down_m = flight.pose.position_ned_m
-    assert math.hypot(north_m - 20.0, east_m) <= module.ARRIVED_M
+    assert math.hypot(north_m - 20.0, east_m) <= ARRIVED_M
     assert down_m == pytest.approx(-4.0)
 
 
@@ -144,25 +146,55 @@ def test_where_there_is_no_way_the_vehicle_looks_and_gives_up_at_rest(
     assert_safe(flight)
 
 
+Plans = Generator[None, None, HorizonPlan]
+
+
+def keeping(_: RecedingHorizonPlanner, problem: HorizonProblem) -> Plans:
+    """Plan like a planner that never finds anything."""
+    yield
+    return HorizonPlan(problem.flown.next_node(), "kept", 0.0)
+
+
+def raising(_: RecedingHorizonPlanner, problem: HorizonProblem) -> Plans:
+    """Plan like a solver that fails."""
+    yield
+    raise FloatingPointError(str(problem.flown.start_s))
+
+
+def without_numbers(_: RecedingHorizonPlanner, problem: HorizonProblem) -> Plans:
+    """Plan like a solver that returns NaN."""
+    yield
+    base = problem.flown.next_node()
+    nodes = base.nodes.copy()
+    nodes[3:20, :2] = math.nan
+    return HorizonPlan(Horizon(base.start_s, nodes, base.jerk_mps3), "improved", -1.0)
+
+
+@pytest.mark.parametrize("plan", [keeping, raising, without_numbers])
 def test_a_planner_that_finds_nothing_costs_a_pause_not_the_way_to_rest(
-    flight_over: FlightOver, monkeypatch: pytest.MonkeyPatch
+    flight_over: FlightOver, monkeypatch: pytest.MonkeyPatch, plan: Callable[..., Plans]
 ) -> None:
     flight = threading(flight_over())
     plans = flight.thread.plans
-    monkeypatch.setattr(RecedingHorizonPlanner, "plan", keeping)
+    monkeypatch.setattr(RecedingHorizonPlanner, "plan", plan)
+    monkeypatch.setattr(StopAndSidestep, "begin", lambda *_, **__: False)
     flight.run_until(FlightState.LOOKING, seconds=15.0)
     flight.run(1.0)
     assert flight.thread.plans <= plans + 1
     assert speed_mps(flight) == pytest.approx(0.0, abs=1e-6)
+    assert flight.texts("violation") == []
     assert_safe(flight)
 
 
-def keeping(
-    _: RecedingHorizonPlanner, problem: HorizonProblem
-) -> Generator[None, None, HorizonPlan]:
-    """Plan like a planner that never finds anything."""
-    yield
-    return HorizonPlan(problem.flown.next_node(), "kept", 0.0)
+@pytest.mark.parametrize("plan", [keeping, raising])
+def test_without_the_planner_the_leg_is_flown_by_stopping_and_going(
+    flight_over: FlightOver, monkeypatch: pytest.MonkeyPatch, plan: Callable[..., Plans]
+) -> None:
+    monkeypatch.setattr(RecedingHorizonPlanner, "plan", plan)
+    flight = flight_over(Stem(8.0, 0.1, 0.3))
+    flight.depart()
+    flight.run_until(FlightState.ARRIVED)
+    assert_safe(flight)
 
 
 # ---------------------------------------------------------------------------- what costs time
@@ -208,6 +240,19 @@ def test_what_safety_rests_on_ends_at_rest_on_the_way_that_was_held(
     assert flight.reference.position_leg_m == pytest.approx(held.final.position_leg_m)
     assert speed_mps(flight) == pytest.approx(0.0, abs=1e-6)
     assert not any("no way to stop" in text for text in flight.texts("phase"))
+
+
+@pytest.mark.parametrize("passive", [True, False])
+def test_a_vehicle_that_is_too_fast_is_held_for_its_run_on_only(
+    best_effort: Contract, *, passive: bool
+) -> None:
+    requirements = best_effort.requirements.model_copy(update={"passive_safety": passive})
+    contract = best_effort.model_copy(update={"requirements": requirements})
+    seen = IdealSeenSpace(start_known=True)
+    flight = threading(FieldFlight(contract, mission_to((16.0, 0.0)), [], seen), 1.0)
+    too_fast = Violation(Assumption.VELOCITY_ERROR, 0.9, 0.2, "m/s", "x")
+    flight.navigator.respond_to(too_fast, flight.now_s)
+    assert (flight.state is FlightState.HOLDING) == passive
 
 
 def test_a_late_tick_flies_on_along_the_way_that_is_held(flight_over: FlightOver) -> None:

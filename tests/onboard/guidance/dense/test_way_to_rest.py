@@ -114,7 +114,7 @@ def test_the_margin_says_by_how_much_the_body_could_be_larger(way: WayToRest) ->
     seen = SeenFree()
     seen.confirm(0.0, 0.0, 1.05)
     way.recheck(LIMITS, seen.grid())
-    assert (way.certified, way.margin_m) == (True, 0.1)
+    assert (way.certified, way.margin_m) == (True, 0.2)
     way.recheck(LIMITS, SeenFree().grid())
     assert (way.certified, way.margin_m) == (False, None)
 

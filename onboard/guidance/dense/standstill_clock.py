@@ -1,0 +1,48 @@
+"""Tells when the vehicle has rested, or has got no nearer, for so long that it pauses."""
+
+from __future__ import annotations
+
+import math
+from typing import Final
+
+# Nearer by this is progress.
+NEARER_M: Final = 0.2
+# At rest for so long, or without progress for longer: nothing certifies.
+_IDLE_S: Final = 0.6
+_WITHOUT_PROGRESS_S: Final = 5.0
+# The guide has changed: the way left is longer by this than it was.
+_LONGER_M: Final = 2.0
+
+
+class StandstillClock:
+    """Measures how long the vehicle has made no progress."""
+
+    def __init__(self) -> None:
+        self._idle_since_s: float | None = None
+        self._nearest_m, self._nearest_s = math.inf, -math.inf
+
+    def restart(self, now_s: float) -> None:
+        """Count from now on."""
+        self._idle_since_s, self._nearest_s = None, now_s
+
+    def begin_leg(self, now_s: float) -> None:
+        """Count from now on, with another way left."""
+        self._nearest_m = math.inf
+        self.restart(now_s)
+
+    def has_stopped(self, left_m: float, now_s: float, *, still: bool) -> bool:
+        """Tell whether the vehicle has been at rest, or got no nearer, for long.
+
+        Args:
+            left_m: of the way to the end of the leg.
+            now_s: the time.
+            still: whether it rests, and stays so.
+        """
+        if left_m < self._nearest_m - NEARER_M or left_m > self._nearest_m + _LONGER_M:
+            self._nearest_m, self._nearest_s = left_m, now_s
+        if not still:
+            self._idle_since_s = None
+        elif self._idle_since_s is None:
+            self._idle_since_s = now_s
+        idle = self._idle_since_s is not None and now_s - self._idle_since_s >= _IDLE_S
+        return idle or now_s - self._nearest_s > _WITHOUT_PROGRESS_S
