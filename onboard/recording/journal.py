@@ -124,7 +124,7 @@ class Journal:
             start_s=epoch_s + trajectory.start_s,
             end_s=epoch_s + trajectory.end_s,
             keep_out_ned_m=outline_of(step.obstacle.region.keep_out, step.leg),
-            region_ned_m=outline_of(step.obstacle.region.extent, step.leg),
+            region_ned_m=outline_of(step.obstacle.region.manoeuvre, step.leg),
             path_ned_m=path_of(trajectory, step.leg),
         )
 

@@ -224,7 +224,8 @@ class PlanRecord:
         certificate: of the certifier.
         plan_time_ms: how long planning took; None in virtual time.
         start_s, end_s: of the trajectory.
-        keep_out_ned_m, region_ned_m: corners, of the obstacle at that time.
+        keep_out_ned_m, region_ned_m: corners, of the obstacle at that time; the region is where the
+            plan may swerve.
         path_ned_m: points of the trajectory.
     """
 

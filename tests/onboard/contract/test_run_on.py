@@ -10,7 +10,7 @@ import pytest
 
 from onboard.contract.arithmetic import ARRAY, SCALAR
 from onboard.contract.assessment import Terms, assess
-from onboard.contract.run_on import contract_run_on, overshoot, run_on_slope_s
+from onboard.contract.run_on import coasting_run_on, contract_run_on, overshoot, run_on_slope_s
 from onboard.files.contract_file import load_contract
 from onboard.geometry.frames import FloatArray
 from tests.gcs_tools.running import CONFIG
@@ -123,6 +123,33 @@ def test_a_loop_that_is_slow_enough_does_not_overshoot() -> None:
     assert overshoot(0.95, 0.2) == 1.0
     assert overshoot(0.95, 0.0) == 1.0
     assert 1.0 < overshoot(1.5, 0.27) < overshoot(1.5, 0.5) < 2.0
+
+
+@pytest.mark.parametrize(("lag_s", "velocity_gain_per_s"), [(0.05, 1.8), (0.27, 1.8), (0.3, 9.0)])
+def test_the_published_form_counts_on_the_longest_run_of_any_setpoint(
+    lag_s: float, velocity_gain_per_s: float
+) -> None:
+    """Of what flies on: at a the speed is so much less that the acceleration can be taken back."""
+    gains = frozen(0.8, velocity_gain_per_s)
+    stated = contract(stop=False, setpoint_loss=gains, attitude_lag_s=lag_s)
+    limit_mps2, e = assess(stated).limits.forward_mps2, assess(stated).inflated.encounter
+    accelerations = np.linspace(0.0, limit_mps2, 4001)
+    speeds = e.speed_mps - accelerations**2 * lag_s / (2.0 * limit_mps2)
+    (kappa_s, _), (_, c_s2) = contract_run_on(Terms.of(stated)).gains
+    assert e.run_on_m == pytest.approx(float((kappa_s * speeds + c_s2 * accelerations).max()))
+    # Sideways it is read as coasting for the time that, followed by braking, gives that run.
+    coasted_m = e.run_on_m - e.speed_mps**2 / (2.0 * limit_mps2)
+    assert e.coast_time_s == pytest.approx(max(0.0, coasted_m / e.speed_mps))
+
+
+def test_a_coast_of_a_setpoint_whose_jerk_is_not_known() -> None:
+    """It may gain all that its acceleration makes of the timeout."""
+    limits = {"brake_mps2": 2.0, "speed_max_mps": 3.0, "acceleration_max_mps2": 4.0}
+    gains = coasting_run_on(0.5, lag_s=0.1, **limits).gains
+    stopping_s = 0.1 + (3.0 + 4.0 * 0.5) / (2.0 * 2.0)
+    np.testing.assert_allclose(
+        gains, ((0.5, 0.0), (0.5, 0.125), (0.5 + stopping_s, 0.125 + 0.5 * stopping_s))
+    )
 
 
 # --- what was measured on firmware, in metres, at 2.8 m/s

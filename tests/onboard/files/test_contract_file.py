@@ -381,3 +381,43 @@ def test_every_key_is_described(model: type[VehicleTerms]) -> None:
         if not key.description and name != "field_of_view_deg"  # says it all itself
     }
     assert not undescribed
+
+
+# --- how it runs on when the stream stops
+
+
+def with_loss(**keys: Any) -> dict[str, Any]:
+    return {**CONTRACT, "vehicle": {**CONTRACT["vehicle"], **keys}}
+
+
+def test_a_frozen_setpoint_needs_both_gains() -> None:
+    gains = {"gain_per_s": 0.95, "velocity_gain_per_s": 1.8}
+    contract = Contract.model_validate(with_loss(setpoint_loss={"model": "frozen", **gains}))
+    assert contract.vehicle.setpoint_loss is not None
+    assert contract.vehicle.setpoint_loss.model == "frozen"
+    for missing in gains:
+        partial = {key: value for key, value in gains.items() if key != missing}
+        assert missing in refusal(with_loss(setpoint_loss={"model": "frozen", **partial}))
+    assert "model" in refusal(with_loss(setpoint_loss={"model": "melts"}))
+
+
+def test_a_coast_states_its_timeout_once() -> None:
+    loss = {"model": "coast", "timeout_s": 0.2}
+    document = with_loss(setpoint_loss=loss)
+    document["vehicle"].pop("setpoint_loss_timeout_s", None)
+    contract = Contract.model_validate(document)
+    assert contract.vehicle.setpoint_loss_timeout_s == 0.2
+    # What was read can be read again, and changed.
+    again = Contract.model_validate(contract.model_dump())
+    assert again == contract
+    assert Contract.model_validate(with_loss(setpoint_loss={"model": "coast"}))
+    message = refusal(with_loss(setpoint_loss=loss, setpoint_loss_timeout_s=0.5))
+    for part in ("setpoint_loss.timeout_s = 0.2 s", "setpoint_loss_timeout_s = 0.5 s", "state one"):
+        assert part in message
+
+
+def test_what_is_said_of_a_loss_is_part_of_the_contract() -> None:
+    plain = Contract.model_validate(with_loss())
+    assert Contract.model_validate(with_loss(setpoint_loss=None)).sha256 == plain.sha256
+    frozen = {"model": "frozen", "gain_per_s": 0.95, "velocity_gain_per_s": 1.8}
+    assert Contract.model_validate(with_loss(setpoint_loss=frozen)).sha256 != plain.sha256

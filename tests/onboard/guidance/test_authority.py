@@ -21,6 +21,7 @@ from onboard.guidance.departure import STOPPED_MPS, Refusal, RefusalKind
 from onboard.guidance.navigator import Navigator
 from onboard.guidance.phases import Phase
 from onboard.mavlink.endpoint import MavlinkEndpoint
+from onboard.mavlink.profiles.registry import profile_named
 from onboard.monitoring.assumptions import Assumption, Violation
 from onboard.monitoring.estimator.position_quality import DEAD_RECKONING_S, Sign, Worth
 from onboard.monitoring.flight_authorization import FlightAuthorizationGate
@@ -193,6 +194,17 @@ def bench(contract: Contract) -> Bench:
 
 
 # ------------------------------------------------------------------ granted and taken
+
+
+@pytest.mark.parametrize(("outside", "phase"), [(False, Phase.STANDBY), (True, Phase.CRUISE)])
+def test_a_px4_whose_contract_lets_it_coast_is_not_flown(*, outside: bool, phase: Phase) -> None:
+    """Its run after a loss of the stream is longer than that: a model of it has to be stated."""
+    bench = Bench(CONTRACT, outside=outside)
+    bench.link.profile = profile_named("px4")
+    bench.grant()
+    bench.tick()
+    assert bench.phase is phase
+    assert ("PX4 keeps flying to the last setpoint" in "".join(bench.texts("refused"))) != outside
 
 
 def test_control_that_is_granted_is_taken_once(bench: Bench) -> None:

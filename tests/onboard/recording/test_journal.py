@@ -105,7 +105,8 @@ def test_obstacles_are_said_when_they_change_with_all_that_surrounds_them(
     assert boundary_m[:, 0].max() <= keep_out_m[:, 0].min() + 1e-9
     assert boundary_m[:, 1].min() == pytest.approx(keep_out_m[:, 1].min())
     lane_m = np.array(obstacle.lane_ned_m)
-    assert region_m[:, 1].min() <= lane_m[:, 1].min() < keep_out_m[:, 1].min()
+    # A swerve may use more than the region that other obstacles have to keep out of.
+    assert lane_m[:, 1].min() < region_m[:, 1].min() < keep_out_m[:, 1].min()
     assert not ticked(journal, 0.5).obstacles
     see(autonomy, 0.6, (12.0, 0.5), (24.0, -1.0))
     (second,) = ticked(journal, 0.8).obstacles

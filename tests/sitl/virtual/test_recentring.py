@@ -7,7 +7,7 @@ import pytest
 
 from gcs_tools.logs.flight_log import read_log
 from gcs_tools.logs.result import Result, result_of
-from gcs_tools.scenario import Scenario, load_scenario
+from gcs_tools.scenario import Scenario, load_scenario, with_run_on
 from onboard.files.contract_file import load_contract
 from sitl.virtual.simulation import SimulatedFlight, fly
 
@@ -45,6 +45,7 @@ def test_it_ends_on_the_line(scenario: Scenario, tmp_path: Path) -> None:
 
 def test_without_recentring_it_ends_beside_the_line(scenario: Scenario, tmp_path: Path) -> None:
     contract = load_contract(CONFIG / "default_contract.yaml")
+    contract = with_run_on(contract, scenario.plant)
     result = flown(replace(scenario, contract=contract), tmp_path)
     assert result.collisions == 0
     assert result.final_position_ned_m is not None

@@ -72,6 +72,30 @@ def judged(endurance_s: float | None = None, **changes: Any) -> dict[str, Verdic
     return {each.name: each.verdict for each in found}
 
 
+@pytest.mark.parametrize(
+    ("name", "profile", "verdict", "words"),
+    [
+        ("default", PX4, BROKEN, "coasts for 0.5 s, then brakes, but PX4 keeps flying to"),
+        ("default", ARDUPILOT, HOLDS, "coasts for 0.5 s, then brakes"),
+        ("px4", PX4, HOLDS, "frozen setpoint, gains 1.5/s and 1.8/s; measured 3.5 m at 2.8 m/s"),
+    ],
+)
+def test_the_run_after_a_loss_of_the_stream_fits_the_autopilot(
+    name: str, profile: AutopilotProfile, verdict: Verdict, words: str
+) -> None:
+    assessment = assess(load_contract(CONFIG / f"{name}_contract.yaml"))
+    facts = replace(FACTS, profile=profile)
+    (found,) = (
+        each for each in evaluate(facts, assessment, None, None) if each.name == "setpoint_loss"
+    )
+    assert found.verdict is verdict
+    assert words in found.text
+
+
+def test_without_passive_safety_no_run_is_counted_on() -> None:
+    assert "setpoint_loss" not in judged()
+
+
 def test_a_vehicle_in_order() -> None:
     names = (
         "health",
