@@ -50,9 +50,8 @@ def fly(
 ) -> bool:
     """Fly a scenario; return whether the mission succeeded without collision or violation.
 
-    The scenario's expectation is reported but does not affect the return value: an expected hold is
-    not an arrival.  Writes ``flight.mcap``, ``truth.mcap``, ``result.json``, ``flight.png`` and
-    ``report.html`` to the output directory, in place of those of an earlier flight.
+    The scenario's expectation is reported, but not returned.  Writes both logs,
+    ``result.json``, ``flight.png`` and ``report.html``, in place of those of an earlier flight.
 
     Args:
         path: the scenario; None for the paper's example.
@@ -68,14 +67,11 @@ def fly(
         CommandError: the flight could not begin, or was interrupted.
     """
     scenario = load_scenario(path or DEFAULT_SCENARIO)
-    if accept_no_progress:
-        scenario = replace(scenario, contract=best_effort(scenario.contract))
-    if clearance_wish_m is not None:
-        scenario = replace(scenario, contract=_wishing(scenario.contract, clearance_wish_m))
+    contract = best_effort(scenario.contract) if accept_no_progress else scenario.contract
+    scenario = replace(scenario, contract=_wishing(contract, clearance_wish_m))
     console = Console(highlight=False)
-    checked = _checked(scenario)
     outside = fly_outside_contract or scenario.fly_outside_contract
-    if not _may_fly(checked, outside, console):
+    if not _may_fly(_checked(scenario), outside, console):
         return False
     if scenario.faults and not virtual:
         raise CommandError(f"{scenario.name}: faults need virtual time: use --virtual")
@@ -109,8 +105,10 @@ def best_effort(contract: Contract) -> Contract:
     return contract.model_copy(update={"requirements": requirements})
 
 
-def _wishing(contract: Contract, clearance_wish_m: float) -> Contract:
-    """Return a contract that prefers a distance to obstacles."""
+def _wishing(contract: Contract, clearance_wish_m: float | None) -> Contract:
+    """Return a contract that prefers a distance to obstacles; None leaves it as it is."""
+    if clearance_wish_m is None:
+        return contract
     vehicle = contract.vehicle.model_copy(update={"clearance_wish_m": clearance_wish_m})
     return contract.model_copy(update={"vehicle": vehicle})
 

@@ -192,3 +192,15 @@ def test_the_wish_keeps_a_distance_where_there_is_room_and_closes_no_gap() -> No
         assert path[:, 0].min() > -1.0
         assert min(least_gap_m(path, one) for one in boxes) >= least_m - CELL_M / 2.0
     assert least_gap_m(path_of(guide(box)), box) < MARGIN_M + 1.0
+
+
+def test_in_a_blocked_cell_staying_does_not_look_cheaper_than_the_way_on() -> None:
+    """Round a blocked place the cells differ: the nearest counts, where the path begins."""
+    made = Guide(GOAL_M, MARGIN_M, 9.0)
+    made.penalized_leg_m += [(4.2, 0.6), (4.2, 0.6)]
+    made.update((0.0, 0.0), [Box(5.0, 6.0, -2.0, 0.4)])
+    for y_m in (0.0, 0.4, 0.8, 1.1):
+        path = path_of(made, (4.6, y_m))
+        here_m, next_m = made.distance_m(np.array([4.6, path[1, 0]]), np.array([y_m, path[1, 1]]))
+        assert here_m > next_m
+        assert here_m < next_m + 2.0
