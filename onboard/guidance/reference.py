@@ -4,7 +4,7 @@ The reference is continuous over states: every trajectory starts on the one befo
 measured state.  The contract allows for the tracking error.
 
 Where a guard is set, it is what is flown: a certified trajectory that agrees with what is intended
-up to a time, and then comes to rest.  Whoever forgets to renew it lets the vehicle stop.
+up to a time, and then comes to rest.  If nothing renews it in time, the vehicle stops.
 """
 
 from __future__ import annotations

@@ -65,6 +65,12 @@ class RestLimits:
     run_on: RunOn
     jerk_y_max_mps3: float | None = None
 
+    @property
+    def jerk_xy_max_mps3(self) -> tuple[float, float]:
+        """Greatest jerk on x and on y."""
+        across_mps3 = self.jerk_y_max_mps3
+        return self.jerk_max_mps3, self.jerk_max_mps3 if across_mps3 is None else across_mps3
+
 
 def certify_rest(
     trajectory: Trajectory, start: State, start_s: float, limits: RestLimits, grid: FreeGrid
@@ -128,9 +134,6 @@ def _motion_failures(trajectory: Trajectory, limits: RestLimits) -> list[str]:
     acceleration = np.concatenate((trajectory.acceleration_leg_mps2, trajectory.ends[2]))
     ax, ay = acceleration[:, X], acceleration[:, Y]
     jerk = np.abs(trajectory.jerk_leg_mps3[:, :2])
-    across_mps3 = limits.jerk_y_max_mps3
-    along_mps3 = limits.jerk_max_mps3
-    jerk_max_mps3 = np.array((along_mps3, along_mps3 if across_mps3 is None else across_mps3))
     speed = np.hypot(*velocity_points_mps(trajectory)[:, :, :2].reshape(-1, 2).T)
     for clause, excess, tolerance, unit in (
         ("braking limit exceeded", -ax - brake, ACCELERATION_TOLERANCE_MPS2, "m/s²"),
@@ -143,7 +146,7 @@ def _motion_failures(trajectory: Trajectory, limits: RestLimits) -> list[str]:
             ACCELERATION_TOLERANCE_MPS2,
             "m/s²",
         ),
-        ("jerk limit exceeded", jerk - jerk_max_mps3, JERK_TOLERANCE_MPS3, "m/s³"),
+        ("jerk limit exceeded", jerk - limits.jerk_xy_max_mps3, JERK_TOLERANCE_MPS3, "m/s³"),
         ("speed limit exceeded", speed - limits.speed_max_mps, VELOCITY_TOLERANCE_MPS, "m/s"),
         (
             "height changes",

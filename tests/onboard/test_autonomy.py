@@ -227,7 +227,9 @@ def test_what_grows_within_the_map_error_may_be_flown_past_as_planned(
     kept: bool,
 ) -> None:
     """Corners may be 0.07 m off in both: 0.14 m farther out does not say that a plan is unsafe."""
-    plain = contract.model_copy(update={"requirements": Requirements(passive_safety=False)})
+    plain = contract.model_copy(
+        update={"requirements": Requirements(stop=False, passive_safety=False)}
+    )
     rig = Rig(Autonomy(plain, mission, epoch_unix_s=EPOCH_UNIX_S))
     seen = box((20.0, 0.0))
     rig.obstacles, rig.mode = [seen], OFFBOARD

@@ -67,13 +67,17 @@ LATER = {
 }
 
 
+# Follows from what is drawn: the operator's word on a start that the field leaves clear.
+FOLLOWS = {"start_clear_m"}
+
+
 def without_later_keys(document: Any) -> Any:
     match document:
         case dict():
             return {
                 key: without_later_keys(value)
                 for key, value in document.items()
-                if key not in LATER or value != LATER[key]
+                if key not in FOLLOWS and (key not in LATER or value != LATER[key])
             }
         case list() | tuple():
             return [without_later_keys(each) for each in document]
