@@ -12,6 +12,8 @@ _IDLE_S: Final = 0.6
 _WITHOUT_PROGRESS_S: Final = 5.0
 # The guide has changed: the way left is longer by this than it was.
 _LONGER_M: Final = 2.0
+# So often, without ever getting nearer than before: to and fro is no progress.
+_DETOURS_MAX: Final = 12
 
 
 class StandstillClock:
@@ -20,6 +22,7 @@ class StandstillClock:
     def __init__(self) -> None:
         self._idle_since_s: float | None = None
         self._nearest_m, self._nearest_s = math.inf, -math.inf
+        self._ever_nearest_m, self._detours = math.inf, 0
 
     def restart(self, now_s: float) -> None:
         """Count from now on."""
@@ -27,7 +30,8 @@ class StandstillClock:
 
     def begin_leg(self, now_s: float) -> None:
         """Count from now on, with another way left."""
-        self._nearest_m = math.inf
+        self._nearest_m = self._ever_nearest_m = math.inf
+        self._detours = 0
         self.restart(now_s)
 
     def has_stopped(self, left_m: float, now_s: float, *, still: bool) -> bool:
@@ -38,7 +42,12 @@ class StandstillClock:
             now_s: the time.
             still: whether it rests, and stays so.
         """
-        if left_m < self._nearest_m - NEARER_M or left_m > self._nearest_m + _LONGER_M:
+        if left_m < self._ever_nearest_m - NEARER_M:
+            self._ever_nearest_m, self._detours = left_m, 0
+        longer = left_m > self._nearest_m + _LONGER_M
+        self._detours += longer
+        nearer = left_m < self._nearest_m - NEARER_M
+        if (nearer or longer) and self._detours <= _DETOURS_MAX:
             self._nearest_m, self._nearest_s = left_m, now_s
         if not still:
             self._idle_since_s = None

@@ -195,9 +195,17 @@ class Thread(ThreadRecord):
         self.nose.turn(now_s)
         if passed and self._is_at_end():
             return True
-        if passed and self._stands(now_s):
+        if passed and (not self._has_end(now_s) or self._stands(now_s)):
             self._pause(now_s)
         return False
+
+    def _has_end(self, now_s: float) -> bool:
+        """Fly to a free place beside the end where an obstacle covers it; tell if there is one."""
+        leg = with_free_end(self._leg, self._situation, self.way, self._seen.frames_needed)
+        if leg is not None and leg is not self._leg:
+            self._leg = leg
+            self._clock.begin_leg(now_s)
+        return leg is not None
 
     def _manoeuvre(self, pose: Pose, now_s: float, *, passed: bool) -> None:
         """Stop, look, sidestep or go for one tick."""
@@ -251,20 +259,15 @@ class Thread(ThreadRecord):
     def _pause(self, now_s: float) -> None:
         """Stop, look and sidestep, if that may lead on; else pause or give up."""
         pause = self._leg.pause
+        if pause.repeated and not self._has_end(now_s):
+            self._fallback.report_and_hold(NO_END, now_s)
+            return
         # The first look is short, along the guide: that is often enough.
         if not self._leg.manoeuvre.begin(may_look=pause.repeated or pause.exhausted):
             self._look_or_give_up(now_s)
 
     def _look_or_give_up(self, now_s: float) -> None:
         """Begin a pause (NO_WAY), or give up."""
-        if self._leg.pause.repeated:
-            leg = with_free_end(self._leg, self._situation, self.way, self._seen.frames_needed)
-            if leg is None:
-                self._fallback.report_and_hold(NO_END, now_s)
-                return
-            if leg is not self._leg:
-                self._leg = leg
-                self._clock.begin_leg(now_s)
         if self._leg.pause.exhausted:
             pauses = float(self._leg.pause.count)
             exhausted = Violation(Assumption.NO_PASSAGE, pauses, float(PAUSES_MAX), "pauses")

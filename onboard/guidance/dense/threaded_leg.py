@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING, Final, NamedTuple
 
-from onboard.guidance.dense.leg_end import end_beside, is_blocked
+import numpy as np
+
 from onboard.guidance.dense.limits import rest_limits_of
 from onboard.guidance.dense.pause import Pause
 from onboard.guidance.dense.sliced_planning import SlicedPlanning
@@ -13,6 +15,9 @@ from onboard.monitoring.assumptions import Assumption, Violation
 from onboard.planning.corridor.guide import Guide
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from onboard.geometry.box import Box
     from onboard.guidance.dense.way_to_rest import WayToRest
     from onboard.guidance.situation import Situation
     from onboard.planning.rest_certifier import RestLimits
@@ -26,6 +31,7 @@ NO_END: Final = Violation(
     "places",
     sentence="an obstacle covers the end of the leg, and each place where it may end",
 )
+_STEP_M: Final = 0.2
 # The cells of the seen-free set take so much from a gap.
 _CELLS_M: Final = 0.15
 # Beside where an avoidance has led there is this much room for another way.
@@ -137,3 +143,41 @@ def with_free_end(
             other.pause.count = leg.pause.count
             return other
     return None
+
+
+def is_blocked(place_leg_m: tuple[float, float], boxes: Sequence[Box], margin_m: float) -> bool:
+    """Tell whether a known obstacle, grown by a margin, covers a place."""
+    x_m, y_m = place_leg_m
+    return any(
+        box.x_min_m - margin_m < x_m < box.x_max_m + margin_m
+        and box.y_min_m - margin_m < y_m < box.y_max_m + margin_m
+        for box in boxes
+    )
+
+
+def end_beside(
+    end_leg_m: tuple[float, float], boxes: Sequence[Box], margin_m: float, half_width_m: float
+) -> tuple[float, float] | None:
+    """Return the place nearest to the end of a leg that no known obstacle covers.
+
+    Args:
+        end_leg_m: (x, y).
+        boxes: known obstacles, leg frame.
+        margin_m: that they are grown by.
+        half_width_m: how far from the end on each axis the leg may end.
+
+    Returns:
+        None if they cover every place.
+    """
+    steps = math.floor(half_width_m / _STEP_M)
+    offsets_m = _STEP_M * np.arange(-steps, steps + 1)
+    x_m, y_m = (offsets_m[:, None] + end_leg_m[0], offsets_m[None, :] + end_leg_m[1])
+    free = np.ones((offsets_m.size, offsets_m.size), bool)
+    for box in boxes:
+        beside = (x_m <= box.x_min_m - margin_m) | (x_m >= box.x_max_m + margin_m)
+        free &= beside | (y_m <= box.y_min_m - margin_m) | (y_m >= box.y_max_m + margin_m)
+    if not free.any():
+        return None
+    apart_m = np.where(free, np.hypot(offsets_m[:, None], offsets_m[None, :]), math.inf)
+    i, j = np.unravel_index(int(apart_m.argmin()), apart_m.shape)
+    return float(x_m[i, 0]), float(y_m[0, j])

@@ -8,8 +8,8 @@ import pytest
 
 from onboard.contract.assessment import TICK_S
 from onboard.geometry.box import Box
-from onboard.guidance.dense.leg_end import end_beside, is_blocked
 from onboard.guidance.dense.level import CLIMB_MPS, LEVEL_M
+from onboard.guidance.dense.threaded_leg import end_beside, is_blocked
 from onboard.guidance.phases import FlightState
 from tests.onboard.guidance.dense.field_flight import FieldFlight, IdealSeenSpace, Stem
 from tests.onboard.guidance.perfect_flight import pose_at

@@ -7,13 +7,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Generator
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from onboard.contract.assessment import Assessment, assess
 from onboard.contract.run_on import NO_RUN_ON
-from onboard.files.contract_file import Contract
+from onboard.files.contract_file import Contract, load_contract
 from onboard.geometry.box import Box
 from onboard.guidance.dense.limits import run_on_of
 from onboard.guidance.dense.pause import PAUSES_MAX
@@ -29,6 +30,7 @@ from onboard.planning.corridor.receding_horizon import (
 from tests.onboard.guidance.dense.box_flight import BoxFlight
 from tests.onboard.guidance.perfect_flight import mission_to
 
+CONTRACTS = Path(__file__).parents[3] / "contracts"
 OVERHANG_M = 0.5
 SIZE_MAX_M = 1.6
 ROWS = 2
@@ -45,6 +47,14 @@ def no_planner(monkeypatch: pytest.MonkeyPatch) -> None:
         return HorizonPlan(problem.flown.next_node(), "kept", 0.0)
 
     monkeypatch.setattr(RecedingHorizonPlanner, "plan", plan)
+
+
+@pytest.fixture
+def coasting() -> Contract:
+    """A vehicle that coasts after a loss of the stream, as `BoxFlight` has it."""
+    contract = load_contract(CONTRACTS / "precise_vehicle.yaml")
+    requirements = contract.requirements.model_copy(update={"progress": "best_effort"})
+    return contract.model_copy(update={"requirements": requirements})
 
 
 def with_passive_safety(contract: Contract, *, passive: bool) -> Contract:
@@ -98,9 +108,9 @@ def field_at_the_limit(assessment: Assessment, seed: int) -> list[Box]:
     ],
 )
 def test_every_obstacle_of_the_clause_is_passed_without_the_planner(
-    best_effort: Contract, seed: int, heading: str, *, passive: bool
+    coasting: Contract, seed: int, heading: str, *, passive: bool
 ) -> None:
-    contract = with_passive_safety(best_effort, passive=passive)
+    contract = with_passive_safety(coasting, passive=passive)
     boxes = field_at_the_limit(assess(contract), seed)
     end_m = max(box.x_max_m for box in boxes) + 4.0
     mission = mission_to((end_m, 0.0), half_width_m=12.0).model_copy(update={"heading": heading})

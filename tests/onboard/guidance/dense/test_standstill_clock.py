@@ -1,0 +1,39 @@
+"""When a vehicle that gets no nearer pauses."""
+
+from onboard.guidance.dense.standstill_clock import StandstillClock
+
+
+def stopped_at_s(lefts_m: list[float], step_s: float = 1.0) -> float | None:
+    clock = StandstillClock()
+    clock.begin_leg(0.0)
+    for index, left_m in enumerate(lefts_m):
+        if clock.has_stopped(left_m, index * step_s, still=False):
+            return index * step_s
+    return None
+
+
+def test_getting_nearer_is_progress() -> None:
+    assert stopped_at_s([100.0 - 0.3 * index for index in range(200)]) is None
+
+
+def test_without_progress_it_stops() -> None:
+    assert stopped_at_s([50.0] * 20) == 6.0
+
+
+def test_a_guide_that_has_become_longer_begins_again() -> None:
+    assert stopped_at_s([*[50.0] * 4, *(70.0 - 0.5 * index for index in range(20))]) is None
+
+
+def test_to_and_fro_for_ever_is_no_progress() -> None:
+    lefts_m = [20.0 * lap + 20.0 - 2.0 * step for lap in range(40) for step in range(9)]
+    stopped_s = stopped_at_s(lefts_m)
+    assert stopped_s is not None
+    assert stopped_s > 60.0
+
+
+def test_rest_is_known_sooner() -> None:
+    clock = StandstillClock()
+    clock.begin_leg(0.0)
+    assert not clock.has_stopped(10.0, 0.0, still=True)
+    assert not clock.has_stopped(10.0, 0.4, still=True)
+    assert clock.has_stopped(10.0, 0.7, still=True)
