@@ -103,6 +103,7 @@ class FakeSupervisor:
     detections: FakeDetections = field(default_factory=FakeDetections)
     position_sign: Sign | None = None
     wind_violation: Violation | None = None
+    flight_time_violation: Violation | None = None
     telemetry: Violation | None = None
     environment: list[Violation] = field(default_factory=list)
     position_failures: list[str] = field(default_factory=list)
