@@ -222,7 +222,7 @@ def test_json(clearway: Clearway, config: Path) -> None:
     assert (document["answer"], document["unit"], document["declared"]) == ("largest", "m/s", 2.8)
     assert document["intervals"][0]["lower"] is None
     assert document["intervals"][0]["upper"]["value"] == limit.value
-    assert document["contract_sha256"] == EXAMPLE.sha256
+    assert document["contract_sha256"] == load_contract(EXAMPLE_PATH).sha256
 
 
 def test_the_paper_set_is_solved_on_request(clearway: Clearway, config: Path) -> None:
