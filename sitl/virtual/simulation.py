@@ -50,6 +50,8 @@ ONBOARD_LINK, OPERATOR_LINK = 0, 1
 # How long the operator waits before landing a vehicle that its service does not fly: it has died,
 # it refuses to depart, or the autopilot does not obey it.
 PATIENCE_S: Final = 8.0
+# And one that pauses for longer than any look round: its sensor stays silent, for instance.
+PAUSE_PATIENCE_S: Final = 180.0
 
 
 @dataclass(frozen=True)
@@ -122,7 +124,7 @@ class Simulation:
         self.flight = flight
         self._steps = 0
         self._dead = False
-        self._idle_since_s = math.inf
+        self._idle_since_s = self._paused_since_s = math.inf
         self._standstill = Standstill()
 
     @property
@@ -185,10 +187,16 @@ class Simulation:
         estimate_ned_m = self.scene.vehicle.estimate.position_ned_m
         stands = self._standstill.reached(self.now_s, estimate_ned_m, stopping=ended)
         self._idle_since_s = _since(self._idle_since_s, self.now_s, present=idle)
+        pausing = phase is Phase.PAUSE
+        self._paused_since_s = _since(self._paused_since_s, self.now_s, present=pausing)
+        tired = (
+            self.now_s > self._idle_since_s + PATIENCE_S
+            or self.now_s > self._paused_since_s + PAUSE_PATIENCE_S
+        )
         self._service_faults.command(self.operator)
         # The operator lands a vehicle without its service only once it has come to rest by itself.
         waits = phase is Phase.HOLD and self._service_faults.waits_to_resume
-        if (stands and not waits) or self.now_s > self._idle_since_s + PATIENCE_S:
+        if (stands and not waits) or tired:
             self.operator.land()
         self.operator.advance(self.now_s)
         self.scene.vehicle.receive(self.operator.bytes_to_send(), OPERATOR_LINK)

@@ -45,6 +45,7 @@ DOCUMENT: dict[str, dict[str, Any]] = {
         "heading_error_deg": 0.0,
         "estimator_reset_max_m": 0.0,
         "drag_per_s": 0.45,
+        "position_drift_mps": 0.0,
     },
     "requirements": {"stop": True, "passive_safety": True},
     "sensor": {
@@ -52,6 +53,8 @@ DOCUMENT: dict[str, dict[str, Any]] = {
         "field_of_view_deg": 120.0,
         "frame_age_max_s": 0.30,
         "position_error_m": 0.05,
+        "thinnest_obstacle_m": None,
+        "no_return_is_free_to_m": None,
     },
     "environment": {
         "obstacle_size_max_m": 4.0,

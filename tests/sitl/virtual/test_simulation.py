@@ -1,5 +1,6 @@
 """The whole system in virtual time: what issue "the main job" promises of a flight."""
 
+import dataclasses
 import hashlib
 import json
 from collections.abc import Iterator
@@ -11,6 +12,7 @@ from mcap.reader import make_reader
 
 from gcs_tools.scenario import load_scenario
 from onboard.guidance.phases import Phase
+from sitl.virtual.faults.schema import Fault
 from sitl.virtual.scripted_operator import Step
 from sitl.virtual.simulation import SimulatedFlight, Simulation, fly
 from sitl.virtual.standstill import STILL_FOR_S
@@ -115,3 +117,18 @@ def test_daemon_that_dies_in_cruise_is_stopped_by_the_autopilot() -> None:
     assert scene.vehicle.truth.ground_speed_mps < 0.05
     assert scene.vehicle.truth.position_ned_m[2] == pytest.approx(-4.0, abs=0.3)
     assert scene.world.collisions == 0
+
+
+def test_the_operator_lands_a_vehicle_that_waits_for_its_sensor_for_ever(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr("sitl.virtual.simulation.PAUSE_PATIENCE_S", 3.0)
+    flight = flight_of("scenarios/resume_best_effort.yaml")
+    blind = Fault(kind="detections_off", phase=Phase.PAUSE, start_s=0.1)
+    simulation = Simulation(dataclasses.replace(flight, faults=(blind,)))
+    paused_s = 0.0
+    while not simulation.over and simulation.now_s < 60.0:
+        simulation.advance()
+        paused_s += 0.02 * (simulation.autonomy.navigator.phase is Phase.PAUSE)
+    assert simulation.over
+    assert 3.0 <= paused_s < 5.0
