@@ -63,7 +63,9 @@ class InductionPlanner:
         it is needed comes first.  Without a way to rest the paper's choice is kept.
         """
         region = obstacle.region
-        half_m = self._situation.route.leg.target_half_width_m
+        # Well within: what is flown after the step may not end exactly beside it.
+        terms = self._situation.assessment.terms
+        half_m = self._situation.route.leg.target_half_width_m - terms.body_m
         if not self._situation.shielded or abs(start.position_leg_m[Y]) >= half_m:
             return [region]
         left_m, right_m = max(region.lane_left_m, -half_m), min(region.lane_right_m, half_m)

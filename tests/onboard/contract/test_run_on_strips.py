@@ -20,7 +20,7 @@ RUNS = {
 def holds(strip: tuple[tuple[float, float], ...], kappa_s: float, c_s2: float) -> bool:
     """Tell whether the box around a strip's points holds a point."""
     kappas_s, cs_s2 = zip(*strip, strict=True)
-    return (
+    return bool(
         min(kappas_s) - 1e-12 <= kappa_s <= max(kappas_s) + 1e-12
         and min(cs_s2) - 1e-12 <= c_s2 <= max(cs_s2) + 1e-12
     )

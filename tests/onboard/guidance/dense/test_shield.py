@@ -231,7 +231,7 @@ def test_where_it_cannot_go_on_it_rests_for_another_mission(shielded: Shielded) 
     shield = flight.navigator.shield
     assert shield is not None
     shield.divert("tested", flight.now_s)
-    assert flight.state is FlightState.RESTING
+    assert flight.navigator.state.value == "resting"
     flight.run_until(FlightState.ALIGNING)
     flight.run_until(FlightState.ARRIVED, seconds=60.0)
 
