@@ -1,7 +1,14 @@
 import pytest
 
-from onboard.files.contract_file import Contract
+from onboard.files.contract_file import Contract, load_contract
+from tests.onboard.conftest import CONTRACTS
 from tests.onboard.guidance.perfect_flight import PerfectFlight, mission_to
+
+
+@pytest.fixture
+def contract() -> Contract:
+    """A precise vehicle that coasts when the stream stops: no autopilot is simulated here."""
+    return load_contract(CONTRACTS / "precise_vehicle.yaml", ("requirements.stop=false",))
 
 
 @pytest.fixture
