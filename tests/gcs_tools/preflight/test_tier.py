@@ -216,3 +216,13 @@ def test_acceptance_changes_the_hash_of_what_is_flown() -> None:
     assert accepted.requirements.progress == "best_effort"
     assert accepted == load_contract(DEFAULT, (BEST_EFFORT,))
     assert accepted.sha256 != contract.sha256
+
+
+@pytest.mark.parametrize(("more_m", "holds"), [(0.01, True), (-0.01, False)])
+def test_the_operators_word_has_to_cover_the_start(more_m: float, *, holds: bool) -> None:
+    assessment = assess(load_contract(DEFAULT))
+    clear_m = start_clear_radius_m(assessment) + more_m
+    mission = MISSION.model_copy(update={"start_clear_m": clear_m})
+    (rule,) = (r for r in seen_free_rules(assessment, None, mission) if r.name == "start_clear")
+    assert rule.holds is holds
+    assert "operator's word" in str(rule)
