@@ -24,6 +24,7 @@ from gcs_tools.export import arguments as export_arguments
 from gcs_tools.flight_report import arguments as report_arguments
 from gcs_tools.fly import arguments as fly_arguments
 from gcs_tools.identify import arguments as identify_arguments
+from gcs_tools.missions import arguments as mission_arguments
 from gcs_tools.preflight import arguments as preflight_arguments
 from gcs_tools.watch import arguments as watch_arguments
 
@@ -32,6 +33,7 @@ COMMANDS: Final = (
     fly_arguments,
     preflight_arguments,
     contract_arguments,
+    mission_arguments,
     report_arguments,
     export_arguments,
     watch_arguments,
