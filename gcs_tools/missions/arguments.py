@@ -39,6 +39,7 @@ def add_parser(commands: Any) -> None:
     parser = commands.add_parser("mission", help="take over missions of ground stations")
     inner = parser.add_subparsers(required=True, metavar="ACTION")
     _add_import(inner)
+    _add_stems(inner)
 
 
 def _add_import(commands: Any) -> None:
@@ -108,3 +109,63 @@ def _run_import(options: argparse.Namespace) -> int:
         first_is_home=options.first_item == "home",
     )
     return 0 if import_mission(request) else EXIT_NO
+
+
+def zone(text: str) -> Any:
+    """Return a UTM zone.
+
+    Raises:
+        ArgumentTypeError: the text is not the name of one.
+    """
+    from gcs_tools.geodesy.utm import UtmZone  # noqa: PLC0415
+
+    try:
+        return UtmZone.named(text)
+    except ValueError as error:
+        raise argparse.ArgumentTypeError(str(error)) from error
+
+
+def _add_stems(commands: Any) -> None:
+    parser = commands.add_parser(
+        "stems", help="a stem map in other columns or map coordinates as an obstacle field"
+    )
+    parser.add_argument("file", type=Path, metavar="FILE", help="CSV, one stem a row")
+    parser.add_argument(
+        "-o", "--output", type=Path, metavar="FILE", help="field file, CSV; default: stdout"
+    )
+    for name, meaning in (
+        ("north", "metres north of the origin; with --utm, northing"),
+        ("east", "metres east of the origin; with --utm, easting"),
+        ("latitude", "latitude in degrees, in place of --north"),
+        ("longitude", "longitude in degrees, in place of --east"),
+    ):
+        parser.add_argument(f"--{name}", metavar="COLUMN", help=f"column of the {meaning}")
+    parser.add_argument(
+        "--diameter", metavar="COLUMN", default="dbh_cm", help="column; default: dbh_cm"
+    )
+    parser.add_argument(
+        "--diameter-unit",
+        choices=("cm", "mm", "m", "in", "girth-cm"),
+        default="cm",
+        help="of that column; girth: circumference; default: cm",
+    )
+    parser.add_argument(
+        "--delimiter",
+        choices=("comma", "semicolon", "tab", "space"),
+        help="between cells; default: found in the header",
+    )
+    parser.add_argument("--utm", type=zone, metavar="ZONE", help="of UTM coordinates: 32N")
+    parser.add_argument(
+        "--origin", type=place, metavar=PLACE, help="of the mission; for map coordinates"
+    )
+    parser.add_argument(
+        "--vehicle", choices=VEHICLES, default="px4", help="whose local frame; default: px4"
+    )
+    parser.set_defaults(run=_run_stems)
+
+
+def _run_stems(options: argparse.Namespace) -> int:
+    from gcs_tools.missions.command import write_stems  # noqa: PLC0415
+
+    write_stems(options)
+    return 0

@@ -1,7 +1,8 @@
-"""``clearway mission import``: a ground station's file as a mission file, item by item."""
+"""``clearway mission``: files of ground stations and surveyors as files of ours."""
 
 from __future__ import annotations
 
+import argparse
 import math
 import sys
 from collections.abc import Iterator
@@ -16,6 +17,7 @@ from gcs_tools.missions.document import Widths, geofence_text, mission_text
 from gcs_tools.missions.plan_file import read_plan
 from gcs_tools.missions.planned_flight import GeographicArea, PlannedFlight
 from gcs_tools.missions.route import SAME_PLACE_M, Route, Site, route_of
+from gcs_tools.missions.stems import StemTable, convert_stems
 from gcs_tools.missions.waypoint_list import is_waypoint_list, read_waypoint_list
 from onboard.files.yaml_file import FileError, read_text
 
@@ -77,6 +79,44 @@ def import_mission(request: ImportRequest) -> bool:
         _write(geofence_text(planned.fence, site, request.file), request.geofence)
     report.write(f"{_summary(route)}\n")
     return True
+
+
+def write_stems(options: argparse.Namespace) -> None:
+    """Write a stem map as an obstacle field, from the arguments of ``clearway mission stems``.
+
+    Raises:
+        FileError: the file cannot be used.
+        CommandError: the options do not fit together, or the output cannot be written.
+    """
+    if options.output is not None and options.output.resolve() == options.file.resolve():
+        raise CommandError(f"{options.output}: would overwrite the file that is read")
+    geographic = options.latitude is not None or options.longitude is not None
+    origin = options.origin
+    table = StemTable(
+        *_columns(options, geographic=geographic),
+        options.diameter,
+        diameter_unit=options.diameter_unit,
+        delimiter=options.delimiter,
+        zone=options.utm,
+        geographic=geographic,
+        origin=origin and LocalFrame(GeographicPoint(*origin), options.vehicle),
+    )
+    text, report = convert_stems(options.file, table)
+    _write(text, options.output)
+    (sys.stderr if options.output is None else sys.stdout).write(f"{report}\n")
+
+
+def _columns(options: argparse.Namespace, *, geographic: bool) -> tuple[str, str]:
+    """Return the names of the two columns that state places."""
+    first, second = options.north, options.east
+    if geographic:
+        mixed = first or second
+        first, second = (None, None) if mixed else (options.latitude, options.longitude)
+    elif options.utm is None:
+        first, second = first or "x_m", second or "y_m"
+    if first is None or second is None:
+        raise CommandError("expected --north and --east, or --latitude and --longitude")
+    return first, second
 
 
 def _refuse_own_file(request: ImportRequest) -> None:
