@@ -26,10 +26,12 @@ from gcs_tools.fly import arguments as fly_arguments
 from gcs_tools.identify import arguments as identify_arguments
 from gcs_tools.missions import arguments as mission_arguments
 from gcs_tools.preflight import arguments as preflight_arguments
+from gcs_tools.setup import arguments as init_arguments
 from gcs_tools.watch import arguments as watch_arguments
 
 # In the order of ``clearway --help``.
 COMMANDS: Final = (
+    init_arguments,
     fly_arguments,
     preflight_arguments,
     contract_arguments,

@@ -19,7 +19,7 @@ from onboard.files.yaml_file import FileError
 from tests.gcs_tools.running import Clearway
 
 NAMES = (
-    *("fly", "preflight", "contract", "mission", "report", "export", "watch"),
+    *("init", "fly", "preflight", "contract", "mission", "report", "export", "watch"),
     *("identify", "campaign", "schema"),
 )
 C = ("--contract", "c.yaml")

@@ -36,7 +36,8 @@ def test_columns_are_renamed_and_delimiters_found(clearway: Clearway, tmp_path: 
     text = "species;Nord;Ost;BHD\noak;1,5;-2;30\n"
     options = ("--north", "Nord", "--east", "Ost", "--diameter", "BHD")
     ((*place_m, diameter_m),) = converted(clearway, tmp_path, text, *options)
-    assert (place_m, diameter_m) == ([1.5, -2.0], pytest.approx(0.3))
+    assert place_m == [1.5, -2.0]
+    assert diameter_m == pytest.approx(0.3)
 
 
 @pytest.mark.parametrize(
