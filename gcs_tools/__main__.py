@@ -26,6 +26,7 @@ from gcs_tools.fly import arguments as fly_arguments
 from gcs_tools.identify import arguments as identify_arguments
 from gcs_tools.missions import arguments as mission_arguments
 from gcs_tools.preflight import arguments as preflight_arguments
+from gcs_tools.service import arguments as service_arguments
 from gcs_tools.setup import arguments as init_arguments
 from gcs_tools.watch import arguments as watch_arguments
 
@@ -41,6 +42,7 @@ COMMANDS: Final = (
     watch_arguments,
     identify_arguments,
     campaign_arguments,
+    service_arguments,
     schema_arguments,
 )
 # Import names of what the extra ``ground`` installs.

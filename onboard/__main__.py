@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import asyncio
 import logging
+import os
 import sys
 import time
 from importlib.metadata import version
@@ -15,11 +16,12 @@ import zenoh
 from onboard import daemon
 from onboard.contract.assessment import assess
 from onboard.files.contract_file import Contract
-from onboard.files.daemon_config import DaemonConfig
+from onboard.files.daemon_config import DaemonConfig, log_directory
 from onboard.files.mission_file import Mission
 from onboard.files.yaml_file import FileError, load_yaml
 from onboard.log_format import configure_logging
 from onboard.mavlink.link_url import LinkError
+from onboard.recording.directory_quota import MEGABYTE, DirectoryQuota
 from onboard.recording.recorder import LogFileError
 
 
@@ -40,7 +42,8 @@ def main(arguments: list[str] | None = None) -> int:
         mission = load_yaml(base / config.mission, Mission)
         configure_logging(config.log_level, options.log_format or config.log_format)
         _warn_if_not_compliant(contract, mission, config)
-        asyncio.run(daemon.run(config, contract, mission, _log_path(base, config)))
+        log_path, names = _logs(base, config)
+        asyncio.run(daemon.run(config, contract, mission, log_path, names))
     except (FileError, LinkError, LogFileError) as error:
         return _refuse(str(error))
     except zenoh.ZError as error:
@@ -55,11 +58,18 @@ def _warn_if_not_compliant(contract: Contract, mission: Mission, config: DaemonC
         logging.getLogger(__name__).warning("the contract does not comply: %s", ", ".join(broken))
 
 
-def _log_path(base: Path, config: DaemonConfig) -> Path:
+def _logs(base: Path, config: DaemonConfig) -> tuple[Path, daemon.FlightNames | None]:
+    """Return the name of the log, and how those of later flights are named."""
     if config.log_file is not None:
-        return base / config.log_file
-    name = time.strftime("flight-%Y%m%d-%H%M%S.mcap", time.gmtime())
-    return base / config.log_directory / name
+        return base / config.log_file, None
+    directory = log_directory(base, config, os.environ)
+    quota_mb = config.log_quota_mb
+    quota = None if quota_mb is None else DirectoryQuota(directory, quota_mb * MEGABYTE)
+
+    def next_path() -> Path:
+        return directory / time.strftime("flight-%Y%m%d-%H%M%S.mcap", time.gmtime())
+
+    return next_path(), daemon.FlightNames(next_path, quota)
 
 
 def _refuse(message: str) -> int:

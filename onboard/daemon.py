@@ -9,11 +9,12 @@ import asyncio
 import contextlib
 import json
 import logging
+import os
 import signal
 import time
 from collections.abc import Callable
 from pathlib import Path
-from typing import Final
+from typing import Final, NamedTuple
 
 import zenoh
 
@@ -23,10 +24,12 @@ from onboard.files.contract_file import Contract
 from onboard.files.daemon_config import DaemonConfig
 from onboard.files.mission_file import Mission
 from onboard.mavlink.connections import Link, open_link
+from onboard.recording.directory_quota import DirectoryQuota
 from onboard.recording.event_log import EventLog
 from onboard.recording.journal import Journal
 from onboard.recording.messages import LASTING, ZENOH_KEYS, Record, StateRecord, as_json
 from onboard.recording.recorder import FlightRecorder
+from onboard.service_manager import ServiceManager
 from onboard.timing import Clock, freeze_gc_heap, request_realtime_priority
 from onboard.zenoh_session import open_session
 
@@ -39,8 +42,33 @@ REPEAT_PERIOD_S: Final = 1.0
 LATE_TICK_S: Final = 2.0 * TICK_S
 
 
-async def run(config: DaemonConfig, contract: Contract, mission: Mission, log_path: Path) -> None:
+class FlightNames(NamedTuple):
+    """How the logs of later flights are named, and how much room all may take.
+
+    Attributes:
+        next_path: returns the name of the log that begins now.
+        quota: of their directory; None for no quota.
+    """
+
+    next_path: Callable[[], Path]
+    quota: DirectoryQuota | None
+
+
+async def run(
+    config: DaemonConfig,
+    contract: Contract,
+    mission: Mission,
+    log_path: Path,
+    flight_names: FlightNames | None = None,
+) -> None:
     """Serve until SIGINT or SIGTERM.
+
+    Args:
+        config: of this process.
+        contract: what is relied on.
+        mission: what is flown.
+        log_path: of the flight log.
+        flight_names: of the logs of later flights, and their quota; None for one log of all.
 
     Raises:
         LinkError: the MAVLink link cannot be opened.
@@ -63,9 +91,13 @@ async def run(config: DaemonConfig, contract: Contract, mission: Mission, log_pa
         stack.callback(link.close)
         session = stack.enter_context(open_session(config.zenoh))
         # Last: a daemon that cannot start leaves no log behind.
-        recorder = stack.enter_context(FlightRecorder(log_path, _metadata(contract, mission)))
+        later = () if flight_names is None else (flight_names.next_path, flight_names.quota)
+        recorder = stack.enter_context(
+            FlightRecorder(log_path, _metadata(contract, mission), *later)
+        )
         bus = Bus(session, config.vehicle, contract)
         bus.subscribe(autonomy, clock, accept_mission_updates=config.accept_mission_updates)
+        manager = stack.enter_context(ServiceManager.of_environment(os.environ))
         stop = _stop_on_signals()
         freeze_gc_heap()
         log.info(
@@ -74,7 +106,8 @@ async def run(config: DaemonConfig, contract: Contract, mission: Mission, log_pa
             contract.sha256[:12],
             recorder.path,
         )
-        await _serve(autonomy, link, recorder, bus, clock, stop)
+        manager.ready()
+        await _serve(autonomy, link, recorder, bus, clock, stop, manager)
     log.info("stopped")
 
 
@@ -109,6 +142,7 @@ async def _serve(
     bus: Bus,
     clock: Clock,
     stop: asyncio.Event,
+    manager: ServiceManager,
 ) -> None:
     journal, event_log = Journal(autonomy, timed=True), EventLog()
     due_s = clock.now_s()
@@ -128,6 +162,7 @@ async def _serve(
         event_log.write(records, now_s)
         recorder.write(records)
         bus.publish(records, now_s)
+        manager.tick(now_s, autonomy.navigator.phase.value)
         due_s += TICK_S
         with contextlib.suppress(TimeoutError):
             await asyncio.wait_for(stop.wait(), max(0.0, due_s - clock.now_s()))
