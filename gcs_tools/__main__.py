@@ -20,6 +20,7 @@ from gcs_tools.console.arguments import VersionOption
 from gcs_tools.console.errors import EXIT_BAD_INPUT, CommandError
 from gcs_tools.console.standard_output import with_output
 from gcs_tools.contract import arguments as contract_arguments
+from gcs_tools.doctor import arguments as doctor_arguments
 from gcs_tools.export import arguments as export_arguments
 from gcs_tools.flight_report import arguments as report_arguments
 from gcs_tools.fly import arguments as fly_arguments
@@ -40,6 +41,7 @@ COMMANDS: Final = (
     report_arguments,
     export_arguments,
     watch_arguments,
+    doctor_arguments,
     identify_arguments,
     campaign_arguments,
     service_arguments,
