@@ -97,7 +97,7 @@ def test_a_process_refuses_such_a_file_too(
     path = written(tmp_path, kind, (".yaml",))
     assert main(["--config", str(path)]) == 2
     err = capsys.readouterr().err
-    assert err.startswith(f"{name}: "), err
+    assert err.startswith(f"{name}: error: "), err
     assert err.count("\n") == 1, err
     assert str(path) in err
 
