@@ -22,7 +22,7 @@ from onboard.files.yaml_file import FileError, load_yaml
 from onboard.log_format import configure_logging
 from onboard.mavlink.link_url import LinkError
 from onboard.recording.directory_quota import MEGABYTE, DirectoryQuota
-from onboard.recording.recorder import LogFileError
+from onboard.recording.recorder import LogFileError, LogPlace
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -42,8 +42,7 @@ def main(arguments: list[str] | None = None) -> int:
         mission = load_yaml(base / config.mission, Mission)
         configure_logging(config.log_level, options.log_format or config.log_format)
         _warn_if_not_compliant(contract, mission, config)
-        log_path, names = _logs(base, config)
-        asyncio.run(daemon.run(config, contract, mission, log_path, names))
+        asyncio.run(daemon.run(config, contract, mission, _log_place(base, config)))
     except (FileError, LinkError, LogFileError) as error:
         return _refuse(str(error))
     except zenoh.ZError as error:
@@ -58,10 +57,9 @@ def _warn_if_not_compliant(contract: Contract, mission: Mission, config: DaemonC
         logging.getLogger(__name__).warning("the contract does not comply: %s", ", ".join(broken))
 
 
-def _logs(base: Path, config: DaemonConfig) -> tuple[Path, daemon.FlightNames | None]:
-    """Return the name of the log, and how those of later flights are named."""
+def _log_place(base: Path, config: DaemonConfig) -> LogPlace:
     if config.log_file is not None:
-        return base / config.log_file, None
+        return LogPlace(base / config.log_file)
     directory = log_directory(base, config, os.environ)
     quota_mb = config.log_quota_mb
     quota = None if quota_mb is None else DirectoryQuota(directory, quota_mb * MEGABYTE)
@@ -69,7 +67,7 @@ def _logs(base: Path, config: DaemonConfig) -> tuple[Path, daemon.FlightNames | 
     def next_path() -> Path:
         return directory / time.strftime("flight-%Y%m%d-%H%M%S.mcap", time.gmtime())
 
-    return next_path(), daemon.FlightNames(next_path, quota)
+    return LogPlace(next_path(), next_path, quota)
 
 
 def _refuse(message: str) -> int:

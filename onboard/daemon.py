@@ -13,8 +13,7 @@ import os
 import signal
 import time
 from collections.abc import Callable
-from pathlib import Path
-from typing import Final, NamedTuple
+from typing import Final
 
 import zenoh
 
@@ -24,11 +23,10 @@ from onboard.files.contract_file import Contract
 from onboard.files.daemon_config import DaemonConfig
 from onboard.files.mission_file import Mission
 from onboard.mavlink.connections import Link, open_link
-from onboard.recording.directory_quota import DirectoryQuota
 from onboard.recording.event_log import EventLog
 from onboard.recording.journal import Journal
 from onboard.recording.messages import LASTING, ZENOH_KEYS, Record, StateRecord, as_json
-from onboard.recording.recorder import FlightRecorder
+from onboard.recording.recorder import FlightRecorder, LogPlace
 from onboard.service_manager import ServiceManager
 from onboard.timing import Clock, freeze_gc_heap, request_realtime_priority
 from onboard.zenoh_session import open_session
@@ -42,33 +40,8 @@ REPEAT_PERIOD_S: Final = 1.0
 LATE_TICK_S: Final = 2.0 * TICK_S
 
 
-class FlightNames(NamedTuple):
-    """How the logs of later flights are named, and how much room all may take.
-
-    Attributes:
-        next_path: returns the name of the log that begins now.
-        quota: of their directory; None for no quota.
-    """
-
-    next_path: Callable[[], Path]
-    quota: DirectoryQuota | None
-
-
-async def run(
-    config: DaemonConfig,
-    contract: Contract,
-    mission: Mission,
-    log_path: Path,
-    flight_names: FlightNames | None = None,
-) -> None:
-    """Serve until SIGINT or SIGTERM.
-
-    Args:
-        config: of this process.
-        contract: what is relied on.
-        mission: what is flown.
-        log_path: of the flight log.
-        flight_names: of the logs of later flights, and their quota; None for one log of all.
+async def run(config: DaemonConfig, contract: Contract, mission: Mission, place: LogPlace) -> None:
+    """Serve until SIGINT or SIGTERM; the flights are logged where ``place`` says.
 
     Raises:
         LinkError: the MAVLink link cannot be opened.
@@ -91,10 +64,7 @@ async def run(
         stack.callback(link.close)
         session = stack.enter_context(open_session(config.zenoh))
         # Last: a daemon that cannot start leaves no log behind.
-        later = () if flight_names is None else (flight_names.next_path, flight_names.quota)
-        recorder = stack.enter_context(
-            FlightRecorder(log_path, _metadata(contract, mission), *later)
-        )
+        recorder = stack.enter_context(place.recorder(_metadata(contract, mission)))
         bus = Bus(session, config.vehicle, contract)
         bus.subscribe(autonomy, clock, accept_mission_updates=config.accept_mission_updates)
         manager = stack.enter_context(ServiceManager.of_environment(os.environ))

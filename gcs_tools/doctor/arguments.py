@@ -32,7 +32,9 @@ def add_parser(commands: Any) -> None:
 
 def _add_where(parser: argparse.ArgumentParser) -> None:
     where = parser.add_mutually_exclusive_group()
-    where.add_argument("--config", type=Path, metavar="F", help="the daemon's own onboard.yaml")
+    where.add_argument(
+        "--daemon-config", type=Path, metavar="F", help="the daemon's own onboard.yaml"
+    )
     where.add_argument(
         "--zenoh-config", type=Path, metavar="F", help="how to reach the daemon; default: scout"
     )
@@ -48,14 +50,14 @@ def _add_where(parser: argparse.ArgumentParser) -> None:
 def _run_status(options: argparse.Namespace) -> int:
     from gcs_tools.doctor.command import status  # noqa: PLC0415  loads Zenoh
 
-    return status(options.config, options.zenoh_config, form=options.form)
+    return status(options.daemon_config, options.zenoh_config, form=options.form)
 
 
 def _run_doctor(options: argparse.Namespace) -> int:
     from gcs_tools.doctor.command import doctor  # noqa: PLC0415  loads Zenoh
 
     return doctor(
-        options.config,
+        options.daemon_config,
         options.zenoh_config,
         vehicle_url=options.vehicle,
         system_id=options.system_id,

@@ -91,7 +91,9 @@ def _vehicle(
     contract = seen.contract if files is None else files.contract
     if contract is None:
         text = "not asked: no contract to check it against is known"
-        return [Diagnosis("vehicle", Verdict.UNKNOWN, text, "give the daemon's file by --config")]
+        return [
+            Diagnosis("vehicle", Verdict.UNKNOWN, text, "give the daemon's file by --daemon-config")
+        ]
     from gcs_tools.doctor.vehicle import diagnose_vehicle  # noqa: PLC0415  MAVSDK: extra ground
 
     mission = None if files is None else files.mission

@@ -71,6 +71,11 @@ def _add_import(commands: Any) -> None:
     parser.add_argument(
         "--altitude", type=positive, metavar="M", help="fly all legs at M metres above the origin"
     )
+    _add_legs(parser)
+    parser.set_defaults(run=_run_import)
+
+
+def _add_legs(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--target-half-width",
         type=positive,
@@ -90,7 +95,6 @@ def _add_import(commands: Any) -> None:
         default="home",
         help="what item 0 of a QGC WPL list is; default: home",
     )
-    parser.set_defaults(run=_run_import)
 
 
 def _run_import(options: argparse.Namespace) -> int:

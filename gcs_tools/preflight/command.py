@@ -234,8 +234,7 @@ def run_preflight(
     obstacles = None if files.field is None else load_field(files.field)
     mission = None if files.mission is None else load_yaml(files.mission, Mission)
     result = check(contract, obstacles, mission, input_set, accept_no_progress=accept_no_progress)
-    if files.geofence is not None:
-        result = replace(result, fence_rules=_fence_rules(result, mission, files.geofence))
+    result = replace(result, fence_rules=_fence_rules(result, mission, files.geofence))
     if obstacles is not None:
         fastest_mps = fastest_speed_mps(contract, obstacles, mission, input_set)
         rehearsal = _rehearsed(result, obstacles, mission)
@@ -255,7 +254,9 @@ def run_preflight(
     return result.verdict
 
 
-def _fence_rules(result: Preflight, mission: Mission | None, path: Path) -> tuple[Rule, ...]:
+def _fence_rules(result: Preflight, mission: Mission | None, path: Path | None) -> tuple[Rule, ...]:
+    if path is None:
+        return ()
     fence = load_yaml(path, Geofence)
     if mission is None:
         raise CommandError("--geofence needs --mission: its legs are checked against the areas")

@@ -13,7 +13,7 @@ def add_parser(commands: Any) -> None:
     actions = parser.add_subparsers(required=True, metavar="ACTION")
     install = actions.add_parser("install", help="write the unit; needs root")
     install.add_argument(
-        "--config",
+        "--daemon-config",
         type=Path,
         default=Path("/etc/clearway/onboard.yaml"),
         metavar="F",
@@ -39,7 +39,7 @@ def _run(options: argparse.Namespace) -> int:
     from gcs_tools.service.command import install  # noqa: PLC0415  loads every model
 
     install(
-        options.config,
+        options.daemon_config,
         user=options.user,
         unit_directory=options.unit_directory,
         dry_run=options.dry_run,

@@ -9,7 +9,7 @@ import uuid
 from collections.abc import Callable, Iterator, Mapping
 from functools import partial
 from pathlib import Path
-from typing import Final, Self
+from typing import Final, NamedTuple, Self
 
 from onboard.recording.directory_quota import DirectoryQuota
 from onboard.recording.flight_log import Direction, FlightLog
@@ -120,6 +120,28 @@ class FlightRecorder:
             with contextlib.suppress(FileExistsError):
                 return candidate, FlightLog(LogRotation(candidate, quota=self._quota), metadata)
         raise FileExistsError(errno.EEXIST, f"{_NAMES_MAX} names like it are taken")
+
+
+class LogPlace(NamedTuple):
+    """Where flights are logged; see `FlightRecorder`.
+
+    Attributes:
+        path: of the first log.
+        next_path: names the log of the next flight; None for one log of all flights.
+        quota: of the directory; None for no quota.
+    """
+
+    path: Path
+    next_path: Callable[[], Path] | None = None
+    quota: DirectoryQuota | None = None
+
+    def recorder(self, metadata: Mapping[str, str]) -> FlightRecorder:
+        """Begin the first log.
+
+        Raises:
+            LogFileError: the file or its directory cannot be written.
+        """
+        return FlightRecorder(self.path, metadata, self.next_path, self.quota)
 
 
 def _names(path: Path) -> Iterator[Path]:

@@ -279,18 +279,20 @@ MISTAKES = [
     # ------------------------------------------------------------------------ live view, service
     Mistake("a port that is none", "watch --port 80000", ("--port", "80000")),
     Mistake("two ways to the daemon", "watch --zenoh-config a --daemon-config b", ("not allowed",)),
-    Mistake("the contract for the daemon's file", "doctor --config contract.yaml",
+    Mistake("the contract for the daemon's file", "doctor --daemon-config contract.yaml",
             ("contract.yaml", "not a known key")),
-    Mistake("the operator's file for the daemon's", "status --config bus.yaml", ("bus.yaml",)),
+    Mistake("the operator's file", "status --daemon-config bus.yaml", ("bus.yaml", "connect")),
     Mistake(
-        "a daemon's file with a lost mission", "doctor --config onboard.yaml",
+        "a daemon's file with a lost mission", "doctor --daemon-config onboard.yaml",
         ("plan.yaml", "No such file"), ("onboard.yaml", "mission: mission", "mission: plan"),
     ),
-    Mistake("a vehicle's id without it", "doctor --config onboard.yaml --system-id 2",
+    Mistake("a vehicle's id without it", "doctor --daemon-config onboard.yaml --system-id 2",
             ("--vehicle",)),
     Mistake("a service without its file", "service install", ("/etc/clearway/onboard.yaml",)),
-    Mistake("a service of no user", "service install --config onboard.yaml --user no-one-here",
-            ("useradd",)),
+    Mistake(
+        "a service of no user",
+        "service install --daemon-config onboard.yaml --user no-one-here", ("useradd",),
+    ),
     Mistake("schemas without a place", "schema", ("--output",)),
     # ------------------------------------------------------------------------ the processes
     Mistake("no daemon's file", "clearway-onboard --config daemon.yaml", ("No such file",)),

@@ -57,7 +57,7 @@ def test_status(
     words: tuple[str, ...],
 ) -> None:
     hears(monkeypatch, seen)
-    for where in ((), ("--config", "onboard.yaml"), ("--zenoh-config", "bus.yaml")):
+    for where in ((), ("--daemon-config", "onboard.yaml"), ("--zenoh-config", "bus.yaml")):
         ran = clearway("status", *where)
         assert (ran.code, ran.err) == (code, "")
         for word in words:
@@ -81,7 +81,7 @@ def test_doctor(
     words: tuple[str, ...],
 ) -> None:
     hears(monkeypatch, seen)
-    ran = clearway("doctor", "--config", "onboard.yaml")
+    ran = clearway("doctor", "--daemon-config", "onboard.yaml")
     assert (ran.code, ran.err) == (code, "")
     for word in words:
         assert word in ran.out
@@ -96,7 +96,9 @@ def test_json_for_programs(
     (link,) = [each for each in document["diagnoses"] if each["name"] == "link"]
     assert link["verdict"] == "broken"
     assert link["cure"]
-    document = json.loads(clearway("doctor", "--config", "onboard.yaml", "--format", "json").out)
+    document = json.loads(
+        clearway("doctor", "--daemon-config", "onboard.yaml", "--format", "json").out
+    )
     assert {"contract", "disk", "link"} <= {each["name"] for each in document["diagnoses"]}
     hears(monkeypatch, Observation())
     assert json.loads(clearway("status", "--format", "json").out)["status"] is None
@@ -122,7 +124,7 @@ def test_the_vehicle_is_asked_only_on_request(
     hears(monkeypatch, replace(SEEN, contract=None))
     ran = clearway("doctor", "--vehicle", "udpin://127.0.0.1:1")
     assert ran.code == 2
-    assert "give the daemon's file by --config" in ran.out
+    assert "give the daemon's file by --daemon-config" in ran.out
     assert len(asked) == 1
 
 

@@ -37,7 +37,9 @@ def folder(clearway: Clearway, tmp_path: Path) -> Path:
 
 
 def test_the_unit_keeps_the_daemon_running_and_confined(clearway: Clearway) -> None:
-    ran = clearway(*INSTALL, "--dry-run", "--user", "pilot", "--config", "/etc/c/onboard.yaml")
+    ran = clearway(
+        *INSTALL, "--dry-run", "--user", "pilot", "--daemon-config", "/etc/c/onboard.yaml"
+    )
     assert ran.code == 0
     unit = parsed(ran.out)
     service = unit["Service"]
@@ -64,10 +66,10 @@ def test_the_unit_keeps_the_daemon_running_and_confined(clearway: Clearway) -> N
 
 
 def test_characters_that_systemd_would_read_are_escaped(clearway: Clearway) -> None:
-    ran = clearway(*INSTALL, "--dry-run", "--config", '/a b/50%/$x/"q".yaml')
+    ran = clearway(*INSTALL, "--dry-run", "--daemon-config", '/a b/50%/$x/"q".yaml')
     (line,) = parsed(ran.out)["Service"]["ExecStart"]
     assert line.endswith('--config "/a b/50%%/$$x/\\"q\\".yaml"')
-    ran = clearway(*INSTALL, "--dry-run", "--config", "/a\nExecStartPre=/bin/x")
+    ran = clearway(*INSTALL, "--dry-run", "--daemon-config", "/a\nExecStartPre=/bin/x")
     assert ran.code == 2
     assert "control characters" in ran.err
 
@@ -78,7 +80,7 @@ def test_the_unit_is_written_and_the_next_step_said(
     monkeypatch.setattr(command, "SYSTEMD_RUNS", tmp_path / "nowhere")
     units = tmp_path / "units"
     units.mkdir()
-    options = ("--config", folder / "onboard.yaml", "--unit-directory", units)
+    options = ("--daemon-config", folder / "onboard.yaml", "--unit-directory", units)
     ran = clearway(*INSTALL, *options, "--user", getpass.getuser())
     assert (ran.code, ran.err) == (0, "")
     text = (units / "clearway.service").read_text(encoding="utf-8")
@@ -94,7 +96,7 @@ def test_systemd_reads_its_units_again_where_it_runs(
     systemctl.chmod(0o755)
     monkeypatch.setenv("PATH", str(tmp_path))
     monkeypatch.setattr(command, "SYSTEMD_RUNS", tmp_path)
-    options = ("--config", folder / "onboard.yaml", "--unit-directory", tmp_path)
+    options = ("--daemon-config", folder / "onboard.yaml", "--unit-directory", tmp_path)
     ran = clearway(*INSTALL, *options, "--user", getpass.getuser())
     assert ran.code == 0, ran
     assert said.read_text(encoding="utf-8") == "daemon-reload\n"
@@ -107,8 +109,8 @@ def test_systemd_reads_its_units_again_where_it_runs(
 @pytest.mark.parametrize(
     ("options", "words"),
     [
-        (("--config", "nowhere.yaml"), ("nowhere.yaml", "No such file")),
-        (("--config", "contract.yaml"), ("contract.yaml", "not a known key")),
+        (("--daemon-config", "nowhere.yaml"), ("nowhere.yaml", "No such file")),
+        (("--daemon-config", "contract.yaml"), ("contract.yaml", "not a known key")),
         (("--user", "no-such-user-here"), ("useradd --system --groups dialout",)),
         (("--user", "Robert'; --"), ("--user", "expected a user name")),
         (("--unit-directory", "nowhere"), ("nowhere/clearway.service", "cannot be written")),
@@ -123,7 +125,7 @@ def test_a_mistake_is_one_line_and_writes_nothing(
 ) -> None:
     monkeypatch.chdir(folder)
     chosen = {
-        "--config": "onboard.yaml", "--user": getpass.getuser(), "--unit-directory": ".",
+        "--daemon-config": "onboard.yaml", "--user": getpass.getuser(), "--unit-directory": ".",
         options[0]: options[1],
     }  # fmt: skip
     ran = clearway(*INSTALL, *(word for pair in chosen.items() for word in pair))
