@@ -1,5 +1,6 @@
 """The wheel, and what of it and of its requirements a companion computer gets."""
 
+import json
 import os
 import shutil
 import signal
@@ -16,6 +17,7 @@ import yaml
 from packaging.requirements import Requirement
 from packaging.utils import canonicalize_name
 
+from tests.gcs_tools.missions.ground_station import WAYPOINT, north, plan, simple
 from tests.onboard.test_daemon import free_port
 
 ROOT = Path(__file__).parents[1]
@@ -243,3 +245,20 @@ def test_the_default_flight_is_in_the_wheel(
     )
     done = python(ground, "-c", program, cwd=tmp_path)
     assert done.stdout == f"{wheel / 'gcs_tools/fly/example/paper.yaml'} 3\n", done.stderr
+
+
+def test_what_the_companion_needs_runs_there(companion: dict[str, str], tmp_path: Path) -> None:
+    document = plan(simple(WAYPOINT, *north(1.0)))
+    (tmp_path / "a.plan").write_text(json.dumps(document), encoding="utf-8")
+    (tmp_path / "trees.csv").write_text("x_m,y_m,dbh_cm\n1,2,30\n", encoding="utf-8")
+    commands = {
+        ("init", "mine"): 0,
+        ("service", "install", "--dry-run"): 0,
+        ("mission", "import", "a.plan", "-o", "mission.yaml"): 0,
+        ("mission", "stems", "trees.csv", "-o", "field.csv"): 0,
+        ("doctor", "--daemon-config", "mine/onboard.yaml"): 2,  # no daemon runs
+    }
+    for arguments, code in commands.items():
+        done = python(companion, "-m", "gcs_tools", *arguments, cwd=tmp_path)
+        assert done.returncode == code, done.stderr
+        assert "Traceback" not in done.stderr

@@ -2,14 +2,21 @@
 
 from __future__ import annotations
 
+import contextlib
+import io
+import json
 from pathlib import Path
 from typing import Any
 
 import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
 
+from gcs_tools.console.errors import CommandError
+from gcs_tools.missions.command import ImportRequest, import_mission
 from onboard.files.geofence_file import Geofence
 from onboard.files.mission_file import Mission
-from onboard.files.yaml_file import load_yaml
+from onboard.files.yaml_file import FileError, load_yaml
 from tests.gcs_tools.missions.ground_station import (
     RETURN,
     TAKE_OFF,
@@ -34,6 +41,12 @@ LIST = waypoints(
     "2 0 3 16 0 0 0 0 47.398742 8.545594 10 1",
     "3 0 0 16 0 0 0 0 47.398742 8.546594 498 1",
     "4 0 0 20 0 0 0 0 0 0 0 1",
+)
+
+
+KEYS = (
+    *("type", "command", "frame", "params", "coordinate", "items", "plannedHomePosition"),
+    *("firmwareType", "vehicleType", "complexItemType", "TransectStyleComplexItem", "Items"),
 )
 
 
@@ -185,3 +198,42 @@ def test_a_broken_geofence_file_is_one_line(
     assert str(path) in ran.err
     assert words in ran.err
     assert ran.err.count("\n") == 1
+
+
+# ---------------------------------------------------------------------------- whatever comes
+
+JSON = st.recursive(
+    st.none() | st.booleans() | st.floats() | st.integers(-400, 400) | st.text(max_size=3),
+    lambda inner: st.lists(inner, max_size=7) | st.dictionaries(st.sampled_from(KEYS), inner),
+    max_leaves=12,
+)
+WORDS = st.sampled_from(["0", "3", "16", "-1", "nan", "1e400", "x", "47.4", "\u0661", "1_0"])
+
+
+@given(st.dictionaries(st.sampled_from(KEYS), JSON, max_size=4), st.booleans())
+@settings(max_examples=150, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+def test_any_json_is_a_mission_or_one_line(
+    tmp_path_factory: pytest.TempPathFactory, change: dict[str, Any], into_item: bool
+) -> None:
+    path = tmp_path_factory.getbasetemp() / "any.plan"
+    document = plan(*ITEMS)
+    target = document["mission"]["items"][1] if into_item else document["mission"]
+    target.update(change)
+    path.write_text(json.dumps(document), encoding="utf-8")
+    request = ImportRequest(path, output=path.with_suffix(".yaml"))
+    with contextlib.suppress(FileError, CommandError), contextlib.redirect_stdout(io.StringIO()):
+        if import_mission(request):
+            assert load_yaml(path.with_suffix(".yaml"), Mission).legs
+
+
+@given(st.lists(st.lists(WORDS, min_size=11, max_size=13), max_size=3))
+@settings(max_examples=150, deadline=None)
+def test_any_waypoint_list_is_a_mission_or_one_line(
+    tmp_path_factory: pytest.TempPathFactory, rows: list[list[str]]
+) -> None:
+    path = tmp_path_factory.getbasetemp() / "any.waypoints"
+    path.write_text(LIST + "\n".join("\t".join(row) for row in rows), encoding="utf-8")
+    request = ImportRequest(path, output=path.with_suffix(".yaml"))
+    with contextlib.suppress(FileError, CommandError), contextlib.redirect_stdout(io.StringIO()):
+        if import_mission(request):
+            assert load_yaml(path.with_suffix(".yaml"), Mission).legs
