@@ -219,8 +219,8 @@ class Route:
         elif item.frame in SEA_LEVEL_FRAMES:
             zero_m = -self.site.frame.origin.altitude_m
             lacking = (
-                "its altitude counts from sea level, but the altitude of home is not known: "
-                "--home LAT,LON,ALT"
+                "its altitude counts from sea level, but that of the local origin is not known: "
+                "--home or --origin LAT,LON,ALT"
             )
         if math.isnan(zero_m):
             return math.nan, lacking

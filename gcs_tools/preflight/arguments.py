@@ -25,6 +25,9 @@ def add_parser(commands: Any) -> None:
     parser.add_argument(
         "--picture", type=Path, metavar="FILE", help="draw the field: PNG, SVG, PDF"
     )
+    parser.add_argument(
+        "--parameters", type=Path, metavar="F", help="saved parameters, .params or .param"
+    )
     parser.add_argument("--vehicle", metavar="URL", help="MAVSDK connection URL of a live vehicle")
     parser.add_argument(
         "--zenoh-config", type=Path, metavar="F", help="how to reach live detections and the daemon"
@@ -68,6 +71,7 @@ def _run(options: argparse.Namespace) -> int:
             overrides=tuple(options.overrides),
             picture=options.picture,
             geofence=options.geofence,
+            parameters=options.parameters,
         ),
         vehicle_url=options.vehicle,
         system_id=options.system_id,

@@ -194,7 +194,7 @@ class PreflightFiles:
     """Files that a check reads.
 
     Attributes:
-        contract, field, mission, geofence: all but the first may be None.
+        contract, field, mission, geofence, parameters: all but the first may be None.
         overrides: of the contract, as given to ``--set``.
         picture: to draw the field to; None for no picture.
     """
@@ -205,6 +205,7 @@ class PreflightFiles:
     overrides: tuple[str, ...]
     picture: Path | None
     geofence: Path | None = None
+    parameters: Path | None = None
 
 
 def run_preflight(
@@ -227,14 +228,12 @@ def run_preflight(
         CommandError: no Zenoh session, or the output or the picture cannot be written.
         VehicleError: no vehicle answers whose requests to arm could be answered.
     """
-    if authorize_s is not None and vehicle_url is None:
-        raise CommandError("--authorize needs --vehicle: it answers the vehicle's requests to arm")
-    _check_system_id(system_id, vehicle_url)
+    _check_options(files, vehicle_url, system_id, authorize_s)
     contract = load_contract(files.contract, files.overrides)
     obstacles = None if files.field is None else load_field(files.field)
     mission = None if files.mission is None else load_yaml(files.mission, Mission)
     result = check(contract, obstacles, mission, input_set, accept_no_progress=accept_no_progress)
-    result = replace(result, fence_rules=_fence_rules(result, mission, files.geofence))
+    result = _with_files(result, mission, files)
     if obstacles is not None:
         fastest_mps = fastest_speed_mps(contract, obstacles, mission, input_set)
         rehearsal = _rehearsed(result, obstacles, mission)
@@ -246,12 +245,24 @@ def run_preflight(
     if vehicle_url is not None or zenoh_config is not None:
         targets = _LiveTargets(vehicle_url, system_id, zenoh_config, endurance_s)
         findings = _check_live(result, mission, targets)
-        result = replace(result, findings=findings)
+        result = replace(result, findings=(*result.findings, *findings))
     table = partial(print_preflight, result, str(files.contract))
     write_document(result.document(), table, form=form, path=output)
     if authorize_s is not None and vehicle_url is not None:
         _authorize(vehicle_url, system_id, result.verdict, authorize_s)
     return result.verdict
+
+
+def _with_files(result: Preflight, mission: Mission | None, files: PreflightFiles) -> Preflight:
+    """Add what a geofence and a file of parameters say."""
+    result = replace(result, fence_rules=_fence_rules(result, mission, files.geofence))
+    if files.parameters is None:
+        return result
+    # Loads the profiles of the autopilots.
+    from gcs_tools.preflight.offline.parameter_file import check_parameter_file  # noqa: PLC0415
+
+    findings = check_parameter_file(files.parameters, result.assessment, mission)
+    return replace(result, findings=findings)
 
 
 def _fence_rules(result: Preflight, mission: Mission | None, path: Path | None) -> tuple[Rule, ...]:
@@ -261,7 +272,7 @@ def _fence_rules(result: Preflight, mission: Mission | None, path: Path | None) 
     if mission is None:
         raise CommandError("--geofence needs --mission: its legs are checked against the areas")
     # Shapely belongs to the extra ground.
-    from gcs_tools.preflight.geofence_check import check_geofence  # noqa: PLC0415
+    from gcs_tools.preflight.offline.geofence import check_geofence  # noqa: PLC0415
     from gcs_tools.vehicle.geofence import FenceError  # noqa: PLC0415
 
     try:
@@ -270,7 +281,17 @@ def _fence_rules(result: Preflight, mission: Mission | None, path: Path | None) 
         raise CommandError(f"{path}: {error}") from error
 
 
-def _check_system_id(system_id: int | None, vehicle_url: str | None) -> None:
+def _check_options(
+    files: PreflightFiles,
+    vehicle_url: str | None,
+    system_id: int | None,
+    authorize_s: float | None,
+) -> None:
+    """Refuse options that do not fit together."""
+    if vehicle_url is not None and files.parameters is not None:
+        raise CommandError("--parameters is for a vehicle that is not asked: leave out --vehicle")
+    if vehicle_url is None and authorize_s is not None:
+        raise CommandError("--authorize needs --vehicle: it answers the vehicle's requests to arm")
     if system_id is None:
         return
     if not 1 <= system_id <= _SYSTEM_ID_MAX:

@@ -182,6 +182,10 @@ MISTAKES = [
     Mistake("a URL without a scheme", f"{CHECK} --vehicle 127.0.0.1:14550", ("127.0.0.1:14550",)),
     Mistake("an endurance in words", f"{CHECK} --endurance '15 min'", ("--endurance", "15 min")),
     Mistake("a system id without a vehicle", f"{CHECK} --system-id 1", ("--vehicle",)),
+    Mistake(
+        "parameters of a plane", f"{CHECK} --parameters a.param", ("neither PX4", "save all"),
+        ("a.param", "", "TECS_CLMB_MAX,5\n"),
+    ),
     Mistake("authorization without a vehicle", f"{CHECK} --authorize 60", ("--vehicle",)),
     Mistake(
         "a Zenoh endpoint that is none", f"{CHECK} --zenoh-config bus.yaml", ("Zenoh session",),
