@@ -20,25 +20,33 @@ from gcs_tools.console.arguments import VersionOption
 from gcs_tools.console.errors import EXIT_BAD_INPUT, CommandError
 from gcs_tools.console.standard_output import with_output
 from gcs_tools.contract import arguments as contract_arguments
+from gcs_tools.doctor import arguments as doctor_arguments
 from gcs_tools.export import arguments as export_arguments
 from gcs_tools.flight_report import arguments as report_arguments
 from gcs_tools.fly import arguments as fly_arguments
 from gcs_tools.identify import arguments as identify_arguments
+from gcs_tools.missions import arguments as mission_arguments
 from gcs_tools.preflight import arguments as preflight_arguments
 from gcs_tools.resume import arguments as resume_arguments
+from gcs_tools.service import arguments as service_arguments
+from gcs_tools.setup import arguments as init_arguments
 from gcs_tools.watch import arguments as watch_arguments
 
 # In the order of ``clearway --help``.
 COMMANDS: Final = (
+    init_arguments,
     fly_arguments,
     preflight_arguments,
     contract_arguments,
+    mission_arguments,
     report_arguments,
     export_arguments,
     watch_arguments,
     resume_arguments,
+    doctor_arguments,
     identify_arguments,
     campaign_arguments,
+    service_arguments,
     schema_arguments,
 )
 # Import names of what the extra ``ground`` installs.

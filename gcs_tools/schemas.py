@@ -14,6 +14,7 @@ from gcs_tools.preflight.live.bus import BusConfig
 from gcs_tools.scenario import ScenarioFile
 from onboard.files.contract_file import Contract
 from onboard.files.daemon_config import DaemonConfig
+from onboard.files.geofence_file import Geofence
 from onboard.files.mission_file import Mission
 from onboard.files.obstacle_field import ObstacleList
 from sitl.config import SitlConfig
@@ -22,6 +23,7 @@ MODELS: MappingProxyType[str, type[BaseModel]] = MappingProxyType(
     {
         "contract": Contract,
         "mission": Mission,
+        "geofence": Geofence,
         "field": ObstacleList,
         "scenario": ScenarioFile,
         "onboard": DaemonConfig,

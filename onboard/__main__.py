@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import asyncio
 import logging
+import os
 import sys
 import time
 from importlib.metadata import version
@@ -15,12 +16,13 @@ import zenoh
 from onboard import daemon
 from onboard.contract.assessment import assess
 from onboard.files.contract_file import Contract
-from onboard.files.daemon_config import DaemonConfig
+from onboard.files.daemon_config import DaemonConfig, log_directory
 from onboard.files.mission_file import Mission
 from onboard.files.yaml_file import FileError, load_yaml
 from onboard.log_format import configure_logging
 from onboard.mavlink.link_url import LinkError
-from onboard.recording.recorder import LogFileError
+from onboard.recording.directory_quota import MEGABYTE, DirectoryQuota
+from onboard.recording.recorder import LogFileError, LogPlace
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -40,7 +42,7 @@ def main(arguments: list[str] | None = None) -> int:
         mission = load_yaml(base / config.mission, Mission)
         configure_logging(config.log_level, options.log_format or config.log_format)
         _warn_if_not_compliant(contract, mission, config)
-        asyncio.run(daemon.run(config, contract, mission, _log_path(base, config)))
+        asyncio.run(daemon.run(config, contract, mission, _log_place(base, config)))
     except (FileError, LinkError, LogFileError) as error:
         return _refuse(str(error))
     except zenoh.ZError as error:
@@ -55,11 +57,17 @@ def _warn_if_not_compliant(contract: Contract, mission: Mission, config: DaemonC
         logging.getLogger(__name__).warning("the contract does not comply: %s", ", ".join(broken))
 
 
-def _log_path(base: Path, config: DaemonConfig) -> Path:
+def _log_place(base: Path, config: DaemonConfig) -> LogPlace:
     if config.log_file is not None:
-        return base / config.log_file
-    name = time.strftime("flight-%Y%m%d-%H%M%S.mcap", time.gmtime())
-    return base / config.log_directory / name
+        return LogPlace(base / config.log_file)
+    directory = log_directory(base, config, os.environ)
+    quota_mb = config.log_quota_mb
+    quota = None if quota_mb is None else DirectoryQuota(directory, quota_mb * MEGABYTE)
+
+    def next_path() -> Path:
+        return directory / time.strftime("flight-%Y%m%d-%H%M%S.mcap", time.gmtime())
+
+    return LogPlace(next_path(), next_path, quota)
 
 
 def _refuse(message: str) -> int:

@@ -9,10 +9,10 @@ import asyncio
 import contextlib
 import json
 import logging
+import os
 import signal
 import time
 from collections.abc import Callable
-from pathlib import Path
 from typing import Final
 
 import zenoh
@@ -29,7 +29,8 @@ from onboard.mavlink.connections import Link, open_link
 from onboard.recording.event_log import EventLog
 from onboard.recording.journal import Journal
 from onboard.recording.messages import LASTING, ZENOH_KEYS, Record, StateRecord, as_json
-from onboard.recording.recorder import FlightRecorder
+from onboard.recording.recorder import FlightRecorder, LogPlace
+from onboard.service_manager import ServiceManager
 from onboard.timing import Clock, freeze_gc_heap, request_realtime_priority
 from onboard.zenoh_session import open_session
 
@@ -42,8 +43,8 @@ REPEAT_PERIOD_S: Final = 1.0
 LATE_TICK_S: Final = 2.0 * TICK_S
 
 
-async def run(config: DaemonConfig, contract: Contract, mission: Mission, log_path: Path) -> None:
-    """Serve until SIGINT or SIGTERM.
+async def run(config: DaemonConfig, contract: Contract, mission: Mission, place: LogPlace) -> None:
+    """Serve until SIGINT or SIGTERM; the flights are logged where ``place`` says.
 
     Raises:
         LinkError: the MAVLink link cannot be opened.
@@ -66,10 +67,11 @@ async def run(config: DaemonConfig, contract: Contract, mission: Mission, log_pa
         stack.callback(link.close)
         session = stack.enter_context(open_session(config.zenoh))
         # Last: a daemon that cannot start leaves no log behind.
-        recorder = stack.enter_context(FlightRecorder(log_path, _metadata(contract, mission)))
+        recorder = stack.enter_context(place.recorder(_metadata(contract, mission)))
         bus = Bus(session, config.vehicle, contract)
         bus.subscribe(autonomy, clock, accept_mission_updates=config.accept_mission_updates)
         bus.answer_resumes(autonomy, config.zenoh.remote_access)
+        manager = stack.enter_context(ServiceManager.of_environment(os.environ))
         stop = _stop_on_signals()
         freeze_gc_heap()
         log.info(
@@ -78,7 +80,8 @@ async def run(config: DaemonConfig, contract: Contract, mission: Mission, log_pa
             contract.sha256[:12],
             recorder.path,
         )
-        await _serve(autonomy, link, recorder, bus, clock, stop)
+        manager.ready()
+        await _serve(autonomy, link, recorder, bus, clock, stop, manager)
     log.info("stopped")
 
 
@@ -113,6 +116,7 @@ async def _serve(
     bus: Bus,
     clock: Clock,
     stop: asyncio.Event,
+    manager: ServiceManager,
 ) -> None:
     journal, event_log = Journal(autonomy, timed=True), EventLog()
     due_s = clock.now_s()
@@ -132,6 +136,7 @@ async def _serve(
         event_log.write(records, now_s)
         recorder.write(records)
         bus.publish(records, now_s)
+        manager.tick(now_s, autonomy.navigator.phase.value)
         due_s += TICK_S
         with contextlib.suppress(TimeoutError):
             await asyncio.wait_for(stop.wait(), max(0.0, due_s - clock.now_s()))

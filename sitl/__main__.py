@@ -26,7 +26,7 @@ def main(arguments: list[str] | None = None) -> int:
     try:
         asyncio.run(serve(load_sitl_config(options.config)))
     except (FileError, ParameterError, TransportError, ZenohError, OSError) as error:
-        sys.stderr.write(f"clearway-sitl: {error}\n")
+        sys.stderr.write(f"clearway-sitl: error: {error}\n")
         return 2
     return 0
 

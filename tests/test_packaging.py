@@ -1,10 +1,12 @@
 """The wheel, and what of it and of its requirements a companion computer gets."""
 
+import json
 import os
 import shutil
 import signal
 import subprocess
 import sys
+import sysconfig
 import tomllib
 from collections.abc import Iterator
 from importlib import metadata
@@ -15,12 +17,14 @@ import yaml
 from packaging.requirements import Requirement
 from packaging.utils import canonicalize_name
 
+from tests.gcs_tools.missions.ground_station import WAYPOINT, north, plan, simple
 from tests.onboard.test_daemon import free_port
 
 ROOT = Path(__file__).parents[1]
 CONFIG = ROOT / "config"
 PACKAGES = ("onboard", "sitl", "gcs_tools")
-BUILT_FROM = ("pyproject.toml", "README.md", "LICENSE")
+# What the build reads; files of the packages are links to some in config.
+BUILT_FROM = (*PACKAGES, "config", "pyproject.toml", "README.md", "LICENSE")
 # Installed without the tests of libraries, as `make companion` does; the limit of what is copied.
 COMPANION_MAX_MB = 300.0
 # Neither this environment's packages nor this checkout's.
@@ -60,22 +64,37 @@ def requirements() -> dict[str, metadata.Distribution]:
 
 
 @pytest.fixture(scope="module")
-def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Install the wheel, and nothing else, into a directory."""
-    directory = tmp_path_factory.mktemp("wheel")
-    source, site = directory / "source", directory / "site"
-    source.mkdir()
-    for package in PACKAGES:  # built elsewhere: an old build/ could put old files into it
-        shutil.copytree(
-            ROOT / package, source / package, ignore=shutil.ignore_patterns("__pycache__")
-        )
+def sdist(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Build the source distribution elsewhere: an old build/ could put old files into it."""
+    source = tmp_path_factory.mktemp("source")
+    ignore = shutil.ignore_patterns("__pycache__")
     for name in BUILT_FROM:
-        shutil.copy(ROOT / name, source)
+        if (ROOT / name).is_dir():
+            shutil.copytree(ROOT / name, source / name, symlinks=True, ignore=ignore)
+        else:
+            shutil.copy(ROOT / name, source)
+    out = tmp_path_factory.mktemp("sdist")
+    build = [sys.executable, "-m", "build", "--sdist", "--outdir", str(out), str(source)]
+    subprocess.run(build, check=True, capture_output=True)
+    (archive,) = out.iterdir()
+    return archive
+
+
+@pytest.fixture(scope="module")
+def wheel(sdist: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Install the wheel of the source distribution, and nothing else, into a directory."""
+    site = tmp_path_factory.mktemp("wheel") / "site"
     pip = [sys.executable, "-m", "pip", "--disable-pip-version-check", "install", "--no-deps"]
-    subprocess.run(
-        [*pip, "--no-compile", "--target", site, source], check=True, capture_output=True
-    )
+    subprocess.run([*pip, "--no-compile", "--target", site, sdist], check=True, capture_output=True)
     return site
+
+
+@pytest.fixture(scope="module")
+def ground(wheel: Path) -> dict[str, str]:
+    """Return an environment that has the wheel and what the extras install, not this checkout."""
+    # A directory on PYTHONPATH gets no .pth file read, so an editable install stays out.
+    site = sysconfig.get_paths()["purelib"]
+    return {"PYTHONPATH": os.pathsep.join((str(wheel), site)), "PYTHONDONTWRITEBYTECODE": "1"}
 
 
 @pytest.fixture(scope="module")
@@ -97,11 +116,14 @@ def companion(
     return {"PYTHONPATH": os.pathsep.join(map(str, (wheel, site))), "PYTHONDONTWRITEBYTECODE": "1"}
 
 
-def python(environment: dict[str, str], *arguments: str) -> subprocess.CompletedProcess[str]:
+def python(
+    environment: dict[str, str], *arguments: str, cwd: Path | None = None
+) -> subprocess.CompletedProcess[str]:
     """Run Python without the packages of this environment."""
     return subprocess.run(
         [*PYTHON, *arguments],
         env=environment,
+        cwd=cwd,
         capture_output=True,
         text=True,
         timeout=_SECONDS,
@@ -121,6 +143,8 @@ def test_the_wheel_has_every_file_of_the_packages(wheel: Path) -> None:
     packed = contents(wheel)
     assert packed == contents(ROOT)
     assert "onboard/contract/THEORY.md" in packed
+    assert "gcs_tools/fly/example/paper_contract.yaml" in packed
+    assert not [path for path in wheel.rglob("*") if path.is_symlink()]
     assert {f"{package}/py.typed" for package in PACKAGES} <= packed
 
 
@@ -197,3 +221,44 @@ def test_the_daemon_serves_without_any_package_of_the_ground(
         daemon.kill()
         daemon.communicate()
     assert list(tmp_path.glob("flight-*.mcap"))
+
+
+def test_a_folder_is_written_and_checked_with_the_wheel_alone(
+    ground: dict[str, str], tmp_path: Path
+) -> None:
+    clearway = ("-m", "gcs_tools")
+    done = python(ground, *clearway, "init", "mine", "--vehicle", "ardupilot", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    files = ("--contract", "contract.yaml", "--field", "field.yaml", "--mission", "mission.yaml")
+    done = python(ground, *clearway, "preflight", *files, cwd=tmp_path / "mine")
+    assert done.returncode == 0, done.stdout + done.stderr
+
+
+def test_the_default_flight_is_in_the_wheel(
+    ground: dict[str, str], wheel: Path, tmp_path: Path
+) -> None:
+    """Flown by `clearway fly` without a file, from any folder."""
+    program = (
+        "from gcs_tools.fly.command import DEFAULT_SCENARIO\n"
+        "from gcs_tools.scenario import load_scenario\n"
+        "print(DEFAULT_SCENARIO, len(load_scenario(DEFAULT_SCENARIO).obstacles))"
+    )
+    done = python(ground, "-c", program, cwd=tmp_path)
+    assert done.stdout == f"{wheel / 'gcs_tools/fly/example/paper.yaml'} 3\n", done.stderr
+
+
+def test_what_the_companion_needs_runs_there(companion: dict[str, str], tmp_path: Path) -> None:
+    document = plan(simple(WAYPOINT, *north(1.0)))
+    (tmp_path / "a.plan").write_text(json.dumps(document), encoding="utf-8")
+    (tmp_path / "trees.csv").write_text("x_m,y_m,dbh_cm\n1,2,30\n", encoding="utf-8")
+    commands = {
+        ("init", "mine"): 0,
+        ("service", "install", "--dry-run"): 0,
+        ("mission", "import", "a.plan", "-o", "mission.yaml"): 0,
+        ("mission", "stems", "trees.csv", "-o", "field.csv"): 0,
+        ("doctor", "--daemon-config", "mine/onboard.yaml"): 2,  # no daemon runs
+    }
+    for arguments, code in commands.items():
+        done = python(companion, "-m", "gcs_tools", *arguments, cwd=tmp_path)
+        assert done.returncode == code, done.stderr
+        assert "Traceback" not in done.stderr

@@ -53,7 +53,8 @@ class Children:
 
     def start(self, name: str, module: str, *arguments: str, log_path: Path) -> None:
         """Start ``python -m module``; what it prints goes to ``log_path``."""
-        command = [sys.executable, "-m", module, *arguments]
+        # -P: nothing in the operator's folder may take the place of our modules.
+        command = [sys.executable, "-P", "-m", module, *arguments]
         with log_path.open("wb") as log:
             process = subprocess.Popen(  # noqa: S603  our own module, no shell
                 command,

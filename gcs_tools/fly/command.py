@@ -24,7 +24,7 @@ from gcs_tools.preflight.tier import Tier
 from gcs_tools.scenario import Scenario, load_scenario
 from onboard.files.contract_file import Contract
 
-DEFAULT_SCENARIO = Path(__file__).parents[2] / "config" / "paper.yaml"
+DEFAULT_SCENARIO = Path(__file__).parent / "example" / "paper.yaml"
 # Of a flight, and what `clearway export` has made of it.
 _OUTPUT_FILES = (
     "flight.mcap",

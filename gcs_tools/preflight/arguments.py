@@ -20,7 +20,13 @@ def add_parser(commands: Any) -> None:
     parser.add_argument("--field", type=Path, metavar="F", help="obstacle field, YAML or CSV")
     parser.add_argument("--mission", type=Path, metavar="F", help="mission file, YAML")
     parser.add_argument(
+        "--geofence", type=Path, metavar="F", help="geofence file, YAML, that the mission keeps to"
+    )
+    parser.add_argument(
         "--picture", type=Path, metavar="FILE", help="draw the field: PNG, SVG, PDF"
+    )
+    parser.add_argument(
+        "--parameters", type=Path, metavar="F", help="saved parameters, .params or .param"
     )
     parser.add_argument("--vehicle", metavar="URL", help="MAVSDK connection URL of a live vehicle")
     parser.add_argument(
@@ -64,6 +70,8 @@ def _run(options: argparse.Namespace) -> int:
             mission=options.mission,
             overrides=tuple(options.overrides),
             picture=options.picture,
+            geofence=options.geofence,
+            parameters=options.parameters,
         ),
         vehicle_url=options.vehicle,
         system_id=options.system_id,

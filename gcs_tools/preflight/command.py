@@ -24,6 +24,7 @@ from gcs_tools.preflight.speed import fastest_speed_mps
 from gcs_tools.preflight.tier import Tier, seen_free_rules
 from onboard.contract.assessment import Assessment, assess
 from onboard.files.contract_file import Contract, InputSet, load_contract
+from onboard.files.geofence_file import Geofence
 from onboard.files.mission_file import Mission
 from onboard.files.obstacle_field import ObstacleField, load_field
 from onboard.files.yaml_file import load_yaml
@@ -42,6 +43,7 @@ class Preflight:
         assessment: the contract's clauses.
         field_rules: the obstacle field's, where one was given.
         safety_rules: what safety needs where a clause about progress fails.
+        fence_rules: the geofence's, where one was given.
         fastest_mps: fastest cruise that contract and field allow; None without a field, or if no
             speed complies.
         findings: of the live check.
@@ -53,6 +55,7 @@ class Preflight:
     assessment: Assessment
     field_rules: tuple[Rule, ...] = ()
     safety_rules: tuple[Rule, ...] = ()
+    fence_rules: tuple[Rule, ...] = ()
     fastest_mps: float | None = None
     findings: tuple[Finding, ...] = ()
     accept_no_progress: bool = False
@@ -61,14 +64,16 @@ class Preflight:
     @property
     def compliant(self) -> bool:
         """Whether contract and field comply in everything, without regard to live findings."""
-        return self.assessment.compliant and all(rule.holds for rule in self.field_rules)
+        rules = (*self.field_rules, *self.fence_rules)
+        return self.assessment.compliant and all(rule.holds for rule in rules)
 
     @property
     def safe(self) -> bool:
         """Whether contract and field comply in what safety needs."""
         if not self.assessment.terms.stop:
             return self.compliant
-        clauses, rules = self.assessment.clauses, (*self.field_rules, *self.safety_rules)
+        clauses = self.assessment.clauses
+        rules = (*self.field_rules, *self.fence_rules, *self.safety_rules)
         broken = [each.concerns for each in clauses if not each.holds]
         broken += [each.concerns for each in rules if not each.holds]
         return "safety" not in broken
@@ -128,7 +133,7 @@ class Preflight:
         )
         rules = tuple(
             f"{rule.name}: {rule.reason}{preflight_report.named(rule.offenders)}"
-            for rule in (*self.field_rules, *self.broken_safety_rules)
+            for rule in (*self.field_rules, *self.fence_rules, *self.broken_safety_rules)
             if not rule.holds
         )
         live = tuple(
@@ -151,6 +156,7 @@ class Preflight:
             "remedies": [vars(remedy) for remedy in self.remedies],
             "field": [rule.document() for rule in self.field_rules],
             "safety": [rule.document() for rule in self.safety_rules],
+            "geofence": [rule.document() for rule in self.fence_rules],
             "fastest_compliant_speed_mps": self.fastest_mps,
             "rehearsal": None if self.rehearsal is None else self.rehearsal.document(),
             "live": [finding.document() for finding in self.findings],
@@ -188,7 +194,7 @@ class PreflightFiles:
     """Files that a check reads.
 
     Attributes:
-        contract, field, mission: the last two may be None.
+        contract, field, mission, geofence, parameters: all but the first may be None.
         overrides: of the contract, as given to ``--set``.
         picture: to draw the field to; None for no picture.
     """
@@ -198,6 +204,8 @@ class PreflightFiles:
     mission: Path | None
     overrides: tuple[str, ...]
     picture: Path | None
+    geofence: Path | None = None
+    parameters: Path | None = None
 
 
 def run_preflight(
@@ -220,13 +228,12 @@ def run_preflight(
         CommandError: no Zenoh session, or the output or the picture cannot be written.
         VehicleError: no vehicle answers whose requests to arm could be answered.
     """
-    if authorize_s is not None and vehicle_url is None:
-        raise CommandError("--authorize needs --vehicle: it answers the vehicle's requests to arm")
-    _check_system_id(system_id, vehicle_url)
+    _check_options(files, vehicle_url, system_id, authorize_s)
     contract = load_contract(files.contract, files.overrides)
     obstacles = None if files.field is None else load_field(files.field)
     mission = None if files.mission is None else load_yaml(files.mission, Mission)
     result = check(contract, obstacles, mission, input_set, accept_no_progress=accept_no_progress)
+    result = _with_files(result, mission, files)
     if obstacles is not None:
         fastest_mps = fastest_speed_mps(contract, obstacles, mission, input_set)
         rehearsal = _rehearsed(result, obstacles, mission)
@@ -238,7 +245,7 @@ def run_preflight(
     if vehicle_url is not None or zenoh_config is not None:
         targets = _LiveTargets(vehicle_url, system_id, zenoh_config, endurance_s)
         findings = _check_live(result, mission, targets)
-        result = replace(result, findings=findings)
+        result = replace(result, findings=(*result.findings, *findings))
     table = partial(print_preflight, result, str(files.contract))
     write_document(result.document(), table, form=form, path=output)
     if authorize_s is not None and vehicle_url is not None:
@@ -246,7 +253,45 @@ def run_preflight(
     return result.verdict
 
 
-def _check_system_id(system_id: int | None, vehicle_url: str | None) -> None:
+def _with_files(result: Preflight, mission: Mission | None, files: PreflightFiles) -> Preflight:
+    """Add what a geofence and a file of parameters say."""
+    result = replace(result, fence_rules=_fence_rules(result, mission, files.geofence))
+    if files.parameters is None:
+        return result
+    # Loads the profiles of the autopilots.
+    from gcs_tools.preflight.offline.parameter_file import check_parameter_file  # noqa: PLC0415
+
+    findings = check_parameter_file(files.parameters, result.assessment, mission)
+    return replace(result, findings=findings)
+
+
+def _fence_rules(result: Preflight, mission: Mission | None, path: Path | None) -> tuple[Rule, ...]:
+    if path is None:
+        return ()
+    fence = load_yaml(path, Geofence)
+    if mission is None:
+        raise CommandError("--geofence needs --mission: its legs are checked against the areas")
+    # Shapely belongs to the extra ground.
+    from gcs_tools.preflight.offline.geofence import check_geofence  # noqa: PLC0415
+    from gcs_tools.vehicle.geofence import FenceError  # noqa: PLC0415
+
+    try:
+        return (check_geofence(result.assessment, mission, fence),)
+    except FenceError as error:
+        raise CommandError(f"{path}: {error}") from error
+
+
+def _check_options(
+    files: PreflightFiles,
+    vehicle_url: str | None,
+    system_id: int | None,
+    authorize_s: float | None,
+) -> None:
+    """Refuse options that do not fit together."""
+    if vehicle_url is not None and files.parameters is not None:
+        raise CommandError("--parameters is for a vehicle that is not asked: leave out --vehicle")
+    if vehicle_url is None and authorize_s is not None:
+        raise CommandError("--authorize needs --vehicle: it answers the vehicle's requests to arm")
     if system_id is None:
         return
     if not 1 <= system_id <= _SYSTEM_ID_MAX:
@@ -344,6 +389,8 @@ def print_preflight(result: Preflight, title: str, console: Console) -> None:
         preflight_report.print_field(
             result.field_rules, result.fastest_mps, assessment.terms.cruise_speed_mps, console
         )
+    if result.fence_rules:
+        preflight_report.print_rules("Geofence", result.fence_rules, console)
     if result.rehearsal is not None:
         preflight_report.print_rehearsal(result.rehearsal.sentence(), console)
     if result.findings:

@@ -9,6 +9,8 @@ from typing import Final, NamedTuple
 
 from shapely import LineString, Point, Polygon
 
+from gcs_tools.geodesy.local_frame import longitude_difference_deg
+
 _RETURN_POINT: Final = 5000
 _POLYGON: Final = {5001: True, 5002: False}  # whether the vehicle must stay inside
 _CIRCLE: Final = {5003: True, 5004: False}
@@ -44,7 +46,8 @@ class GeographicOrigin(NamedTuple):
         """Return an item's position in local NED; the Earth is a sphere, good for kilometres."""
         north_m = math.radians(item.latitude_deg - self.latitude_deg) * _EARTH_RADIUS_M
         per_rad_m = _EARTH_RADIUS_M * math.cos(math.radians(self.latitude_deg))
-        return north_m, math.radians(item.longitude_deg - self.longitude_deg) * per_rad_m
+        east_deg = longitude_difference_deg(item.longitude_deg, self.longitude_deg)
+        return north_m, math.radians(east_deg) * per_rad_m
 
     @classmethod
     def of_home(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -38,10 +39,18 @@ class DaemonConfig(FileModel):
         url="udpin://0.0.0.0:14540", system_id=1, telemetry_timeout_s=0.5
     )
     zenoh: ZenohEndpoints = ZenohEndpoints(connect=(), listen=())
-    log_directory: FilePath = Path("flights")
+    log_directory: FilePath | None = Field(
+        None,
+        description="one log a flight, named by date; null: flights beside this file, or in the "
+        "state directory of systemd",
+    )
+    log_quota_mb: Annotated[int, Field(ge=200)] | None = Field(
+        None, description="of log_directory: the oldest flights are removed beyond it; null: none"
+    )
     log_file: FilePath | None = Field(
         None,
-        description="in place of a name by date; a number is added where it exists",
+        description="one log for all flights, in place of log_directory; a number is added where "
+        "it exists",
     )
     log_level: Literal["debug", "info", "warning", "error"] = "info"
     log_format: Literal["text", "json"] = Field("text", description="of the daemon's messages")
@@ -63,3 +72,18 @@ class DaemonConfig(FileModel):
     @classmethod
     def _refuse_renamed_keys(cls, data: Any) -> Any:
         return refuse_renamed_keys(data, {"mission_changes": "accept_mission_updates"})
+
+
+def log_directory(base: Path, config: DaemonConfig, environment: Mapping[str, str]) -> Path:
+    """Return the directory of flight logs.
+
+    Args:
+        base: directory of the configuration.
+        config: the configuration.
+        environment: of the daemon; a service's STATE_DIRECTORY is where it may write.
+    """
+    if config.log_directory is not None:
+        return base / config.log_directory
+    # Several directories are separated by colons.
+    state, _, _ = environment.get("STATE_DIRECTORY", "").partition(":")
+    return (Path(state) if state else base) / "flights"

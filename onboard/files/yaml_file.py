@@ -6,6 +6,8 @@ may share it with the daemon that it tests.
 
 from __future__ import annotations
 
+import re
+from difflib import get_close_matches
 from typing import TYPE_CHECKING, Any, Final, TypeVar
 
 import yaml
@@ -38,6 +40,9 @@ _UNITS = {
     "to_weight": "times the weight",
 }
 
+
+# Of a longer list of words only the nearest are shown.
+_OPTIONS_SHOWN: Final = 6
 
 # A field of a hundred thousand obstacles takes a tenth of this.
 FILE_BYTES_MAX: Final = 100_000_000
@@ -188,9 +193,18 @@ def _explain(error: ErrorDetails) -> str:
             names = error["ctx"]
             section = "".join(f"{part}." for part in error["loc"])
             return f"{section}{names['old']} is now called {section}{names['new']}"
+        case "literal_error" if len(options := _options(error)) > _OPTIONS_SHOWN:
+            near = get_close_matches(str(error["input"]), options, _OPTIONS_SHOWN, cutoff=0.0)
+            expected = f"expected one of {len(options)}, nearest: {', '.join(map(repr, near))}"
+            return f"{where} = {_describe(error['input'])}: {expected}"
         case _:
             reason = error["msg"].removeprefix("Value error, ")
             return f"{where} = {_describe(error['input'])}: {reason[:1].lower()}{reason[1:]}"
+
+
+def _options(error: ErrorDetails) -> list[str]:
+    """Return the words that a key may have."""
+    return re.findall(r"'([^']*)'", str(error.get("ctx", {}).get("expected", "")))
 
 
 def _innermost_key(error: ErrorDetails) -> str:

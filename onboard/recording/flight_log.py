@@ -95,6 +95,15 @@ class FlightLog:
             )
         self._add(topic, time_unix_s, data)
 
+    def go_on_in(self, successor: FlightLog) -> None:
+        """Finish this log, and begin another with the records that still hold.
+
+        Raises:
+            OSError: the disk is full or gone.
+        """
+        self.close()
+        successor.write(self._lasting.values())
+
     def close(self) -> None:
         """Finish the file; without this it can be read from the start, but has no index."""
         if self._file.closed:  # the next part could not be opened

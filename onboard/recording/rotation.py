@@ -6,6 +6,8 @@ from collections import deque
 from pathlib import Path
 from typing import BinaryIO, Final, cast
 
+from onboard.recording.directory_quota import DirectoryQuota
+
 # A part holds hours; together they are what a log may take of the disk.
 PART_BYTES: Final = 64 * 1024 * 1024
 PARTS_KEPT: Final = 16
@@ -19,6 +21,7 @@ class LogRotation:
         part_bytes: a part is full at this size.
         kept: how many parts may exist at once, at least one.
         overwrite: whether to replace an existing file; a simulation may, a flight must not.
+        quota: of the directory, in which each part makes room for itself; None for no quota.
     """
 
     def __init__(
@@ -28,11 +31,13 @@ class LogRotation:
         kept: int = PARTS_KEPT,
         *,
         overwrite: bool = False,
+        quota: DirectoryQuota | None = None,
     ) -> None:
         self.part_bytes = part_bytes
         self._path = path
         self._kept = kept
         self._overwrite = overwrite
+        self._quota = quota
         self._number = 0
         self._own: deque[Path] = deque()
 
@@ -46,6 +51,8 @@ class LogRotation:
             FileExistsError: the first part exists and must not be overwritten.
             OSError: the part cannot be opened, or the oldest part cannot be removed.
         """
+        if self._quota is not None:
+            self._quota.make_room(self.part_bytes)
         while True:
             self._number += 1
             path = self._part(self._number)

@@ -34,6 +34,13 @@ COMMANDS: dict[str, Callable[[Path], tuple[object, ...]]] = {
     "identify mcap": lambda path: ("identify", path.with_suffix(".mcap")),
     "identify ulg": lambda path: ("identify", path.with_suffix(".ulg")),
     "identify tlog": lambda path: ("identify", path.with_suffix(".tlog")),
+    "import": lambda path: ("mission", "import", path.with_suffix(".plan")),
+    "import stems": lambda path: ("mission", "stems", path.with_suffix(".csv")),
+    "geofence": lambda path: (
+        "preflight", *CONTRACT, "--mission", CONFIG / "default_mission.yaml", "--geofence", path,
+    ),
+    "doctor": lambda path: ("doctor", "--daemon-config", path),
+    "service": lambda path: ("service", "install", "--daemon-config", path),
     "watch": lambda path: ("watch", "--zenoh-config", path),
     "watch daemon": lambda path: ("watch", "--daemon-config", path),
 }  # fmt: skip
@@ -66,7 +73,7 @@ def written(directory: Path, kind: str, suffixes: tuple[str, ...]) -> Path:
     return directory / "file.yaml"
 
 
-SUFFIXES = (".yaml", ".csv", ".mcap", ".ulg", ".tlog")
+SUFFIXES = (".yaml", ".csv", ".mcap", ".ulg", ".tlog", ".plan")
 
 
 @pytest.mark.parametrize("kind", ["missing", "directory", *CONTENTS])
@@ -97,7 +104,7 @@ def test_a_process_refuses_such_a_file_too(
     path = written(tmp_path, kind, (".yaml",))
     assert main(["--config", str(path)]) == 2
     err = capsys.readouterr().err
-    assert err.startswith(f"{name}: "), err
+    assert err.startswith(f"{name}: error: "), err
     assert err.count("\n") == 1, err
     assert str(path) in err
 

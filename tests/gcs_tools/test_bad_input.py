@@ -129,7 +129,7 @@ def test_bad_field(
         ({"forse": True}, ("forse", "not a known key")),
         ({"expect": {"outcome": "landed"}}, ("outcome", "'landed'")),
         ({"sitl": {"multirotor": {"mass_kg": 0.0}}}, ("mass_kg [kg] = 0.0",)),
-        ({"faults": [{"kind": "quiet"}]}, ("faults.0.kind", "'quiet'", "detections_off")),
+        ({"faults": [{"kind": "quiet"}]}, ("faults.0.kind", "'quiet'", "expected one of")),
         ({"sitl": {"start": {"position_ned_m": [5.0, 0.0, 0.0]}}}, ("start_ned_m",)),
         ({"mission": {"altitude_m": 4.0, "legs": []}}, ("legs",)),
     ],

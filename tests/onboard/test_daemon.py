@@ -29,7 +29,7 @@ from onboard.files.daemon_config import DaemonConfig
 from onboard.files.mission_file import Mission
 from onboard.files.yaml_file import load_yaml
 from onboard.files.zenoh_endpoints import ZenohEndpoints
-from onboard.recording.recorder import FlightRecorder, LogFileError
+from onboard.recording.recorder import FlightRecorder, LogFileError, LogPlace
 from onboard.zenoh_session import open_session
 
 CONFIG = Path(__file__).parents[2] / "config"
@@ -328,7 +328,7 @@ def test_collections_walk_nothing_that_start_up_left(
     contract = load_yaml(Path(settings["contract"]), Contract)
     mission = load_yaml(Path(settings["mission"]), Mission)
     try:
-        asyncio.run(run(config, contract, mission, tmp_path / "flight.mcap"))
+        asyncio.run(run(config, contract, mission, LogPlace(tmp_path / "flight.mcap")))
     finally:
         gc.unfreeze()
     assert frozen[0] > 10_000

@@ -109,3 +109,14 @@ def test_the_origin_follows_from_home_anywhere(north_m: float, east_m: float) ->
     assert origin.latitude_deg == pytest.approx(ORIGIN.latitude_deg, abs=1e-9)
     away_m = abs(origin.longitude_deg - ORIGIN.longitude_deg) * EAST_M_PER_DEG
     assert away_m <= abs(east_m) * 1.1 * abs(north_m) / 6_371_000.0 + 1e-6
+
+
+def test_an_area_across_the_antimeridian_stays_in_one_piece() -> None:
+    origin = GeographicOrigin(-16.5, 179.9999)
+    sides = (-16.501, -16.499, 179.999, -179.999)
+    south, north, west, east = sides
+    corners = ((south, west), (north, west), (north, east), (south, east))
+    (area,) = fence_areas([FenceItem(5001, 4, *corner) for corner in corners], origin)
+    easts_m = [east_m for _, east_m in area.corners_ned_m]
+    assert max(easts_m) - min(easts_m) < 250.0
+    assert area.margin_m(LineString([(0.0, 0.0), (40.0, 0.0)])) > 50.0

@@ -85,7 +85,7 @@ BOX = "{id: a, center_ned_m: [1, 2], size_m: [1, 1]}"
         (
             "f.csv",
             "x_m,y_m,dbh_cm\n1,-747389.68,53.4\n",
-            "subtract the origin",
+            "clearway mission stems converts UTM",
         ),
         ("f.csv", b"\xff\xfex\x00", "is not UTF-8"),
         ("f.csv", b"PK\x03\x04\x14\x00\x00\x00", "header is"),

@@ -155,7 +155,7 @@ def test_unusable_configurations_end_with_one_clear_line(
     path, _ = configured(tmp_path, **changes)
     assert main(["--config", str(path)]) == 2
     (line,) = capsys.readouterr().err.splitlines()
-    assert line.startswith("clearway-sitl: ")
+    assert line.startswith("clearway-sitl: error: ")
     assert expected in line
 
 

@@ -1,0 +1,1 @@
+"""Places on the Earth: angles, an autopilot's local frame, UTM."""

@@ -1,0 +1,1 @@
+"""Missions as ground stations write them, and ``clearway mission``: import into a mission file."""

@@ -1,0 +1,1 @@
+"""Checks against files of ground stations: a geofence, saved parameters."""

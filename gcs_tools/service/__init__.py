@@ -1,0 +1,1 @@
+"""``clearway service``: the daemon as a systemd service of the vehicle's computer."""

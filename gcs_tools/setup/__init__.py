@@ -1,0 +1,1 @@
+"""``clearway init``: a folder with a set of files that fit together."""
