@@ -1,0 +1,101 @@
+"""Fuzz the decoders of sensor messages: ``python -m tests.tools.fuzz_sensors [--inputs N]``.
+
+Valid messages are damaged: bits flipped, words replaced by extreme ones, parts cut out, doubled or
+exchanged.  A decoder either returns a message or raises `DecodeError`; anything else is a defect.
+"""
+
+from __future__ import annotations
+
+import argparse
+import random
+import struct
+import sys
+from collections import Counter
+from collections.abc import Callable, Iterator
+from typing import Any
+
+from onboard.perception.ros2.cdr import DecodeError
+from onboard.perception.ros2.keys import decode_attachment
+from onboard.perception.ros2.messages import (
+    decode_detections,
+    decode_laser_scan,
+    decode_occupancy_grid,
+    decode_range,
+    decode_transforms,
+)
+from onboard.perception.ros2.point_cloud import decode_point_cloud
+from tests.onboard.perception.ros2.encoding import attachment
+from tests.onboard.perception.ros2.recorded import ORDERS, encoded
+
+WORDS = tuple(
+    struct.pack("<I", word)
+    for word in (0, 1, 0x7F, 0xFFFF, 0x7FFFFFFF, 0x80000000, 0xFFFFFFFF, 0x7F800000, 0x7FC00000)
+)
+DECODERS: dict[str, Callable[[bytes], Any]] = {
+    "sensor_msgs/LaserScan": decode_laser_scan,
+    "sensor_msgs/PointCloud2": decode_point_cloud,
+    "sensor_msgs/Range": decode_range,
+    "vision_msgs/Detection3DArray": decode_detections,
+    "nav_msgs/OccupancyGrid": decode_occupancy_grid,
+    "tf2_msgs/TFMessage": decode_transforms,
+}
+
+
+def damaged(valid: bytes, draw: random.Random) -> bytes:
+    """Return a message with one to four defects."""
+    data = bytearray(valid)
+    for _ in range(draw.randint(1, 4)):
+        at = draw.randrange(len(data) + 1)
+        match draw.randrange(6):
+            case 0:
+                if at < len(data):
+                    data[at] ^= 1 << draw.randrange(8)
+            case 1:
+                at -= at % 4
+                data[at : at + 4] = draw.choice(WORDS)
+            case 2:
+                del data[at:]
+            case 3:
+                del data[at : at + draw.randint(1, 16)]
+            case 4:
+                data[at:at] = data[at : at + draw.randint(1, 16)]
+            case _:
+                data[at:at] = draw.randbytes(draw.randint(1, 8))
+    return bytes(data)
+
+
+def targets() -> Iterator[tuple[str, Callable[[bytes], Any], list[bytes]]]:
+    """Yield each decoder with valid messages."""
+    for type_name, decode in DECODERS.items():
+        yield type_name, decode, [one for order in ORDERS for one in encoded(type_name, order)]
+    yield "attachment", decode_attachment, [attachment()]
+
+
+def fuzz(inputs: int, seed: int) -> Counter[str]:
+    """Feed damaged messages to every decoder; return how many it decoded and refused."""
+    found: Counter[str] = Counter()
+    for name, decode, valid in targets():
+        draw = random.Random(f"{name} {seed}")
+        for _ in range(inputs):
+            try:
+                decode(damaged(draw.choice(valid), draw))
+                found[f"{name} decoded"] += 1
+            except DecodeError as error:
+                found[f"{name} refused"] += 1
+                found[f"{name}: {error.reason}"] += 1
+    return found
+
+
+def main() -> int:
+    """Fuzz, and print what came of it; an exception is the finding."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--inputs", type=int, default=1_000_000, help="for each decoder")
+    parser.add_argument("--seed", type=int, default=1)
+    options = parser.parse_args()
+    for what, count in sorted(fuzz(options.inputs, options.seed).items()):
+        print(f"{count:9d}  {what}")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
