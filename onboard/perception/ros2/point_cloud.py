@@ -66,7 +66,8 @@ def decode_point_cloud(payload: bytes) -> PointCloud:
     rows = points_m.reshape(3, height, width)
     if rows.size:
         packed = np.ndarray((height, width), layout, data, strides=(row_step, step))
-        with np.errstate(over="ignore"):  # what single precision cannot hold is far away
+        # What single precision cannot hold is far away; NaN may be a signalling one.
+        with np.errstate(over="ignore", invalid="ignore"):
             for axis, name in enumerate(_AXES):
                 rows[axis] = packed[name]
     return PointCloud(header, points_m)
