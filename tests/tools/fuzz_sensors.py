@@ -1,18 +1,22 @@
 """Fuzz the decoders of sensor messages: ``python -m tests.tools.fuzz_sensors [--inputs N]``.
 
 Valid messages are damaged: bits flipped, words replaced by extreme ones, parts cut out, doubled or
-exchanged.  A decoder either returns a message or raises `DecodeError`; anything else is a defect.
+exchanged.  A decoder either returns a message or raises `DecodeError`, and the input of a sensor
+returns frames or counts a refusal; anything else is a defect.
 """
 
 from __future__ import annotations
 
 import argparse
+import math
 import random
 import struct
 import sys
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from typing import Any
+
+import numpy as np
 
 from onboard.perception.ros2.cdr import DecodeError
 from onboard.perception.ros2.keys import decode_attachment
@@ -24,12 +28,28 @@ from onboard.perception.ros2.messages import (
     decode_transforms,
 )
 from onboard.perception.ros2.point_cloud import decode_point_cloud
-from tests.onboard.perception.ros2.encoding import attachment
+from onboard.perception.sources.registry import sensor
+from onboard.perception.sources.sensor_input import SensorInput
+from tests.onboard.perception.ros2.encoding import attachment, point_cloud, scan_all_round
 from tests.onboard.perception.ros2.recorded import ORDERS, encoded
+from tests.onboard.perception.sources.scenes import EPOCH_UNIX_S, pose_at, poses_of
+from tests.onboard.perception.sources.test_mavlink_ranges import distance, obstacle_distance
+from tests.onboard.perception.test_sensor_channels import KINDS, source
 
 WORDS = tuple(
     struct.pack("<I", word)
-    for word in (0, 1, 0x7F, 0xFFFF, 0x7FFFFFFF, 0x80000000, 0xFFFFFFFF, 0x7F800000, 0x7FC00000)
+    for word in (
+        0,
+        1,
+        0x7F,
+        0xFFFF,
+        0x7FFFFFFF,
+        0x80000000,
+        0xFFFFFFFF,
+        0x7F800000,
+        0x7FC00000,
+        0x7F800001,
+    )
 )
 DECODERS: dict[str, Callable[[bytes], Any]] = {
     "sensor_msgs/LaserScan": decode_laser_scan,
@@ -38,6 +58,24 @@ DECODERS: dict[str, Callable[[bytes], Any]] = {
     "vision_msgs/Detection3DArray": decode_detections,
     "nav_msgs/OccupancyGrid": decode_occupancy_grid,
     "tf2_msgs/TFMessage": decode_transforms,
+}
+
+
+VALID: dict[str, list[bytes]] = {
+    "laserscan": [
+        scan_all_round([5.0, 4.0, math.inf] * 60, stamp_unix_s=EPOCH_UNIX_S),
+        scan_all_round([5.0] * 90, stamp_unix_s=EPOCH_UNIX_S, time_increment_s=0.001, order=">"),
+        *encoded("sensor_msgs/LaserScan", "le"),
+    ],
+    "pointcloud2": [
+        point_cloud(np.linspace((2, -1, -1), (5, 1, 1), 40), stamp_unix_s=EPOCH_UNIX_S),
+        *encoded("sensor_msgs/PointCloud2", "be"),
+    ],
+    "range": encoded("sensor_msgs/Range", "le"),
+    "detection3d": encoded("vision_msgs/Detection3DArray", "le"),
+    "occupancygrid": encoded("nav_msgs/OccupancyGrid", "le"),
+    "obstacle_distance": [obstacle_distance({3: 400, 4: 420})],
+    "distance_sensor": [distance(450)],
 }
 
 
@@ -71,10 +109,32 @@ def targets() -> Iterator[tuple[str, Callable[[bytes], Any], list[bytes]]]:
     yield "attachment", decode_attachment, [attachment()]
 
 
-def fuzz(inputs: int, seed: int) -> Counter[str]:
+def inputs_of_sensors() -> Iterator[tuple[str, Callable[[bytes], Any], list[bytes]]]:
+    """Yield the whole way of each kind of message, from bytes to frames, with valid messages."""
+    for kind in KINDS:
+        keys: dict[str, Any] = {
+            "mounting": {"x_m": 0.1, "pitch_deg": 3.0},
+            "no_return_is_free_to_m": 8.0,
+        }
+        reader = sensor(source(kind, **keys), poses_of(pose_at())).input
+
+        def read(payload: bytes, reader: SensorInput = reader) -> None:
+            before = reader.malformed
+            if not reader.read(payload, EPOCH_UNIX_S + 0.3):
+                reason = "no frame" if reader.malformed == before else "refused"
+                raise DecodeError(reason)
+
+        yield f"input {kind}", read, VALID[kind]
+
+
+def fuzz(
+    inputs: int,
+    seed: int,
+    chosen: Iterable[tuple[str, Callable[[bytes], Any], list[bytes]]] | None = None,
+) -> Counter[str]:
     """Feed damaged messages to every decoder; return how many it decoded and refused."""
     found: Counter[str] = Counter()
-    for name, decode, valid in targets():
+    for name, decode, valid in targets() if chosen is None else chosen:
         draw = random.Random(f"{name} {seed}")
         for _ in range(inputs):
             try:
@@ -92,7 +152,10 @@ def main() -> int:
     parser.add_argument("--inputs", type=int, default=1_000_000, help="for each decoder")
     parser.add_argument("--seed", type=int, default=1)
     options = parser.parse_args()
-    for what, count in sorted(fuzz(options.inputs, options.seed).items()):
+    found = fuzz(options.inputs, options.seed)
+    # A frame takes a hundred times as long.
+    found += fuzz(options.inputs // 10, options.seed, inputs_of_sensors())
+    for what, count in sorted(found.items()):
         print(f"{count:9d}  {what}")
     return 0
 
