@@ -20,6 +20,7 @@ from onboard.perception.scan.levelled_beams import BoolArray, LevelledBeams
 from onboard.perception.scan.levelling import in_sectors
 
 CELL_M: Final = 0.05
+_NOWHERE_M: Final = 0.01
 _BINS: Final = round(2.0 * math.pi / BIN_RAD)
 BEARINGS_RAD: Final[FloatArray] = (np.arange(_BINS, dtype=np.float64) + 0.5) * BIN_RAD - math.pi
 
@@ -109,6 +110,8 @@ def _filled_cells(
         )
         limit_m = np.float32(config.range_m)
         kept &= (np.abs(x_m) <= limit_m) & (np.abs(y_m) <= limit_m)
+        # Drivers write zeros where nothing was measured.
+        kept &= np.abs(x_m) + np.abs(y_m) + np.abs(down_m) > np.float32(_NOWHERE_M)
         scale, offset = np.float32(1.0 / CELL_M), np.float32(half)
         row = (x_m * scale + offset).astype(np.int32)
         cell = row * np.int32(side) + (y_m * scale + offset).astype(np.int32)

@@ -22,8 +22,12 @@ _STEP_M: Final = 1e-3
 _NO_RANGE_M: Final = 0.01
 
 
+# A sensor of which more than this share of the view returns no measurement does not look.
+_BLIND_SHARE_MAX: Final = 0.5
+
+
 class BlindAheadError(DecodeError):
-    """A scan does not cover the nose: a frame, which is about what lies ahead, it cannot be."""
+    """A scan does not show what lies ahead: a frame without boxes would say that nothing does."""
 
 
 class ScanFrames:
@@ -50,7 +54,7 @@ class ScanFrames:
             generation: of the local frame.
 
         Raises:
-            BlindAheadError: the beams do not cover the nose.
+            BlindAheadError: the beams do not cover the nose, or most of them measured nothing.
         """
         config = self._config
         view = free_view(
@@ -61,6 +65,10 @@ class ScanFrames:
         )
         if view is None:
             raise BlindAheadError("does not look ahead")
+        in_view = np.abs(beams.bearing_rad) <= view.half_view_rad
+        blind = float((beams.width_rad * beams.blocked)[in_view].sum())
+        if blind > _BLIND_SHARE_MAX * float(beams.width_rad[in_view].sum()):
+            raise BlindAheadError("mostly blind")
         boxes = self._boxes.find(beams, pose, generation)
         free_m = np.floor(np.maximum(view.free_m, 0.0) / _STEP_M) * _STEP_M
         return self.frame_of(

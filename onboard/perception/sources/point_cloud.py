@@ -8,6 +8,7 @@ import numpy as np
 
 from onboard.files.sensor_sources import PointCloudSource
 from onboard.perception.detection import DetectionFrame
+from onboard.perception.ros2.cdr import DecodeError
 from onboard.perception.ros2.point_cloud import decode_point_cloud
 from onboard.perception.scan.cloud_beams import cloud_beams, covered_bearings
 from onboard.perception.scan.levelling import (
@@ -38,6 +39,9 @@ class PointCloudInput(SensorInput):
         """Decode one cloud."""
         config, cloud = self._config, decode_point_cloud(payload)
         self._frame_id.check(cloud.header)
+        if config.no_return_is_free_to_m is None and not np.isfinite(cloud.points_m[0]).any():
+            # Of a covered camera as well as of an open sky.
+            raise DecodeError("not a single point")
         stamp_unix_s = cloud.header.stamp_unix_s
         pose = self._poses.at(stamp_unix_s)
         level = BodyMotion.of([pose], None).levelled(np.eye(3))

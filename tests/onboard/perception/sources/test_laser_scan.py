@@ -80,6 +80,17 @@ def test_what_is_no_measurement_is_never_free(nothing: float) -> None:
     assert len(frame.obstacles) == 1
 
 
+def test_a_lidar_that_measures_hardly_anything_is_blind() -> None:
+    """An empty frame would say that nothing is there."""
+    ranges_m = np.full(720, math.nan)
+    ranges_m[:300] = 5.0
+    source = LaserScanInput(lidar(), poses_of(pose_at()))
+    payload = scan_all_round(ranges_m, stamp_unix_s=EPOCH_UNIX_S)
+    assert refusals(source, payload) == {"mostly blind": 1}
+    ranges_m[:420] = 5.0
+    assert read(ranges_m).obstacles
+
+
 def test_beyond_the_range_there_is_no_box_but_free_space_up_to_the_range() -> None:
     frame = read(ranges_around([(15.0, 0.0, 1.0, 1.0, 0.0)]))
     assert frame.obstacles == ()
@@ -323,13 +334,19 @@ def test_a_cone_is_free_up_to_its_obstacle_which_may_be_anywhere_across() -> Non
     assert box.size_m[1] >= 2.0 * 3.0 * math.sin(0.2)
 
 
-@pytest.mark.parametrize(("range_m", "free_m"), [(math.inf, 0.0), (math.nan, 0.0), (8.0, 0.0)])
-def test_a_cone_without_an_echo_shows_nothing(range_m: float, free_m: float) -> None:
+@pytest.mark.parametrize("range_m", [math.inf, 8.0])
+def test_a_cone_without_an_echo_shows_nothing(range_m: float) -> None:
     (frame,) = cone().read(cone_message(range_m), 0.0)
     assert frame.obstacles == ()
-    assert free_at(frame, 0.0) == free_m
+    assert free_at(frame, 0.0) == 0.0
     (frame,) = cone(no_return_is_free_to_m=5.0).read(cone_message(range_m), 0.0)
-    assert free_at(frame, 0.0) == (0.0 if math.isnan(range_m) else 5.0)
+    assert free_at(frame, 0.0) == 5.0
+
+
+@pytest.mark.parametrize("range_m", [math.nan, 0.1, -math.inf])
+def test_a_cone_that_measures_nothing_is_blind(range_m: float) -> None:
+    source = cone(no_return_is_free_to_m=5.0)
+    assert refusals(source, cone_message(range_m)) == {"mostly blind": 1}
 
 
 def test_a_lidar_is_read_as_its_file_says() -> None:

@@ -179,8 +179,8 @@ def test_two_sensors_are_not_mixed_up() -> None:
 
 
 def test_an_invalid_signal_is_unknown_and_a_wide_beam_may_be_stated() -> None:
-    (frame,) = beam(no_return_is_free_to_m=5.0).read(distance(450, signal_quality=1), NOW_UNIX_S)
-    assert frame.obstacles == ()
-    assert free_at(frame, 0.0) == 0.0
+    source = beam(no_return_is_free_to_m=5.0)
+    assert list(source.read(distance(450, signal_quality=1), NOW_UNIX_S)) == []
+    assert source.refused == {"mostly blind": 1}
     (frame,) = beam(beam_width_deg=20.0).read(distance(450, horizontal_fov=0.0), NOW_UNIX_S)
     assert 18.0 <= frame.field_of_view_deg <= 22.0

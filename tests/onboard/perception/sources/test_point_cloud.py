@@ -85,7 +85,9 @@ def test_a_cameras_own_axes() -> None:
 
 def test_what_does_not_return_is_free_only_as_declared_in_view_and_at_its_height() -> None:
     nothing = np.full((50, 3), np.nan)
-    assert free_at(read(nothing), 0.0) == 0.0
+    blind = PointCloudInput(config(), poses_of(pose_at()))
+    assert list(blind.read(point_cloud(nothing, stamp_unix_s=EPOCH_UNIX_S), 0.0)) == []
+    assert blind.refused == {"not a single point": 1}
     frame = read(nothing, no_return_is_free_to_m=6.0)
     assert free_at(frame, 0.3) == 6.0
     assert frame.field_of_view_deg < 90.0
