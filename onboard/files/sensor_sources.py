@@ -102,6 +102,9 @@ class PointCloudSource(Ros2Source):
     """sensor_msgs/PointCloud2: a lidar of several lines, or a depth camera."""
 
     kind: Literal["pointcloud2"]
+    range_m: Annotated[float, Field(gt=0.0, le=60.0)] = Field(
+        description="within which it sees every obstacle"
+    )
     points_min: PointsMin = Field(2, description="in an upright cell of 5 cm")
     axes: Axes = "flu"
     view_deg: Annotated[tuple[View, View], Field(strict=False)] = Field(
@@ -136,6 +139,9 @@ class OccupancyGridSource(Ros2Source):
     """
 
     kind: Literal["occupancygrid"]
+    range_m: Annotated[float, Field(gt=0.0, le=60.0)] = Field(
+        description="within which it sees every obstacle"
+    )
     grid_frame: Literal["body", "local_enu"]
     occupied_min: Annotated[int, Field(ge=1, le=100)] = 50
     free_max: Annotated[int, Field(ge=0, le=99)] = 20

@@ -18,6 +18,8 @@ from onboard.perception.ros2.cdr import CdrReader, DecodeError
 # Beyond these a message is garbage.
 BEAMS_MAX: Final = 100_000
 CELLS_MAX: Final = 4_000_000
+CELL_MIN_M: Final = 0.02
+CELL_MAX_M: Final = 100.0
 BOXES_MAX: Final = 10_000
 TRANSFORMS_MAX: Final = 10_000
 _METRES_MAX: Final = 1e6
@@ -186,7 +188,7 @@ def decode_occupancy_grid(payload: bytes) -> OccupancyGrid:
     origin = _read_pose(reader)
     cells = np.frombuffer(reader.blob(), np.int8)
     reader.end()
-    if not 0.0 < cell_m <= 100.0:
+    if not CELL_MIN_M <= cell_m <= CELL_MAX_M:
         raise DecodeError("resolution")
     if width * height != cells.size or not 0 < cells.size <= CELLS_MAX:
         raise DecodeError("number of cells")

@@ -22,6 +22,7 @@ from onboard.perception.sources.detections3d import rotation_of
 from onboard.perception.sources.sensor_input import OneFrameId, PastPoses, SensorInput
 from onboard.vehicle_state import Pose
 
+_STEP_MIN_M: Final = 0.05
 _CORNERS: Final = np.array([(0, 0), (1, 0), (0, 1), (1, 1)])
 
 
@@ -129,8 +130,13 @@ def _free_m(
     limit_m = config.no_return_is_free_to_m
     if limit_m is None:
         return np.zeros(bearings_rad.size)
-    free = _eroded((grid.cells >= 0) & (grid.cells <= config.free_max))
-    distances_m = np.arange(0.0, limit_m + grid.cell_m / 2.0, grid.cell_m / 2.0)
+    step_m = max(grid.cell_m / 2.0, _STEP_MIN_M)
+    # A point of a bin is no farther than this from a point that is looked at.
+    beside_m = math.hypot(limit_m * BIN_RAD / 2.0, step_m / 2.0)
+    free = (grid.cells >= 0) & (grid.cells <= config.free_max)
+    for _ in range(math.ceil(beside_m / grid.cell_m)):
+        free = _eroded(free)
+    distances_m = np.arange(0.0, limit_m + step_m, step_m)
     rays = np.stack((np.cos(bearings_rad + pose.yaw_rad), np.sin(bearings_rad + pose.yaw_rad)))
     points_m = rays[:, :, None] * distances_m + np.array(pose.position_ned_m[:2])[:, None, None]
     points_m -= placed.corner_ned_m[:, None, None]

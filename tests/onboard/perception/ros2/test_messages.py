@@ -17,7 +17,7 @@ from onboard.perception.ros2.messages import (
     decode_transforms,
 )
 from onboard.perception.ros2.point_cloud import decode_point_cloud
-from tests.onboard.perception.ros2.encoding import laser_scan, point_cloud
+from tests.onboard.perception.ros2.encoding import laser_scan, occupancy_grid, point_cloud
 from tests.onboard.perception.ros2.recorded import ORDERS, encoded
 
 STAMP_UNIX_S = 1_790_000_000.25
@@ -172,6 +172,14 @@ def test_a_cloud_in_rows_with_gaps_and_in_double_precision() -> None:
 
 def test_a_cloud_without_points_is_an_empty_one() -> None:
     assert decode_point_cloud(point_cloud(np.empty((0, 3)))).points_m.shape == (3, 0)
+
+
+@pytest.mark.parametrize("cell_m", [0.0, 1e-9, 0.019, 1e3, math.nan, math.inf])
+def test_a_grid_of_absurd_cells_is_refused(cell_m: float) -> None:
+    cells = np.zeros((3, 4), np.int8)
+    assert decode_occupancy_grid(occupancy_grid(cells, cell_m=0.05)).cells.shape == (3, 4)
+    with pytest.raises(DecodeError, match="resolution|not finite"):
+        decode_occupancy_grid(occupancy_grid(cells, cell_m=cell_m))
 
 
 def test_a_rotation_of_no_length_is_refused() -> None:

@@ -89,3 +89,23 @@ def test_beyond_the_grid_nothing_is_known() -> None:
 
 def test_the_vehicles_own_cells_are_no_obstacle() -> None:
     assert read(cells([(0, 0), (-1, -1)]), own_radius_m=0.5).obstacles == ()
+
+
+def test_a_single_cell_hides_all_behind_it_however_fine_the_grid_is() -> None:
+    """Bins are wider than cells at the end of the range."""
+    cell_m, side = 0.05, 520
+    stated = {"kind": "occupancygrid", "name": "map", "topic": "map", "range_m": 12.0}
+    stated |= {"uncertainty_m": 0.1, "grid_frame": "body", "no_return_is_free_to_m": 12.0}
+    config = OccupancyGridSource.model_validate(stated)
+    for row, column in ((100, 230), (37, 7), (200, 41)):
+        grid = np.zeros((side, side), np.int8)
+        grid[side // 2 + column, side // 2 + row] = 100
+        source = OccupancyGridInput(config, poses_of(pose_at()))
+        payload = occupancy_grid(
+            grid, cell_m=cell_m, origin_m=(-13.0, -13.0), stamp_unix_s=EPOCH_UNIX_S
+        )
+        (frame,) = source.read(payload, 0.0)
+        corners = [((row + i) * cell_m, -(column + j) * cell_m) for i in (0, 1) for j in (0, 1)]
+        for x_m, y_m in corners:
+            said_m = free_at(frame, math.degrees(math.atan2(y_m, x_m)))
+            assert said_m <= math.hypot(x_m, y_m) + 1e-6
