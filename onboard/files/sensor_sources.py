@@ -12,7 +12,7 @@ from pydantic import Field, model_validator
 
 from onboard.files.yaml_file import FileModel
 
-Metres = Annotated[float, Field(gt=0.0, le=1000.0)]
+Metres = Annotated[float, Field(gt=0.0, le=200.0)]
 Bearing = Annotated[float, Field(ge=-180.0, le=180.0)]
 Sector = Annotated[tuple[Bearing, Bearing], Field(strict=False)]
 View = Annotated[float, Field(gt=0.0, le=360.0)]

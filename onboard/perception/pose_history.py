@@ -26,6 +26,11 @@ class PoseHistory:
         self._span_s = span_s
         self._poses: deque[Pose] = deque(maxlen=500)
 
+    @property
+    def is_empty(self) -> bool:
+        """Whether no pose is known."""
+        return not self._poses
+
     def add(self, pose: Pose) -> None:
         """Remember a pose; poses come in the order of time."""
         self._poses.append(pose)

@@ -14,7 +14,7 @@ from onboard.perception.detection import DetectionFrame
 from onboard.perception.intake import MAX_PENDING_FRAMES, DetectionCounters
 from onboard.perception.ros2.cdr import DecodeError
 from onboard.perception.sources.registry import LARGE_PENDING_MAX, MAVLINK_IDS, Sensor, sensor
-from onboard.perception.sources.sensor_input import PastPoses
+from onboard.perception.sources.sensor_input import NO_POSE_YET, PastPoses
 
 _TOO_FAST: Final = "comes faster than it is read"
 
@@ -115,6 +115,6 @@ class SensorChannels:
 
     def _say(self, name: str, reason: str) -> None:
         refusal = Refusal(name, reason)
-        if refusal not in self._said:
+        if refusal not in self._said and reason != NO_POSE_YET:
             self._said.add(refusal)
             self._news.append(refusal)

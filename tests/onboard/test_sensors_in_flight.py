@@ -101,6 +101,25 @@ def test_what_is_refused_is_said_once_by_name_and_reason() -> None:
     assert rig.autonomy.detections.malformed_frames == 3
 
 
+def test_scans_before_the_first_telemetry_are_counted_but_no_fault() -> None:
+    flight = LidarRig([], [TALL], 40.0)
+    rig = flight.rig
+    payload = scan_all_round([5.0] * 360, stamp_unix_s=EPOCH_UNIX_S)
+    rig.speaking = False
+    for _ in range(3):
+        rig.autonomy.sensors.receive("lidar", payload, rig.now_s, key=KEY, attachment=attachment())
+        rig.tick()
+    assert rig.autonomy.detections.malformed_frames == 3
+    assert rig.texts("sensor_refused") == []
+    rig.speaking = True
+    rig.run(1.0)
+    payload = scan_all_round([5.0] * 360, stamp_unix_s=EPOCH_UNIX_S - 30.0)
+    rig.autonomy.sensors.receive("lidar", payload, rig.now_s, key=KEY, attachment=attachment())
+    rig.tick()
+    (said,) = rig.texts("sensor_refused")
+    assert said == "sensor lidar: messages dropped: no pose at its stamp"
+
+
 @pytest.mark.parametrize("component", [mavlink.MAV_COMP_ID_AUTOPILOT1, 195])
 def test_distances_come_over_the_vehicles_link_from_any_of_its_components(component: int) -> None:
     keys: dict[str, Any] = {"kind": "obstacle_distance", "name": "prox", "range_m": 12.0}

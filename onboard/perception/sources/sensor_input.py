@@ -5,13 +5,16 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections import Counter
 from collections.abc import Callable, Sequence
-from typing import Protocol
+from typing import Final, Protocol
 
 from onboard.perception.detection import DetectionFrame
 from onboard.perception.pose_history import PoseHistory
 from onboard.perception.ros2.cdr import DecodeError
 from onboard.perception.ros2.messages import Header
 from onboard.vehicle_state import Pose
+
+# While a daemon starts, this is no fault of the sensor.
+NO_POSE_YET: Final = "no telemetry yet"
 
 
 class PastPoses(Protocol):
@@ -55,7 +58,7 @@ class PosesByStamp:
         """
         pose = self._poses.at(stamp_unix_s - self._epoch_unix_s())
         if pose is None:
-            raise DecodeError("no pose at its stamp")
+            raise DecodeError(NO_POSE_YET if self._poses.is_empty else "no pose at its stamp")
         return pose
 
 

@@ -178,7 +178,7 @@ def test_a_cloud_without_points_is_an_empty_one() -> None:
 def test_a_grid_of_absurd_cells_is_refused(cell_m: float) -> None:
     cells = np.zeros((3, 4), np.int8)
     assert decode_occupancy_grid(occupancy_grid(cells, cell_m=0.05)).cells.shape == (3, 4)
-    with pytest.raises(DecodeError, match="resolution|not finite"):
+    with pytest.raises(DecodeError, match=r"resolution|not finite"):
         decode_occupancy_grid(occupancy_grid(cells, cell_m=cell_m))
 
 
