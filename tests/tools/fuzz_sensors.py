@@ -17,6 +17,7 @@ from collections.abc import Callable, Iterable, Iterator
 from typing import Any
 
 import numpy as np
+from pymavlink.dialects.v20 import common as mavlink
 
 from onboard.perception.ros2.cdr import DecodeError
 from onboard.perception.ros2.keys import decode_attachment
@@ -28,7 +29,7 @@ from onboard.perception.ros2.messages import (
     decode_transforms,
 )
 from onboard.perception.ros2.point_cloud import decode_point_cloud
-from onboard.perception.sources.registry import sensor
+from onboard.perception.sources.registry import MAVLINK_IDS, sensor
 from onboard.perception.sources.sensor_input import SensorInput
 from tests.onboard.perception.ros2.encoding import attachment, point_cloud, scan_all_round
 from tests.onboard.perception.ros2.recorded import ORDERS, encoded
@@ -102,6 +103,15 @@ def damaged(valid: bytes, draw: random.Random) -> bytes:
     return bytes(data)
 
 
+def with_checksum(frame: bytes, message_id: int) -> bytes:
+    """Return a damaged MAVLink frame as one that is whole: only its fields are damaged."""
+    fields = frame[10:-2][:255]
+    header = bytes((0xFD, len(fields), 0, 0, 0, 1, 195)) + message_id.to_bytes(3, "little")
+    extra = bytes((mavlink.mavlink_map[message_id].crc_extra,))
+    checksum: int = mavlink.x25crc(header[1:] + fields + extra).crc
+    return header + fields + checksum.to_bytes(2, "little")
+
+
 def targets() -> Iterator[tuple[str, Callable[[bytes], Any], list[bytes]]]:
     """Yield each decoder with valid messages."""
     for type_name, decode in DECODERS.items():
@@ -118,8 +128,15 @@ def inputs_of_sensors() -> Iterator[tuple[str, Callable[[bytes], Any], list[byte
         }
         reader = sensor(source(kind, **keys), poses_of(pose_at())).input
 
-        def read(payload: bytes, reader: SensorInput = reader) -> None:
+        assert reader.read(VALID[kind][0], EPOCH_UNIX_S + 0.3)  # the first one says whose it is
+        message_id = MAVLINK_IDS.get(kind)
+
+        def read(
+            payload: bytes, reader: SensorInput = reader, message_id: int | None = message_id
+        ) -> None:
             before = reader.malformed
+            if message_id is not None:
+                payload = with_checksum(payload, message_id)
             if not reader.read(payload, EPOCH_UNIX_S + 0.3):
                 reason = "no frame" if reader.malformed == before else "refused"
                 raise DecodeError(reason)
