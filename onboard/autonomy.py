@@ -11,7 +11,8 @@ from __future__ import annotations
 
 import logging
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from itertools import chain
 from typing import Final
 
 from onboard.contract.assessment import Assessment, assess
@@ -19,6 +20,7 @@ from onboard.events import Event, EventName, Severity
 from onboard.files.contract_file import Contract, InputSet
 from onboard.files.json_payload import MalformedPayloadError, parse
 from onboard.files.mission_file import Mission
+from onboard.files.sensor_sources import AnySource
 from onboard.guidance.authority import ControlAuthority
 from onboard.guidance.departure import Refusal
 from onboard.guidance.navigator import Navigator
@@ -27,8 +29,10 @@ from onboard.mavlink.endpoint import MavlinkEndpoint
 from onboard.monitoring.flight_authorization import FlightAuthorizationGate
 from onboard.monitoring.supervisor import MonitorSupervisor
 from onboard.perception.intake import DetectionCounters, DetectionIntake
+from onboard.perception.sensor_channels import SensorChannels
 from onboard.perception.sources.detection_source import DetectionSource
 from onboard.perception.sources.json_v1 import JsonV1Source
+from onboard.perception.sources.sensor_input import PosesByStamp
 from onboard.planning.planner import Planner
 
 log = logging.getLogger(__name__)
@@ -56,11 +60,16 @@ class Autonomy:
         stopwatch: reads a clock in seconds, only to report how long plans took.
         planner: what plans avoidances.
         detection_source: decodes detection messages; JSON, version 1, by default.
+        sensors: that the vehicle has besides; the flight relies on each.
 
     Attributes:
+        sensors: what has arrived from them.
         malformed_missions: missions that could not be read.
         log_ended: whether the flight goes on without a log.
     """
+
+    malformed_missions = 0
+    log_ended = False
 
     def __init__(
         self,
@@ -76,6 +85,7 @@ class Autonomy:
         stopwatch: Callable[[], float] = lambda: 0.0,
         planner: Planner | None = None,
         detection_source: DetectionSource | None = None,
+        sensors: Sequence[AnySource] = (),
     ) -> None:
         self.epoch_unix_s = epoch_unix_s
         self.link = MavlinkEndpoint(system_id)
@@ -91,6 +101,7 @@ class Autonomy:
             telemetry_timeout_s=telemetry_timeout_s,
             counters=self._intake.counters,
         )
+        self.sensors = self._channels(sensors)
         self.navigator.see_by(self.supervisor.seen)
         self.authority = ControlAuthority(
             self.link,
@@ -102,11 +113,18 @@ class Autonomy:
         )
         self._pending_mission: bytes | None = None
         self._pending_resumes: list[AnswerResume] = []
-        self.malformed_missions = 0
-        self.log_ended = False
         # What happened in this tick, and all that has not been fetched yet.
         self._news: list[Event] = []
         self._events: deque[Event] = deque(maxlen=MAX_EVENTS)
+
+    def _channels(self, sensors: Sequence[AnySource]) -> SensorChannels:
+        """Listen to the vehicle's sensors, and rely on each of them."""
+        poses = PosesByStamp(self.supervisor.poses, lambda: self.epoch_unix_s)
+        channels = SensorChannels(sensors, poses, self._intake.counters)
+        self._intake.names_taken = frozenset(channels.sensors)
+        self.supervisor.detections.monitor.expected = frozenset(channels.sensors)
+        self.link.range_messages = channels.mavlink_ids
+        return channels
 
     @property
     def assessment(self) -> Assessment:
@@ -146,6 +164,8 @@ class Autonomy:
         pose = self.link.pose
         if pose is not None and pose is not before:
             self.supervisor.take_pose(pose)
+        for message_id, frame in self.link.take_ranges():
+            self.sensors.receive_mavlink(message_id, frame, now_s)
 
     def receive_detection(self, payload: bytes, now_s: float) -> None:  # noqa: ARG002  latched
         """Take one detection message; the next tick reads it."""
@@ -214,7 +234,11 @@ class Autonomy:
         was_reset, pose = self.supervisor.respond_to_resets(now_s), self.link.pose
         if was_reset and pose is not None:
             self.authority.follow_reset(pose)
-        self.supervisor.take_frames(self._intake.take(now_unix_s), now_s, self.epoch_unix_s)
+        frames = chain(self._intake.take(now_unix_s), self.sensors.take(self.epoch_unix_s))
+        self.supervisor.take_frames(frames, now_s, self.epoch_unix_s)
+        for name, reason in self.sensors.take_news():
+            text = f"sensor {name}: messages dropped: {reason}"
+            self.emit(Event(now_s, EventName.SENSOR_REFUSED, Severity.WARNING, text))
         self._take_mission(now_s)
         self.supervisor.check_position(now_s)
         if pose is not None:

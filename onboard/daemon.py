@@ -26,6 +26,8 @@ from onboard.files.mission_file import Mission
 from onboard.files.resume_payload import ResumeAnswer, ResumeCommand, ResumeReason
 from onboard.guidance.departure import Refusal, reason_of
 from onboard.mavlink.connections import Link, open_link
+from onboard.perception.sensor_channels import SensorChannels
+from onboard.perception.sources.registry import zenoh_key
 from onboard.recording.event_log import EventLog
 from onboard.recording.journal import Journal
 from onboard.recording.messages import LASTING, ZENOH_KEYS, Record, StateRecord, as_json
@@ -96,6 +98,7 @@ def _service(config: DaemonConfig, contract: Contract, mission: Mission, clock: 
         fly_outside_contract=config.fly_outside_contract,
         preflight_age_max_s=config.preflight_age_max_s if config.require_preflight else None,
         stopwatch=time.perf_counter,
+        sensors=config.sources,
     )
 
 
@@ -180,6 +183,24 @@ class Bus:
         self._pass_on("clearance", autonomy.receive_flight_authorization, clock)
         if accept_mission_updates:
             self._pass_on("mission", autonomy.receive_mission, clock)
+        for name, sensor in autonomy.sensors.sensors.items():
+            if key := zenoh_key(sensor.config):
+                self._listen_to(name, key, autonomy.sensors, clock)
+
+    def _listen_to(self, name: str, key: str, sensors: SensorChannels, clock: Clock) -> None:
+        """Subscribe to a sensor's own key."""
+        loop = asyncio.get_running_loop()
+
+        def deliver(payload: bytes, key: str, attachment: bytes) -> None:
+            sensors.receive(name, payload, clock.now_s(), key=key, attachment=attachment)
+
+        def receive(sample: zenoh.Sample) -> None:
+            attachment = b"" if sample.attachment is None else sample.attachment.to_bytes()
+            payload, from_key = sample.payload.to_bytes(), str(sample.key_expr)
+            with contextlib.suppress(RuntimeError):  # the loop has closed: we are stopping
+                loop.call_soon_threadsafe(deliver, payload, from_key, attachment)
+
+        self._session.declare_subscriber(key, receive)
 
     def answer_resumes(self, autonomy: Autonomy, remote_access: str | None) -> None:
         """Pass on the command to end a hold, and answer it; only processes of this computer may.

@@ -41,6 +41,7 @@ class EventName(StrEnum):
     PRE_CONDITION = "pre_condition"
     REFUSED = "refused"
     REPLANNED = "replanned"
+    SENSOR_REFUSED = "sensor_refused"
     SUSPICION = "suspicion"
     VIOLATION = "violation"
 

@@ -6,9 +6,10 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import Field, model_validator
+from pydantic import Field, field_validator, model_validator
 
 from onboard.files.contract_file import InputSet, Positive
+from onboard.files.sensor_sources import AnySource
 from onboard.files.yaml_file import FileModel, refuse_renamed_keys
 from onboard.files.zenoh_endpoints import ZenohEndpoints
 
@@ -39,6 +40,9 @@ class DaemonConfig(FileModel):
         url="udpin://0.0.0.0:14540", system_id=1, telemetry_timeout_s=0.5
     )
     zenoh: ZenohEndpoints = ZenohEndpoints(connect=(), listen=())
+    sources: Annotated[tuple[AnySource, ...], Field(strict=False)] = Field(
+        (), description="sensors besides those that publish detections as JSON"
+    )
     log_directory: FilePath | None = Field(
         None,
         description="one log a flight, named by date; null: flights beside this file, or in the "
@@ -72,6 +76,15 @@ class DaemonConfig(FileModel):
     @classmethod
     def _refuse_renamed_keys(cls, data: Any) -> Any:
         return refuse_renamed_keys(data, {"mission_changes": "accept_mission_updates"})
+
+    @field_validator("sources")
+    @classmethod
+    def _each_has_a_name(cls, sources: tuple[AnySource, ...]) -> tuple[AnySource, ...]:
+        names = [source.name for source in sources]
+        for name in names:
+            if names.count(name) > 1:
+                raise ValueError(f"{names.count(name)} sensors are called '{name}'")
+        return sources
 
 
 def log_directory(base: Path, config: DaemonConfig, environment: Mapping[str, str]) -> Path:

@@ -8,6 +8,7 @@ differs between autopilots comes from the profile that fits the heartbeat
 from __future__ import annotations
 
 import math
+from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
@@ -58,6 +59,14 @@ _SETPOINT_MESSAGES: Final = (
     mavlink.MAVLINK_MSG_ID_SET_POSITION_TARGET_GLOBAL_INT,
     mavlink.MAVLINK_MSG_ID_SET_ATTITUDE_TARGET,
 )
+# Ranges come from the autopilot or from any other component of the vehicle.
+_RANGE_MESSAGES: Final = (
+    mavlink.MAVLINK_MSG_ID_OBSTACLE_DISTANCE,
+    mavlink.MAVLINK_MSG_ID_DISTANCE_SENSOR,
+)
+_RANGES_HZ: Final = 10.0
+# A tick sees one or two; a burst beyond this is a fault: the oldest are dropped.
+_RANGES_PENDING_MAX: Final = 32
 _NOWHERE: Final = (math.nan, math.nan, math.nan)
 
 
@@ -93,6 +102,7 @@ class MavlinkEndpoint:
         target_heard_s, target: when the autopilot last said where it is going, and where.
         compass_ratio: innovation ratio of the magnetometer; None until known.
         heading_drift: of the estimated heading against the gyros.
+        range_messages: ids of the messages of ranges that are wanted, to be taken by `take_ranges`.
     """
 
     def __init__(self, system_id: int) -> None:
@@ -107,6 +117,8 @@ class MavlinkEndpoint:
         self.target: Target = ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
         self.compass_ratio: float | None = None
         self.heading_drift = HeadingDrift()
+        self.range_messages: frozenset[int] = frozenset()
+        self._ranges: deque[tuple[int, bytes]] = deque(maxlen=_RANGES_PENDING_MAX)
         self._system_id = system_id
         self._attitude_rad: tuple[float, float, float] | None = None
         self._attitude_s = -math.inf
@@ -123,7 +135,7 @@ class MavlinkEndpoint:
             mavlink.MAVLINK_MSG_ID_STATUSTEXT: self._on_text,
             **{each.message_id: partial(self._on_estimator, each) for each in ESTIMATOR_MESSAGES},
         }
-        wanted = frozenset((*self._handlers, *_SETPOINT_MESSAGES))
+        wanted = frozenset((*self._handlers, *_SETPOINT_MESSAGES, *_RANGE_MESSAGES))
         self._reader = FrameReader(mavlink, wanted, trusts_unknown=True)
 
     def receive(self, data: bytes, now_s: float) -> None:
@@ -140,7 +152,15 @@ class MavlinkEndpoint:
         """Send the heartbeat and a text that waits; request telemetry that is missing or slow."""
         self._transmitter.keep_alive(now_s, active=active)
         if math.isfinite(self.status.heard_s):
-            self._transmitter.request(self._requests.due(self.profile.requested_hz, now_s))
+            ranges_hz = ((message_id, _RANGES_HZ) for message_id in self.range_messages)
+            wanted_hz = (*self.profile.requested_hz, *ranges_hz)
+            self._transmitter.request(self._requests.due(wanted_hz, now_s))
+
+    def take_ranges(self) -> list[tuple[int, bytes]]:
+        """Return and forget the messages of ranges that have arrived: id, and the whole frame."""
+        taken = list(self._ranges)
+        self._ranges.clear()
+        return taken
 
     def send_setpoint(self, setpoint: Setpoint, now_s: float) -> None:
         """Queue one SET_POSITION_TARGET_LOCAL_NED."""
@@ -152,7 +172,11 @@ class MavlinkEndpoint:
 
     def _handle(self, message: Any, now_s: float) -> None:
         sender = (message.get_srcSystem(), message.get_srcComponent())
-        if sender != (self._system_id, mavlink.MAV_COMP_ID_AUTOPILOT1):
+        if message.get_msgId() in _RANGE_MESSAGES:
+            if sender[0] == self._system_id and message.get_msgId() in self.range_messages:
+                self._requests.heard(message.get_msgId())
+                self._ranges.append((message.get_msgId(), bytes(message.get_msgbuf())))
+        elif sender != (self._system_id, mavlink.MAV_COMP_ID_AUTOPILOT1):
             self.counters.foreign_messages += 1
             self._note_second_commander(message, now_s)
         elif (handler := self._handlers.get(message.get_msgId())) is not None:

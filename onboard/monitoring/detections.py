@@ -43,9 +43,14 @@ class SensorState:
 
 
 class DetectionMonitor:
-    """Checks age and stamps of what each sensor saw; the flight relies on each one once heard."""
+    """Checks age and stamps of what each sensor saw; the flight relies on each one once heard.
+
+    Attributes:
+        expected: sensors that the flight relies on before they are heard.
+    """
 
     def __init__(self) -> None:
+        self.expected: frozenset[str] = frozenset()
         self._sensors: dict[str, SensorState] = {}
 
     @property
@@ -55,6 +60,8 @@ class DetectionMonitor:
 
     def age_s(self, now_s: float) -> float:
         """Time since the stalest sensor's newest frame was taken; infinite before the first."""
+        if self._missing():
+            return math.inf
         stamps_s = (sensor.newest_stamp_s for sensor in self._sensors.values())
         return now_s - min(stamps_s, default=-math.inf)
 
@@ -116,6 +123,11 @@ class DetectionMonitor:
         if not self._sensors:
             note = "no detection frame was ever received"
             return Violation(Assumption.DETECTION_AGE, math.inf, limit_s, "s", "", note)
+        if missing := self._missing():
+            note = f"{', '.join(missing)} never sent anything that can be used"
+            return Violation(
+                Assumption.DETECTION_AGE, math.inf, limit_s, "s", ", ".join(missing), note
+            )
         for source, sensor in blind.items():
             if now_s - sensor.heard_s > limit_s:
                 continue
@@ -129,6 +141,9 @@ class DetectionMonitor:
         note = "; ".join(self._why_blind(source, now_s, limit_s) for source in blind)
         age_s = self.age_s(now_s)
         return Violation(Assumption.DETECTION_AGE, age_s, limit_s, "s", ", ".join(blind), note)
+
+    def _missing(self) -> list[str]:
+        return sorted(self.expected - self._sensors.keys())
 
     def _why_blind(self, source: str, now_s: float, limit_s: float) -> str:
         sensor = self._sensors[source]

@@ -83,6 +83,11 @@ class MonitorSupervisor:
         self.response = VehicleResponse(link)
         self._heading_monitor = HeadingMonitor()
 
+    @property
+    def poses(self) -> PoseHistory:
+        """Where the body was, for sensors that are placed by it."""
+        return self._poses
+
     # ------------------------------------------------------------------ departure and landing
 
     def begin_flight(self, now_s: float) -> None:

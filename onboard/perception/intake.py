@@ -34,10 +34,14 @@ class DetectionIntake:
 
     Args:
         source: decodes them.
+
+    Attributes:
+        names_taken: of other sensors; frames that come under them count as malformed.
     """
 
     def __init__(self, source: DetectionSource) -> None:
         self.counters = DetectionCounters()
+        self.names_taken: frozenset[str] = frozenset()
         self._source = source
         self._pending: deque[bytes] = deque()
 
@@ -55,6 +59,11 @@ class DetectionIntake:
             now_unix_s: Unix time by the clock that stamps are compared with.
         """
         while self._pending:
+            before = self._source.malformed
             frames = self._source.read(self._pending.popleft(), now_unix_s)
-            self.counters.malformed_frames = self._source.malformed
-            yield from frames
+            self.counters.malformed_frames += self._source.malformed - before
+            for frame in frames:
+                if frame.source in self.names_taken:
+                    self.counters.malformed_frames += 1
+                else:
+                    yield frame

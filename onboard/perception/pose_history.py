@@ -16,11 +16,20 @@ class PoseHistory:
 
     Args:
         span_s: how far back it remembers.
+
+    Attributes:
+        generation: changes whenever the local frame has moved.
     """
 
     def __init__(self, span_s: float = 2.0) -> None:
+        self.generation = 0
         self._span_s = span_s
         self._poses: deque[Pose] = deque(maxlen=500)
+
+    @property
+    def is_empty(self) -> bool:
+        """Whether no pose is known."""
+        return not self._poses
 
     def add(self, pose: Pose) -> None:
         """Remember a pose; poses come in the order of time."""
@@ -30,10 +39,12 @@ class PoseHistory:
 
     def forget(self) -> None:
         """Forget every pose: the local frame has moved by an unknown vector since."""
+        self.generation += 1
         self._poses.clear()
 
     def shift(self, shift_ned_m: tuple[float, float, float]) -> None:
         """Move every pose into the present local frame, which a reset has moved by a vector."""
+        self.generation += 1
         for index, pose in enumerate(self._poses):
             moved = zip(pose.position_ned_m, shift_ned_m, strict=True)
             north_m, east_m, down_m = (before_m + shift_m for before_m, shift_m in moved)

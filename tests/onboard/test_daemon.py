@@ -29,12 +29,16 @@ from onboard.files.daemon_config import DaemonConfig
 from onboard.files.mission_file import Mission
 from onboard.files.yaml_file import load_yaml
 from onboard.files.zenoh_endpoints import ZenohEndpoints
+from onboard.perception.ros2.keys import TYPE_HASHES
 from onboard.recording.recorder import FlightRecorder, LogFileError, LogPlace
 from onboard.zenoh_session import open_session
+from tests.onboard.mavlink.test_endpoint import Autopilot
+from tests.onboard.perception.ros2.encoding import attachment, scan_all_round
 
 CONFIG = Path(__file__).parents[2] / "config"
 COMMAND = [sys.executable, "-m", "onboard", "--config"]
 SAID = "stderr.txt"
+HASH = "RIHS01_" + TYPE_HASHES["sensor_msgs/LaserScan"][0]
 
 
 def free_port(kind: socket.SocketKind = socket.SOCK_STREAM) -> int:
@@ -340,3 +344,44 @@ def test_it_runs_before_others_where_that_is_allowed(
     with running(tmp_path, settings) as daemon:
         policy = os.sched_getscheduler(daemon.pid)
     assert policy == (os.SCHED_RR if os.geteuid() == 0 else os.SCHED_OTHER)
+
+
+@pytest.mark.parametrize("middleware", ["rmw_zenoh", "zenoh-bridge-ros2dds"])
+def test_a_ros_2_lidar_is_heard_as_its_middleware_publishes_it(
+    tmp_path: Path, settings: dict[str, Any], middleware: str
+) -> None:
+    lidar = {"kind": "laserscan", "name": "lidar", "topic": "/scan", "middleware": middleware}
+    settings["sources"] = [lidar | {"range_m": 12.0, "uncertainty_m": 0.05}]
+    key, attached = "scan", None
+    if middleware == "rmw_zenoh":
+        key, attached = "0/scan/sensor_msgs::msg::dds_::LaserScan_/" + HASH, attachment()
+    _, _, port = settings["mavlink"]["url"].rpartition(":")
+    vehicle = Autopilot()
+    with (
+        running(tmp_path, settings),
+        neighbour(settings) as session,
+        socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as autopilot,
+    ):
+        statuses = session.declare_subscriber("clearway/v1/status")
+        autopilot.connect(("127.0.0.1", int(port)))
+        heard: dict[str, Any] = {}
+        deadline_s = time.monotonic() + 60.0
+        while not heard and time.monotonic() < deadline_s:
+            autopilot.send(vehicle.heartbeat(0, armed=False))
+            autopilot.send(vehicle.attitude())
+            autopilot.send(vehicle.position(0.0))
+            scan = scan_all_round([5.0] * 360, stamp_unix_s=time.time())
+            session.put(key, scan, attachment=attached)
+            heard = json.loads(statuses.recv().payload.to_bytes())["sensors"]
+        assert set(heard) == {"lidar"}
+
+
+def test_a_source_that_is_not_stated_rightly_is_one_error(
+    tmp_path: Path, settings: dict[str, Any]
+) -> None:
+    settings["sources"] = [
+        {"kind": "laserscan", "name": "lidar", "topic": "/scan", "range_m": -1.0}
+    ]
+    said = refused(tmp_path, settings)
+    assert "sources.0.laserscan.range_m [m] = -1.0" in said
+    assert "sources.0.laserscan.uncertainty_m [m] is missing" in said

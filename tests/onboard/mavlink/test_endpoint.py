@@ -331,3 +331,43 @@ def test_position_with_an_old_attitude_is_no_pose(
     endpoint.receive(autopilot.position(2.0), 1.0)
     assert endpoint.pose is not None
     assert endpoint.pose.position_ned_m[0] == 1.0
+
+
+def obstacle_distance(system: int, component: int) -> bytes:
+    stranger = Autopilot(system, component)
+    stranger.mav.obstacle_distance_send(0, 0, [500] * 72, 5, 20, 1000)
+    return stranger.said()
+
+
+@pytest.mark.parametrize("component", [1, 195])
+def test_ranges_are_taken_from_any_component_of_the_vehicle(
+    endpoint: MavlinkEndpoint, component: int
+) -> None:
+    endpoint.range_messages = frozenset({mavlink.MAVLINK_MSG_ID_OBSTACLE_DISTANCE})
+    data = obstacle_distance(1, component)
+    endpoint.receive(data + obstacle_distance(2, 1), 1.0)
+    assert endpoint.take_ranges() == [(mavlink.MAVLINK_MSG_ID_OBSTACLE_DISTANCE, data)]
+    assert endpoint.take_ranges() == []
+    assert endpoint.counters.foreign_messages == 0
+
+
+def test_a_flood_of_ranges_keeps_the_newest(endpoint: MavlinkEndpoint) -> None:
+    endpoint.range_messages = frozenset({mavlink.MAVLINK_MSG_ID_OBSTACLE_DISTANCE})
+    endpoint.receive(obstacle_distance(1, 1) * 100, 1.0)
+    assert len(endpoint.take_ranges()) == 32
+
+
+@pytest.mark.parametrize("wanted", [True, False])
+def test_ranges_are_requested_where_they_are_wanted(
+    endpoint: MavlinkEndpoint, autopilot: Autopilot, wanted: bool
+) -> None:
+    if wanted:
+        endpoint.range_messages = frozenset({mavlink.MAVLINK_MSG_ID_DISTANCE_SENSOR})
+    endpoint.receive(autopilot.heartbeat(OFFBOARD, armed=True), 0.0)
+    endpoint.keep_alive(0.1, active=False)
+    requested = {
+        int(message.param1)
+        for message in autopilot.heard(endpoint.bytes_to_send())
+        if message.get_type() == "COMMAND_LONG"
+    }
+    assert (mavlink.MAVLINK_MSG_ID_DISTANCE_SENSOR in requested) is wanted

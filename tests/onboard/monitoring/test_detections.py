@@ -218,3 +218,15 @@ def test_a_frame_later_than_a_reaction_may_be_is_noticed_whatever_age_is_allowed
         found.append(monitor.check(now_s, terms))
     late = latency_s + FRAME_S > terms.reaction_time_s + 1e-9
     assert any(violation is not None for violation in found) or not late
+
+
+def test_a_sensor_that_is_expected_is_blind_until_it_is_heard(sensor: Sensor) -> None:
+    sensor.monitor.expected = frozenset({"front", "rear"})
+    sensor.run(0.0, 5.0)
+    violation = sensor.monitor.check(5.0, TERMS)
+    assert violation is not None
+    assert (violation.assumption, violation.subject) == (Assumption.DETECTION_AGE, "rear")
+    assert violation.note == "rear never sent anything that can be used"
+    assert math.isinf(sensor.monitor.age_s(5.0))
+    Sensor(sensor.monitor, source="rear").run(4.9, 5.0)
+    assert sensor.monitor.check(5.0, TERMS) is None

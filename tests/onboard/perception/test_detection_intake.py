@@ -89,3 +89,12 @@ def test_a_source_may_complete_several_frames_with_one_message() -> None:
     intake = DetectionIntake(SplitSource())
     intake.receive(b"*")
     assert [read.sequence for read in intake.take(NOW_UNIX_S)] == [1, 2]
+
+
+def test_a_frame_under_the_name_of_another_sensor_is_dropped() -> None:
+    intake = DetectionIntake(JsonV1Source())
+    intake.names_taken = frozenset({"front"})
+    for source in ("front", "rear"):
+        intake.receive(json.dumps(frame(source=source)).encode())
+    assert [read.source for read in intake.take(NOW_UNIX_S)] == ["rear"]
+    assert intake.counters.malformed_frames == 1

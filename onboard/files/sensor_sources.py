@@ -1,0 +1,185 @@
+"""The sensors of a daemon's file: what each publishes, how it is mounted, and what it sees.
+
+Angles are in degrees, in the body: forward, right, down, so that bearings run clockwise from the
+nose.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, Final, Literal
+
+from pydantic import Field, model_validator
+
+from onboard.files.yaml_file import FileModel
+
+Metres = Annotated[float, Field(gt=0.0, le=200.0)]
+Bearing = Annotated[float, Field(ge=-180.0, le=180.0)]
+Sector = Annotated[tuple[Bearing, Bearing], Field(strict=False)]
+View = Annotated[float, Field(gt=0.0, le=360.0)]
+# Forward, left, up, or, of cameras, right, down, forward.
+Axes = Literal["flu", "optical"]
+PointsMin = Annotated[int, Field(ge=1, le=1000)]
+_OFFSET_MAX_M: Final = 3.0
+Offset = Annotated[float, Field(ge=-_OFFSET_MAX_M, le=_OFFSET_MAX_M)]
+
+
+class Mounting(FileModel):
+    """Where a sensor is in the body, and how it is turned: by yaw, then pitch, then roll."""
+
+    x_m: Offset = Field(0.0, description="forward of the vehicle's centre")
+    y_m: Offset = Field(0.0, description="to its right")
+    z_m: Offset = Field(0.0, description="below it")
+    roll_deg: Bearing = 0.0
+    pitch_deg: Bearing = Field(0.0, description="nose up")
+    yaw_deg: Bearing = Field(0.0, description="clockwise, seen from above")
+
+
+class SensorSource(FileModel):
+    """What every sensor states."""
+
+    name: Annotated[str, Field(pattern=r"^[A-Za-z0-9_-]{1,64}$")] = Field(
+        description="of the sensor in logs and messages; each has its own"
+    )
+    range_m: Metres = Field(description="within which it sees every obstacle")
+    uncertainty_m: Annotated[float, Field(ge=0.0, le=10.0)] = Field(
+        description="how far each face may be off; at most the contract's position_error_m"
+    )
+    mounting: Mounting = Mounting()
+    field_of_view_deg: Annotated[float, Field(gt=0.0, le=360.0)] = Field(
+        360.0, description="around the nose, at most: what it sees besides is not counted on"
+    )
+    no_return_is_free_to_m: Metres | None = Field(
+        None, description="how far a beam without a return shows free space; unset: not at all"
+    )
+    height_band_m: Annotated[tuple[Metres, Metres], Field(strict=False)] = Field(
+        (1.0, 1.0), description="above, below the vehicle: the heights that every obstacle spans"
+    )
+    own_radius_m: Annotated[float, Field(ge=0.0, le=5.0)] = Field(
+        0.3, description="what is nearer than this is the vehicle itself"
+    )
+    blind_sectors_deg: Annotated[tuple[Sector, ...], Field(strict=False)] = Field(
+        (), description="bearings (from, to), clockwise, that parts of the vehicle hide"
+    )
+    box_max_m: Annotated[float, Field(ge=0.2, le=100.0)] = Field(
+        2.0, description="larger obstacles become boxes side by side"
+    )
+    cluster_gap_m: Annotated[float, Field(gt=0.0, le=10.0)] = Field(
+        0.5, description="points farther apart belong to different obstacles"
+    )
+    points_min: PointsMin = Field(
+        1, description="fewer points together are no obstacle; free they are not either"
+    )
+
+    @model_validator(mode="after")
+    def _free_no_farther_than_it_sees(self) -> SensorSource:
+        free_m = self.no_return_is_free_to_m
+        if free_m is not None and free_m > self.range_m:
+            raise ValueError(
+                f"no_return_is_free_to_m {free_m:g} m is more than range_m {self.range_m:g} m"
+            )
+        return self
+
+
+class Ros2Source(SensorSource):
+    """A ROS 2 topic over Zenoh."""
+
+    topic: Annotated[str, Field(pattern=r"^/?[A-Za-z0-9_]+(/[A-Za-z0-9_]+)*$")]
+    middleware: Literal["rmw_zenoh", "zenoh-bridge-ros2dds"] = "rmw_zenoh"
+    domain_id: Annotated[int, Field(ge=0, le=232)] = Field(0, description="of rmw_zenoh")
+    frame_id: str | None = Field(
+        None, description="messages in another frame are dropped; unset: that of the first one"
+    )
+
+
+class LaserScanSource(Ros2Source):
+    """sensor_msgs/LaserScan: a scanning lidar."""
+
+    kind: Literal["laserscan"]
+    points_min: PointsMin = 2
+
+
+class PointCloudSource(Ros2Source):
+    """sensor_msgs/PointCloud2: a lidar of several lines, or a depth camera."""
+
+    kind: Literal["pointcloud2"]
+    range_m: Annotated[float, Field(gt=0.0, le=60.0)] = Field(
+        description="within which it sees every obstacle"
+    )
+    points_min: PointsMin = Field(2, description="in an upright cell of 5 cm")
+    axes: Axes = "flu"
+    view_deg: Annotated[tuple[View, View], Field(strict=False)] = Field(
+        description="of the sensor itself, around its axis: across, up and down"
+    )
+
+
+class RangeSource(Ros2Source):
+    """sensor_msgs/Range: one cone."""
+
+    kind: Literal["range"]
+
+
+class DetectionsSource(Ros2Source):
+    """vision_msgs/Detection3DArray: boxes of a detector."""
+
+    kind: Literal["detection3d"]
+    axes: Axes = "flu"
+    view_deg: Annotated[tuple[View, View], Field(strict=False)] = Field(
+        description="of the sensor itself, around its axis: across, up and down"
+    )
+
+
+class OccupancyGridSource(Ros2Source):
+    """nav_msgs/OccupancyGrid: cells of a map.
+
+    Attributes:
+        grid_frame: ``body``: around the vehicle, x forward and y left; ``local_enu``: the
+            autopilot's local frame, x east and y north, as MAVROS names it.
+        occupied_min: cells from this percentage on are obstacles.
+        free_max: cells up to this percentage are free, where ``no_return_is_free_to_m`` allows.
+    """
+
+    kind: Literal["occupancygrid"]
+    range_m: Annotated[float, Field(gt=0.0, le=60.0)] = Field(
+        description="within which it sees every obstacle"
+    )
+    grid_frame: Literal["body", "local_enu"]
+    occupied_min: Annotated[int, Field(ge=1, le=100)] = 50
+    free_max: Annotated[int, Field(ge=0, le=99)] = 20
+
+
+class MavlinkSource(SensorSource):
+    """A message on the vehicle's MAVLink link, whose stamps belong to no known clock."""
+
+    latency_s: Annotated[float, Field(ge=0.0, le=1.0)] = Field(
+        0.05, description="from measurement to arrival"
+    )
+
+
+class ObstacleDistanceSource(MavlinkSource):
+    """OBSTACLE_DISTANCE: the nearest obstacle in each of 72 sectors."""
+
+    kind: Literal["obstacle_distance"]
+
+
+class DistanceSensorSource(MavlinkSource):
+    """DISTANCE_SENSOR: one beam, of a sensor that looks forward."""
+
+    kind: Literal["distance_sensor"]
+    sensor_id: Annotated[int, Field(ge=0, le=255)] | None = Field(
+        None, description="of the messages; unset: that of the first one"
+    )
+    beam_width_deg: Annotated[float, Field(ge=2.0, le=120.0)] = Field(
+        3.0, description="where messages do not state it"
+    )
+
+
+AnySource = Annotated[
+    LaserScanSource
+    | PointCloudSource
+    | RangeSource
+    | DetectionsSource
+    | OccupancyGridSource
+    | ObstacleDistanceSource
+    | DistanceSensorSource,
+    Field(discriminator="kind"),
+]

@@ -1,0 +1,1 @@
+"""From ranges and points around a sensor to boxes and free space around the levelled body."""

@@ -1,0 +1,110 @@
+"""Turns what a mounted sensor measured into the levelled body: forward, right, down, yaw only.
+
+The levelled body stands where the vehicle was at a reference time, with the heading that it had.  A
+scan takes time; each beam is placed by the pose of its own moment (de-skewing).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from onboard.files.sensor_sources import Axes, Mounting
+from onboard.geometry.frames import FloatArray
+from onboard.vehicle_state import Pose
+
+# To forward, right, down: from forward, left, up, as ROS has it, and from a camera's right, down,
+# forward.
+FRD_FROM: Final[dict[Axes, FloatArray]] = {
+    "flu": np.diag([1.0, -1.0, -1.0]),
+    "optical": np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]),
+}
+
+
+@dataclass(frozen=True, eq=False)
+class BodyMotion:
+    """Attitude and place of the body for each beam, in the levelled body of the reference time.
+
+    Attributes:
+        roll_rad, pitch_rad, yaw_rad: (n,), or (1,) for all beams; yaw from that of the reference.
+        place_m: (3, n) or (3, 1), from the place of the reference.
+    """
+
+    roll_rad: FloatArray
+    pitch_rad: FloatArray
+    yaw_rad: FloatArray
+    place_m: FloatArray
+
+    @classmethod
+    def of(cls, poses: Sequence[Pose], beam_s: FloatArray | None) -> BodyMotion:
+        """Return the motion through some poses, of which the first is the reference.
+
+        Args:
+            poses: in the order of time.
+            beam_s: (n,) when each beam was measured, after the reference; None for all at once.
+        """
+        reference = poses[0]
+        angles = np.unwrap([(p.roll_rad, p.pitch_rad, p.yaw_rad) for p in poses], axis=0).T
+        angles[2] -= reference.yaw_rad
+        offset_m = np.array([p.position_ned_m for p in poses]) - reference.position_ned_m
+        cosine, sine = math.cos(reference.yaw_rad), math.sin(reference.yaw_rad)
+        place_m = np.stack(
+            (
+                cosine * offset_m[:, 0] + sine * offset_m[:, 1],
+                cosine * offset_m[:, 1] - sine * offset_m[:, 0],
+                offset_m[:, 2],
+            )
+        )
+        if beam_s is None:
+            return cls(angles[0, :1], angles[1, :1], angles[2, :1], place_m[:, :1])
+        knots_s = np.array([pose.time_s - reference.time_s for pose in poses])
+        roll, pitch, yaw, *place = (np.interp(beam_s, knots_s, v) for v in (*angles, *place_m))
+        return cls(roll, pitch, yaw, np.array(place))
+
+    def levelled(self, vectors: FloatArray) -> FloatArray:
+        """Turn vectors (3, n) or (3, 1) from the body into the levelled body."""
+        x, y, z = vectors
+        cosine, sine = np.cos(self.roll_rad), np.sin(self.roll_rad)
+        y, z = cosine * y - sine * z, sine * y + cosine * z
+        cosine, sine = np.cos(self.pitch_rad), np.sin(self.pitch_rad)
+        x, z = cosine * x + sine * z, cosine * z - sine * x
+        cosine, sine = np.cos(self.yaw_rad), np.sin(self.yaw_rad)
+        return np.stack(np.broadcast_arrays(cosine * x - sine * y, sine * x + cosine * y, z))
+
+
+def mounting_rotation(mounting: Mounting) -> FloatArray:
+    """Return the rotation (3, 3) from the sensor, forward, right, down, into the body."""
+    turns = []
+    for degrees, (first, second) in (
+        (mounting.yaw_deg, (0, 1)),
+        (mounting.pitch_deg, (2, 0)),
+        (mounting.roll_deg, (1, 2)),
+    ):
+        turn = np.eye(3)
+        cosine, sine = math.cos(math.radians(degrees)), math.sin(math.radians(degrees))
+        turn[first, first] = turn[second, second] = cosine
+        turn[first, second], turn[second, first] = -sine, sine
+        turns.append(turn)
+    rotation: FloatArray = turns[0] @ turns[1] @ turns[2]
+    return rotation
+
+
+def mounting_offset_m(mounting: Mounting) -> FloatArray:
+    """Return where the sensor is in the body, (3, 1)."""
+    return np.array([[mounting.x_m], [mounting.y_m], [mounting.z_m]])
+
+
+def in_sectors(
+    bearing_rad: FloatArray, sectors_deg: Sequence[tuple[float, float]]
+) -> NDArray[np.bool_]:
+    """Tell of each bearing whether it lies in one of some sectors (from, to), clockwise."""
+    inside = np.zeros(bearing_rad.shape, np.bool_)
+    for first_deg, last_deg in sectors_deg:
+        wide_rad = math.radians((last_deg - first_deg) % 360.0)
+        inside |= (bearing_rad - math.radians(first_deg)) % (2.0 * math.pi) <= wide_rad
+    return inside

@@ -1,0 +1,120 @@
+"""Messages of the sensors of a daemon's file wait here until the next tick reads them.
+
+What cannot be used is counted by sensor and reason, and said once: the first time.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Final, NamedTuple
+
+from onboard.files.sensor_sources import AnySource
+from onboard.perception.detection import DetectionFrame
+from onboard.perception.intake import MAX_PENDING_FRAMES, DetectionCounters
+from onboard.perception.ros2.cdr import DecodeError
+from onboard.perception.sources.registry import LARGE_PENDING_MAX, MAVLINK_IDS, Sensor, sensor
+from onboard.perception.sources.sensor_input import NO_POSE_YET, PastPoses
+
+_TOO_FAST: Final = "comes faster than it is read"
+
+
+class Refusal(NamedTuple):
+    """Why messages of a sensor are dropped."""
+
+    sensor: str
+    reason: str
+
+
+class _Waiting(NamedTuple):
+    payload: bytes
+    arrived_s: float
+
+
+class SensorChannels:
+    """Latches messages of several sensors, and has them read.
+
+    Args:
+        configs: of the sensors, each with a name of its own.
+        poses: of the body.
+        counters: count what is dropped.
+    """
+
+    def __init__(
+        self, configs: Sequence[AnySource], poses: PastPoses, counters: DetectionCounters
+    ) -> None:
+        self._sensors = {config.name: sensor(config, poses) for config in configs}
+        self._pending: dict[str, deque[_Waiting]] = {name: deque() for name in self._sensors}
+        self._counters = counters
+        self._said: set[Refusal] = set()
+        self._news: list[Refusal] = []
+
+    @property
+    def sensors(self) -> Mapping[str, Sensor]:
+        """The sensors by name."""
+        return self._sensors
+
+    @property
+    def mavlink_ids(self) -> frozenset[int]:
+        """Messages of the MAVLink link that are read."""
+        kinds = {each.config.kind for each in self._sensors.values()}
+        return frozenset(number for kind, number in MAVLINK_IDS.items() if kind in kinds)
+
+    def receive(
+        self, name: str, payload: bytes, now_s: float, *, key: str = "", attachment: bytes = b""
+    ) -> None:
+        """Latch one message.
+
+        Args:
+            name: of the sensor.
+            payload: as it arrived.
+            now_s: when.
+            key: of its Zenoh sample.
+            attachment: of its Zenoh sample.
+        """
+        sensor, pending = self._sensors[name], self._pending[name]
+        try:
+            sensor.check_sample(key, attachment, now_s)
+        except DecodeError as error:
+            sensor.input.refuse(error.reason)
+            self._counters.malformed_frames += 1
+            self._say(name, error.reason)
+            return
+        if len(pending) == (LARGE_PENDING_MAX if sensor.is_large else MAX_PENDING_FRAMES):
+            pending.popleft()
+            self._counters.dropped_frames += 1
+            self._say(name, _TOO_FAST)
+        pending.append(_Waiting(payload, now_s))
+
+    def receive_mavlink(self, message_id: int, payload: bytes, now_s: float) -> None:
+        """Latch one MAVLink frame for every sensor that reads its kind."""
+        for name, each in self._sensors.items():
+            if MAVLINK_IDS.get(each.config.kind) == message_id:
+                self.receive(name, payload, now_s)
+
+    def take(self, epoch_unix_s: float) -> Iterator[DetectionFrame]:
+        """Decode what has arrived, in order for each sensor; of large messages one at a time.
+
+        Args:
+            epoch_unix_s: Unix time at zero of the service's clock.
+        """
+        for name, pending in self._pending.items():
+            sensor = self._sensors[name]
+            for _ in range(min(len(pending), 1) if sensor.is_large else len(pending)):
+                waiting, before = pending.popleft(), sensor.input.refused.copy()
+                frames = sensor.input.read(waiting.payload, epoch_unix_s + waiting.arrived_s)
+                for reason, count in (sensor.input.refused - before).items():
+                    self._counters.malformed_frames += count
+                    self._say(name, reason)
+                yield from frames
+
+    def take_news(self) -> list[Refusal]:
+        """Return and forget the refusals that have come for the first time."""
+        news, self._news = self._news, []
+        return news
+
+    def _say(self, name: str, reason: str) -> None:
+        refusal = Refusal(name, reason)
+        if refusal not in self._said and reason != NO_POSE_YET:
+            self._said.add(refusal)
+            self._news.append(refusal)

@@ -1,0 +1,98 @@
+"""From a daemon's file to the inputs of its sensors: what is read by what."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any, Final
+
+from pymavlink.dialects.v20 import common as mavlink
+
+from onboard.files.sensor_sources import (
+    AnySource,
+    DetectionsSource,
+    DistanceSensorSource,
+    LaserScanSource,
+    ObstacleDistanceSource,
+    OccupancyGridSource,
+    PointCloudSource,
+    RangeSource,
+    SensorSource,
+)
+from onboard.perception.ros2.keys import OnePublisher, check_key, key_expression
+from onboard.perception.sources.detections3d import DetectionsInput
+from onboard.perception.sources.laser_scan import LaserScanInput, RangeInput
+from onboard.perception.sources.mavlink_ranges import DistanceSensorInput, ObstacleDistanceInput
+from onboard.perception.sources.occupancy_grid import OccupancyGridInput
+from onboard.perception.sources.point_cloud import PointCloudInput
+from onboard.perception.sources.sensor_input import PastPoses, SensorInput
+
+_TYPE_NAMES: Final = {
+    "laserscan": "sensor_msgs/LaserScan",
+    "pointcloud2": "sensor_msgs/PointCloud2",
+    "range": "sensor_msgs/Range",
+    "detection3d": "vision_msgs/Detection3DArray",
+    "occupancygrid": "nav_msgs/OccupancyGrid",
+}
+MAVLINK_IDS: Final = {
+    "obstacle_distance": mavlink.MAVLINK_MSG_ID_OBSTACLE_DISTANCE,
+    "distance_sensor": mavlink.MAVLINK_MSG_ID_DISTANCE_SENSOR,
+}
+_INPUTS: Final[dict[type[SensorSource], Callable[[Any, PastPoses], SensorInput]]] = {
+    LaserScanSource: LaserScanInput,
+    PointCloudSource: PointCloudInput,
+    RangeSource: RangeInput,
+    DetectionsSource: DetectionsInput,
+    OccupancyGridSource: OccupancyGridInput,
+    ObstacleDistanceSource: ObstacleDistanceInput,
+    DistanceSensorSource: DistanceSensorInput,
+}
+# Large messages wait at most so many deep, and one of them is read per tick.
+LARGE_PENDING_MAX: Final = 2
+_LARGE: Final = ("pointcloud2", "occupancygrid")
+
+
+@dataclass
+class Sensor:
+    """One sensor of a daemon's file.
+
+    Attributes:
+        config: its keys.
+        input: what reads it.
+        publishers: who may publish it.
+    """
+
+    config: AnySource
+    input: SensorInput
+    publishers: OnePublisher = field(default_factory=OnePublisher)
+
+    @property
+    def is_large(self) -> bool:
+        """Whether its messages are large."""
+        return self.config.kind in _LARGE
+
+    def check_sample(self, key: str, attachment: bytes, now_s: float) -> None:
+        """Check where a Zenoh sample comes from.
+
+        Raises:
+            DecodeError: it is of another type, or of a second publisher.
+        """
+        if not zenoh_key(self.config):
+            return
+        if getattr(self.config, "middleware", "") == "rmw_zenoh":
+            check_key(key, _TYPE_NAMES[self.config.kind])
+        self.publishers.check(attachment, now_s)
+
+
+def zenoh_key(config: AnySource) -> str | None:
+    """Return the Zenoh key expression of a sensor; None for one on the MAVLink link."""
+    if isinstance(config, ObstacleDistanceSource | DistanceSensorSource):
+        return None
+    bridged = config.middleware != "rmw_zenoh"
+    name = _TYPE_NAMES[config.kind]
+    return key_expression(config.topic, name, bridged=bridged, domain=config.domain_id)
+
+
+def sensor(config: AnySource, poses: PastPoses) -> Sensor:
+    """Return the sensor of some keys."""
+    return Sensor(config, _INPUTS[type(config)](config, poses))
