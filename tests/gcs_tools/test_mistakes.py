@@ -283,6 +283,7 @@ MISTAKES = [
     # ------------------------------------------------------------------------ live view, service
     Mistake("a port that is none", "watch --port 80000", ("--port", "80000")),
     Mistake("two ways to the daemon", "watch --zenoh-config a --daemon-config b", ("not allowed",)),
+    Mistake("two ways to resume", "resume --daemon-config a --zenoh-config b", ("not allowed",)),
     Mistake("the contract for the daemon's file", "doctor --daemon-config contract.yaml",
             ("contract.yaml", "not a known key")),
     Mistake("the operator's file", "status --daemon-config bus.yaml", ("bus.yaml", "connect")),

@@ -82,7 +82,11 @@ def free_at(frame: DetectionFrame, bearing_deg: float) -> float:
     half_deg = frame.field_of_view_deg / 2.0
     share = (bearing_deg + half_deg) / frame.field_of_view_deg
     index = math.floor(share * len(frame.free_range_m))
-    return frame.free_range_m[index] if 0 <= index < len(frame.free_range_m) else 0.0
+    if not 0 <= index < len(frame.free_range_m):
+        return 0.0
+    found_m = frame.free_range_m[index]
+    assert found_m is not None
+    return found_m
 
 
 def rotation(roll_rad: float, pitch_rad: float, yaw_rad: float) -> NDArray[np.float64]:
