@@ -43,6 +43,8 @@ class RunOn:
         values of kappa in the hull of that part of it.  The boxes around the parts hold far less of
         what lies beside a run that leads aside than the one box around all of it.
         """
+        if not all(math.isfinite(gain) for pair in self.gains for gain in pair):
+            return (((0.0, 0.0), *self.gains),)  # unknown: no box around it is free
         corners = _hull([(0.0, 0.0), *self.gains])
         kappas_s = [kappa_s for kappa_s, _ in corners]
         low_s, high_s = min(kappas_s), max(kappas_s)
@@ -98,8 +100,10 @@ NO_RUN_ON: Final = RunOn()
 def contract_run_on(terms: Terms[float], speed_max_mps: float | None = None) -> RunOn:
     """Return how the vehicle of a contract runs on; nothing without passive safety.
 
-    A measured run replaces the model where it is longer.  It says nothing of a setpoint that
-    brakes: the run is then taken to be no shorter.
+    A measured run that is longer than the model is one more point.  It says nothing of a setpoint
+    that brakes: there the run is that of the model or of this point, whichever is longer.  It holds
+    up to the speed at which it was measured on each axis, and nowhere above: not a number then, so
+    that nothing certifies.
 
     Args:
         terms: of the contract.
@@ -112,11 +116,27 @@ def contract_run_on(terms: Terms[float], speed_max_mps: float | None = None) -> 
     frozen = terms.setpoint_loss_model == "frozen"
     timeout_s, measured_s = terms.setpoint_loss_timeout_s, _measured_slope_s(terms, SCALAR)
     first = () if frozen else ((timeout_s, 0.0), (timeout_s, timeout_s**2 / 2.0))
+    if not _is_covered(terms, fastest_mps):
+        measured_s = math.nan
     # Not a number, above the speed at which it was measured, stays so: nothing certifies then.
     longest_s = kappa_s if measured_s <= kappa_s else measured_s  # noqa: FURB136
     if frozen or longest_s != kappa_s:
         first = (*first, (longest_s, 0.0))
+    if longest_s != kappa_s:
+        # Where the acceleration opposes the speed, a greater kappa alone makes the run shorter.
+        first = (*first, (kappa_s, c_s2))
     return RunOn((*first, (longest_s, c_s2)))
+
+
+def _is_covered(terms: Terms[float], fastest_mps: float) -> bool:
+    """Tell whether a measured run, if there is one, was measured fast enough.
+
+    The loops act on each axis by itself, where no setpoint is faster than the diagonal says.
+    """
+    if terms.setpoint_loss_run_on_m is None:
+        return True
+    measured_at_mps = terms.setpoint_loss_run_on_speed_mps or terms.cruise_speed_mps
+    return fastest_mps <= math.sqrt(2.0) * measured_at_mps
 
 
 def run_on_slope_s(terms: Terms[Q], ops: Arithmetic[Q]) -> Q:

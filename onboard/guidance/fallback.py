@@ -69,11 +69,9 @@ class Fallback:
 
         The set that it was certified in has turned out to be wrong.
         """
-        current = self._situation.reference.current
+        held = self._situation.reference.remaining(now_s)
         contradicted = violation.assumption is Assumption.SENSOR_CONTRADICTION
-        if not contradicted or current is None or now_s >= current.end_s:
-            return None
-        if self._clear_check.is_clear(current.from_time(now_s)):
+        if not contradicted or held is None or self._clear_check.is_clear(held):
             return None
         braking, how = self._way_to_hover(now_s)
         self._situation.reference.fly(braking)
@@ -87,10 +85,10 @@ class Fallback:
 
     def recheck_way_to_hover(self, obstacle: Obstacle, now_s: float) -> None:
         """Choose the way to hover again if an obstacle that is new or has grown blocks it."""
-        current = self._situation.reference.current
-        if current is None or now_s >= current.end_s or self._situation.rest_held:
+        held = self._situation.reference.remaining(now_s)
+        if held is None or self._situation.rest_held:
             return
-        if not self._clear_check.is_clear(current.from_time(now_s), [obstacle]):
+        if not self._clear_check.is_clear(held, [obstacle]):
             braking, how = self._way_to_hover(now_s)
             self._situation.reference.fly(braking)
             text = f"obstacle {obstacle.id} blocks the braking path: {how}"

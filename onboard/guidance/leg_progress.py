@@ -8,6 +8,7 @@ from onboard.events import Event, EventData, EventName, Severity
 from onboard.files.mission_file import Mission
 from onboard.geometry.frames import wrap_angle
 from onboard.guidance.cruise import Cruise
+from onboard.guidance.dense.level import climbing
 from onboard.guidance.dense.shield import Shield
 from onboard.guidance.dense.thread import Thread
 from onboard.guidance.envelope import HEADING_TOLERANCE_RAD, at_rest_speed_mps
@@ -170,7 +171,7 @@ class LegProgress:
             # At rest already, but for what it stops within its tracking error.
             self._thread.release()
             at_rest = State(state.position_leg_m, (0.0, 0.0, 0.0))
-            hover = closed_form.cruise(at_rest, now_s, situation.envelope, 0.0, z_m=0.0)
+            hover = closed_form.cruise(at_rest, now_s, climbing(situation.envelope), 0.0, z_m=0.0)
         situation.reference.fly(hover)
         self._aligned_since_s = None
 

@@ -73,6 +73,19 @@ class Reference:
             flown = self.upcoming
         return None if flown is None else flown.sample(time_s)
 
+    def remaining(self, now_s: float) -> Trajectory | None:
+        """Return what will be flown from now on if nothing else is decided; None at its end."""
+        flown, then = self.guard or self.current, None if self.guard else self.upcoming
+        if flown is None or (then is None and now_s >= flown.end_s):
+            return None
+        if then is None:
+            return flown.from_time(now_s)
+        if now_s >= then.start_s:
+            return then.from_time(now_s) if now_s < then.end_s else None
+        if now_s >= flown.end_s:
+            return then
+        return flown.from_time(now_s).until(then.start_s).followed_by(then)
+
     def setpoint(self, time_s: float, leg: LegFrame) -> Setpoint | None:
         """Return the reference at a time as a setpoint in NED; None while nothing is flown."""
         state = self.sample(time_s)

@@ -14,7 +14,7 @@ from onboard.monitoring.detection_consistency import (
 )
 from onboard.monitoring.detections import CLOCK_TOLERANCE_S, DetectionMonitor
 from onboard.monitoring.estimator.heading import HeadingMonitor
-from onboard.monitoring.seen_space import DOUBTS, SeenSpace
+from onboard.monitoring.seen.seen_space import DOUBTS, SeenSpace
 from onboard.monitoring.supervised_flight import SupervisedFlight, in_control
 from onboard.perception.bearings import TRACKS_PER_FRAME, BearingMemory
 from onboard.perception.detection import Detection, DetectionFrame, corners_ned

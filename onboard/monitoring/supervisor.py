@@ -22,7 +22,7 @@ from onboard.monitoring.flight_time import FlightTimeMonitor
 from onboard.monitoring.loop_overrun import LoopOverrunMonitor
 from onboard.monitoring.response.vehicle_response import VehicleResponse
 from onboard.monitoring.resumption import FailureTimes
-from onboard.monitoring.seen_space import DOUBTS
+from onboard.monitoring.seen.seen_space import DOUBTS
 from onboard.monitoring.supervised_flight import SupervisedFlight, in_control
 from onboard.monitoring.violation_log import ViolationLog
 from onboard.perception.detection import DetectionFrame

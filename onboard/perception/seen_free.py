@@ -234,7 +234,10 @@ class SeenFree:
         np.cumsum(unknown, axis=0, dtype=np.int32, out=table[1:, 1:])
         np.cumsum(table[1:, 1:], axis=1, out=table[1:, 1:])
         corner_m = (self._corner[0] * self._cell_m, self._corner[1] * self._cell_m)
-        return FreeGrid(corner_m, self._cell_m, table, self._rest_disc)
+        disc = self._rest_disc
+        if disc is not None and abs(disc[1]) + disc[2] > half_width_m:
+            disc = None  # it reaches out of the corridor, beyond which nothing is free
+        return FreeGrid(corner_m, self._cell_m, table, disc)
 
     def _has_changed(self) -> None:
         self._snapshot = None

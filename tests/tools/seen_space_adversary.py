@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from onboard.files.contract_file import load_contract
 from onboard.geometry.frames import FloatArray, IntArray, LegFrame
-from onboard.monitoring.seen_space import SeenSpace
+from onboard.monitoring.seen.seen_space import SeenSpace
 from onboard.perception.detection import Detection, DetectionFrame
 from onboard.perception.placement import POSE_TIMING_S
 from onboard.perception.pose_history import PoseHistory

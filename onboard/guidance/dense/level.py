@@ -14,11 +14,17 @@ from onboard.planning.closed_form import cruise
 if TYPE_CHECKING:
     from onboard.guidance.situation import Situation
     from onboard.motion.trajectory import Vector
+    from onboard.planning.problem import Envelope
 
 # A start nearer to the height of the leg than this is at it.
 LEVEL_M: Final = 0.02
 # Time is of no importance here, and nothing has been seen above or below.
 CLIMB_MPS: Final = 0.5
+
+
+def climbing(envelope: Envelope) -> Envelope:
+    """Return the limits of a climb or descent on the spot."""
+    return replace(envelope, speed_max_mps=min(envelope.speed_max_mps, CLIMB_MPS))
 
 
 class Level:
@@ -40,9 +46,7 @@ class Level:
         self.changing = abs(position_leg_m[2]) > LEVEL_M
         if self.changing:
             hovering = State(position_leg_m, (0.0, 0.0, 0.0))
-            envelope = self._situation.envelope
-            slow = replace(envelope, speed_max_mps=min(envelope.speed_max_mps, CLIMB_MPS))
-            climb = cruise(hovering, now_s, slow, 0.0, z_m=0.0)
+            climb = cruise(hovering, now_s, climbing(self._situation.envelope), 0.0, z_m=0.0)
             self._situation.reference.fly(climb)
         return self.changing
 

@@ -232,9 +232,10 @@ class Thread(ThreadRecord):
     def _look(self, pose: Pose, now_s: float) -> None:
         """Turn the nose; once all round for a start that has to be seen, then in each pause.
 
-        Where W is meant along the leg, not before the vehicle has come to rest.
+        Where W is meant along the leg, not before the vehicle has come to rest; nor on a way that
+        cruise or avoidance have begun, with the nose along the leg.
         """
-        if self._is_along_leg and not self.way.still:
+        if (self._is_along_leg or self.way.follows) and not self.way.still:
             return
         heading_rad = wrap_angle(pose.yaw_rad - self._situation.leg.heading_rad)
         pause, seen = self._leg.pause, self._seen

@@ -70,6 +70,11 @@ class WayToRest:
         return self._next is not None
 
     @property
+    def follows(self) -> bool:
+        """Whether a trajectory that was certified elsewhere is still followed to its rest."""
+        return self._followed is not None
+
+    @property
     def still(self) -> bool:
         """Whether the vehicle is at rest and stays so."""
         if self._followed is not None or self._next is not None:

@@ -12,7 +12,7 @@ from onboard.geometry.box import Box
 from onboard.geometry.frames import LegFrame
 from onboard.guidance.dense.limits import rest_limits_of
 from onboard.monitoring.assumptions import Assumption, Violation
-from onboard.monitoring.seen_space import TURN_MAX_RADPS, SeenSpace
+from onboard.monitoring.seen.seen_space import TURN_MAX_RADPS, SeenSpace
 from onboard.perception.detection import Detection, DetectionFrame
 from onboard.perception.pose_history import PoseHistory
 from onboard.planning.corridor.horizon import Horizon

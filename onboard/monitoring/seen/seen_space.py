@@ -13,19 +13,21 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from onboard.contract.terms import Terms
 from onboard.geometry.box import Box
 from onboard.geometry.frames import FloatArray, LegFrame, Vector, wrap_angle
 from onboard.geometry.free_grid import FreeGrid
 from onboard.monitoring.assumptions import Assumption, Violation
-from onboard.monitoring.sight_queue import SightQueue
+from onboard.monitoring.seen.looks_around import LooksAround
+from onboard.monitoring.seen.operators_word import OperatorsWord
+from onboard.monitoring.seen.scan_limits import resolved_m, scan_of
+from onboard.monitoring.seen.sight_queue import SightQueue
 from onboard.monitoring.supervised_flight import SupervisedFlight
 from onboard.perception.detection import Corners, DetectionFrame, corners_ned, shifted_corners
 from onboard.perception.face_strips import enclosing_boxes, strip_around
 from onboard.perception.line_of_sight import BOXES_MAX, View
 from onboard.perception.placement import POSE_TIMING_S
 from onboard.perception.pose_history import PoseHistory
-from onboard.perception.seen_free import CELL_M, IntArray, SeenFree
+from onboard.perception.seen_free import CELL_M, SeenFree
 from onboard.vehicle_state import Pose
 
 # Frames of a body that turns faster do not count: 20 ms of 60 deg/s displace by 0.25 m at 12 m.
@@ -45,8 +47,6 @@ DOUBTS: Final = frozenset(
         Assumption.POSITION_QUALITY,
     }
 )
-# A start has been looked at all round when frames have shown every one of these sectors.
-_SECTORS: Final = 72
 
 
 class _Sight(NamedTuple):
@@ -82,13 +82,12 @@ class SeenSpace:
         self._half_width_m = math.inf
         self._pending = SightQueue[_Sight](self._break_row)
         self._stamps_s: dict[str, float] = {}
-        # How many frames of each sensor have shown each sector around one place, in local NED.
-        self._looked: dict[str, IntArray] = {}
-        self._looked_from_ned_m = (0.0, 0.0)
+        self._looks = LooksAround()
         self.relied_on = False
         self.void_reason = ""
         self.frames_needed = frames_needed
         self._counted: dict[str, int] = {}
+        self._word = OperatorsWord()
 
     # ------------------------------------------------------------------ what is asked of it
 
@@ -129,7 +128,8 @@ class SeenSpace:
         """
         self.begin_leg(self._flight.leg)
         radius_m = self._start_radius_m
-        if not self._has_looked_all_round(x_m, y_m):
+        north_m, east_m, _ = self._leg.position_ned((x_m, y_m, 0.0))
+        if not self._looks.are_all_round((north_m, east_m), self._same_place_m, self.frames_needed):
             return False
         if self._is_known_occupied(x_m, y_m, radius_m):
             return False
@@ -140,6 +140,8 @@ class SeenSpace:
     def confirm_by_word(self, north_m: float, east_m: float, radius_m: float) -> None:
         """Take a disc for free that the operator has confirmed, unless an obstacle is known there.
 
+        Once, and not after the local frame has moved or come into doubt.
+
         Args:
             north_m: of its centre, local NED.
             east_m: likewise.
@@ -147,7 +149,8 @@ class SeenSpace:
         """
         self.begin_leg(self._flight.leg)
         x_m, y_m, _ = self._leg.position_leg((north_m, east_m, 0.0))
-        if not self._is_known_occupied(x_m, y_m, radius_m):
+        if self._word.may_be_taken and not self._is_known_occupied(x_m, y_m, radius_m):
+            self._word.take(north_m, east_m, radius_m)
             self._set.confirm(x_m, y_m, radius_m)
 
     def _is_known_occupied(self, x_m: float, y_m: float, radius_m: float) -> bool:
@@ -179,24 +182,30 @@ class SeenSpace:
         self._set = self._set.turned((origin_m[0], origin_m[1]), turn_rad)
         self._set.limit(self._half_width_m)
         if abs(origin_m[2]) > self._flight.assessment.terms.tracking_error_z_m:
-            self.void("the leg is at another height")
+            self.void("the leg is at another height", frame_stands=True)
 
     def shift(self, shift_ned_m: Vector) -> None:
         """Move the set into the present local frame, which a declared reset has moved."""
         self.begin_leg(self._flight.leg)
         x_m, y_m, z_m = self._leg.vector_leg(shift_ned_m)
         self._pending.clear()
-        north_m, east_m = self._looked_from_ned_m
-        self._looked_from_ned_m = (north_m + shift_ned_m[0], east_m + shift_ned_m[1])
+        self._looks.shift(shift_ned_m[0], shift_ned_m[1])
+        self._word.shift(shift_ned_m[0], shift_ned_m[1])
         if abs(z_m) > self._flight.assessment.terms.tracking_error_z_m:
             self.void("the estimate of the height was reset")
         else:
             self._set.shift(x_m, y_m)
 
-    def void(self, reason: str) -> None:
-        """Take nothing for free any more."""
+    def void(self, reason: str, *, frame_stands: bool = False) -> None:
+        """Take nothing for free any more.
+
+        Args:
+            reason: for the record.
+            frame_stands: the local frame and the sensor are not in doubt.
+        """
         self._pending.clear()
-        self._looked = {}
+        self._word.forget(frame_stands=frame_stands)
+        self._looks.forget()
         self._set.void()
         self.void_reason = reason
 
@@ -261,12 +270,12 @@ class SeenSpace:
             The contradiction between a report and what has been seen, which voids the set.
         """
         self.begin_leg(self._flight.leg)
-        if not trusted and (self._set.size or self._pending or self._looked):
+        if not trusted and (self._set.size or self._pending or self._looks):
             # It may drift without a jump: what was seen before is elsewhere once it is good again.
             self.void("the position is not to be believed")
-        seen = self._set.size or self._looked
+        seen = self._set.size or self._looks
         if seen and pose is not None and self._is_off_height(pose):
-            self.void("the vehicle has left the height of the leg")
+            self.void("the vehicle has left the height of the leg", frame_stands=True)
         for _ in range(1 if len(self._pending) <= 2 else 2):
             sight = self._pending.pop()
             violation = None if sight is None else self._see(sight)
@@ -285,17 +294,20 @@ class SeenSpace:
         far_m = np.hypot(seen_leg_m[..., 0] - x_m, seen_leg_m[..., 1] - y_m).max(axis=1)
         margins_m = e + clock_error_m + heading_error_rad * far_m
         contradicting = self._contradicting(seen_leg_m, margins_m)
+        if contradicting is None and len(margins_m):
+            farthest_m = math.sqrt(2.0) * float(margins_m.max())
+            contradicting = self._word.contradicted_by(sight.corners_ned_m, farthest_m)
         if contradicting is not None:
             track_id = frame.track_id(frame.obstacles[contradicting])
             self.void(f"{track_id} is reported where all was seen free")
             return _contradiction(track_id)
         # A scan is placed by the pose as a whole; boxes carry that error in their faces already.
-        scan, view_rad = _scan(frame, terms), math.radians(frame.field_of_view_deg)
+        scan, view_rad = scan_of(frame, terms), math.radians(frame.field_of_view_deg)
         view = View(
             position_leg_m=(x_m, y_m),
             heading_leg_rad=wrap_angle(pose.yaw_rad - self._leg.heading_rad),
             half_view_rad=min(view_rad, terms.field_of_view_rad) / 2.0,
-            range_m=min(frame.range_m, terms.detection_range_m, _resolved_m(frame, terms)),
+            range_m=min(frame.range_m, terms.detection_range_m, resolved_m(frame, terms)),
             boxes=[
                 *enclosing_boxes(seen_leg_m, e),
                 *self._known_boxes(x_m, y_m, terms.detection_range_m),
@@ -311,42 +323,19 @@ class SeenSpace:
         self._set.centre_on(x_m, y_m)
         self._set.see(view, frame.source)
         self._counted[frame.source] = self._counted.get(frame.source, 0) + 1
-        self._note_look(view, pose, frame.source)
+        if view.range_m >= self._start_radius_m + math.sqrt(2.0) * terms.map_error_m:
+            here_ned_m = pose.position_ned_m[:2]
+            self._looks.note(view, here_ned_m, pose.yaw_rad, frame.source, self._same_place_m)
         return None
+
+    @property
+    def _same_place_m(self) -> float:
+        return self._flight.assessment.terms.tracking_error_m + START_MARGIN_M
 
     @property
     def _start_radius_m(self) -> float:
         body_m = self._flight.assessment.terms.body_m
         return math.sqrt(2.0) * (body_m + CELL_M) + START_MARGIN_M
-
-    def _note_look(self, view: View, pose: Pose, source: str) -> None:
-        """Count the sectors around the vehicle that a frame shows, and says something of."""
-        terms, here_ned_m = self._flight.assessment.terms, pose.position_ned_m[:2]
-        same_place_m = terms.tracking_error_m + START_MARGIN_M
-        if not self._looked or math.dist(here_ned_m, self._looked_from_ned_m) > same_place_m:
-            self._looked, self._looked_from_ned_m = {}, here_ned_m
-        if view.range_m < self._start_radius_m + math.sqrt(2.0) * terms.map_error_m:
-            return
-        middles_rad = 2.0 * math.pi * np.arange(_SECTORS) / _SECTORS
-        aside_rad = (middles_rad - pose.yaw_rad + math.pi) % (2.0 * math.pi) - math.pi
-        half_rad = math.pi / _SECTORS
-        shown = np.abs(aside_rad) + half_rad <= view.half_view_rad
-        shown |= view.half_view_rad >= math.pi - half_rad
-        if view.free_range_m:  # where it knows nothing, it has not looked
-            count, scan_half_rad = len(view.free_range_m), view.scan_half_view_rad
-            bins = np.floor((aside_rad + scan_half_rad) * count / (2.0 * scan_half_rad)).astype(int)
-            shown &= np.asarray(view.free_range_m)[np.clip(bins, 0, count - 1)] > 0.0
-        self._looked[source] = self._looked.get(source, np.zeros(_SECTORS, np.int_)) + shown
-
-    def _has_looked_all_round(self, x_m: float, y_m: float) -> bool:
-        """Tell whether enough frames of one sensor have shown each sector around a place."""
-        north_m, east_m, _ = self._leg.position_ned((x_m, y_m, 0.0))
-        terms = self._flight.assessment.terms
-        away_m = math.dist((north_m, east_m), self._looked_from_ned_m)
-        if not self._looked or away_m > terms.tracking_error_m + START_MARGIN_M:
-            return False
-        most = np.max(list(self._looked.values()), axis=0)
-        return bool((most >= self.frames_needed).all())
 
     def _contradicting(self, seen_leg_m: FloatArray, margins_m: FloatArray) -> int | None:
         """Return the index of a box of which a face lies where all has been seen free.
@@ -389,17 +378,3 @@ def _contradiction(track_id: str) -> Violation:
     return Violation(
         Assumption.SENSOR_CONTRADICTION, 1.0, 0.0, "boxes", track_id, sentence=sentence
     )
-
-
-def _scan(frame: DetectionFrame, terms: Terms[float]) -> tuple[float, ...]:
-    """Return how far each bearing is free; without a return that is unknown, unless declared."""
-    no_return_m = terms.no_return_is_free_to_m or 0.0
-    ranges_m = frame.free_range_m or ()
-    return tuple(no_return_m if range_m is None else range_m for range_m in ranges_m)
-
-
-def _resolved_m(frame: DetectionFrame, terms: Terms[float]) -> float:
-    """Return the range within which one of a scan's rays meets the thinnest obstacle declared."""
-    if terms.thinnest_obstacle_m is None or frame.free_range_m is None:
-        return math.inf
-    return terms.thinnest_obstacle_m / frame.bin_rad

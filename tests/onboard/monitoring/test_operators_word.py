@@ -1,0 +1,55 @@
+"""The operator's word about the start: taken once, in the frame in which it was given."""
+
+import pytest
+
+from onboard.monitoring.seen.operators_word import OperatorsWord
+
+FAR = ((5.0, -0.5), (6.0, -0.5), (6.0, 0.5), (5.0, 0.5))
+AROUND = ((-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0))
+
+
+@pytest.fixture
+def word() -> OperatorsWord:
+    return OperatorsWord()
+
+
+def test_it_is_taken_once(word: OperatorsWord) -> None:
+    assert word.may_be_taken
+    word.take(0.0, 0.0, 3.0)
+    assert not word.may_be_taken
+    word.forget(frame_stands=True)
+    assert not word.may_be_taken
+
+
+@pytest.mark.parametrize("stands", [True, False])
+def test_before_it_is_taken_a_doubt_of_its_frame_ends_it(
+    word: OperatorsWord, *, stands: bool
+) -> None:
+    word.forget(frame_stands=stands)
+    assert word.may_be_taken is stands
+
+
+def test_a_frame_that_has_moved_ends_it(word: OperatorsWord) -> None:
+    word.shift(0.1, 0.0)
+    assert not word.may_be_taken
+
+
+@pytest.mark.parametrize(
+    ("box", "margin_m", "found"),
+    [(FAR, 0.0, None), (FAR, -2.1, 0), (AROUND, 0.0, 0), (AROUND, 3.1, None)],
+)
+def test_a_box_inside_by_more_than_its_error_contradicts_it(
+    word: OperatorsWord, box: tuple[tuple[float, float], ...], margin_m: float, found: int | None
+) -> None:
+    assert word.contradicted_by([box], margin_m) is None
+    word.take(0.0, 0.0, 3.0)
+    assert word.contradicted_by([box], margin_m) == found
+
+
+def test_what_was_taken_moves_with_the_frame(word: OperatorsWord) -> None:
+    word.take(0.0, 0.0, 3.0)
+    word.shift(3.0, 0.0)
+    assert word.contradicted_by([FAR], 0.9) == 0
+    assert word.contradicted_by([FAR], 1.1) is None
+    word.forget(frame_stands=False)
+    assert word.contradicted_by([FAR], 0.0) is None
