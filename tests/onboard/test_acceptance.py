@@ -24,6 +24,8 @@ MISSION = Mission.model_validate(
 def dense(contract: Contract) -> Contract:
     """A contract with best effort neither stated nor superfluous: obstacles stand too close."""
     changes = {
+        # It flies by what it has seen free.
+        "requirements": contract.requirements.model_copy(update={"stop": True}),
         "sensor": contract.sensor.model_copy(update={"field_of_view_deg": 360.0}),
         "environment": contract.environment.model_copy(update={"obstacle_separation_min_m": 1.0}),
     }

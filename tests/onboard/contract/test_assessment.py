@@ -46,6 +46,7 @@ DOCUMENT: dict[str, dict[str, Any]] = {
         "estimator_reset_max_m": 0.0,
         "drag_per_s": 0.45,
         "position_drift_mps": 0.0,
+        "clearance_wish_m": 0.0,
     },
     "requirements": {"stop": True, "passive_safety": True},
     "sensor": {

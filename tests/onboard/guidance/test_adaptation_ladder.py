@@ -34,7 +34,7 @@ def test_what_still_complies_is_flown_on_as_fast(cruising: PerfectFlight) -> Non
 
 
 def test_what_complies_only_slower_is_flown_on_slower(cruising: PerfectFlight) -> None:
-    respond(cruising, sight(3.5))
+    respond(cruising, sight(7.0))
     assert cruising.state is FlightState.CRUISING
     speed_mps = cruising.navigator.assessment.terms.cruise_speed_mps
     assert 0.3 <= speed_mps < 2.8
@@ -82,7 +82,7 @@ def test_the_same_adaptation_is_reported_once(cruising: PerfectFlight) -> None:
     for _ in range(3):
         respond(cruising, sight(9.0))
     assert len(cruising.texts("adapted")) == 1
-    respond(cruising, sight(3.5))
+    respond(cruising, sight(7.0))
     assert len(cruising.texts("adapted")) == 2
 
 
@@ -92,7 +92,7 @@ def test_while_it_aligns_it_goes_on_aligning_under_the_slower_contract(
     flight.depart()
     flight.run(0.2)
     current = flight.situation.reference.current
-    respond(flight, sight(3.5))
+    respond(flight, sight(7.0))
     assert flight.state is FlightState.ALIGNING
     assert flight.situation.reference.current is current
     flight.run_until(FlightState.CRUISING)
@@ -104,7 +104,7 @@ def test_while_it_aligns_it_goes_on_aligning_under_the_slower_contract(
 def test_while_it_stops_it_goes_on_stopping(cruising: PerfectFlight) -> None:
     cruising.navigator.change_mission(mission_to((0.0, 60.0)), cruising.now_s)
     cruising.run(0.2)
-    respond(cruising, sight(3.5))
+    respond(cruising, sight(7.0))
     assert cruising.state is FlightState.STOPPING
     cruising.run_until(FlightState.ALIGNING)
 
@@ -114,7 +114,7 @@ def test_a_region_that_begins_before_it_is_slow_enough_ends_in_a_hold(
 ) -> None:
     before, x_m = cruising.navigator.assessment, cruising.reference.position_leg_m[0]
     obstacle = cruising.see(x_m + 4.0, 0.0)
-    respond(cruising, sight(3.5))
+    respond(cruising, sight(7.0))
     assert cruising.state is FlightState.HOLDING
     # Nothing of the attempt is left.
     assert cruising.navigator.assessment is before
@@ -146,7 +146,7 @@ def test_an_unseen_region_that_may_begin_before_it_is_slow_enough_ends_in_a_hold
 
 
 def test_in_an_avoidance_it_does_not_slow_down(avoiding: PerfectFlight) -> None:
-    respond(avoiding, sight(3.5))
+    respond(avoiding, sight(7.0))
     assert avoiding.state is FlightState.HOLDING
 
 

@@ -191,9 +191,9 @@ def test_events_and_obstacles_are_those_of_the_situation(flight: PerfectFlight) 
 
 
 @pytest.fixture
-def rig(contract: Contract) -> Rig:
+def rig(px4_contract: Contract) -> Rig:
     """A service in cruise."""
-    autonomy = Autonomy(contract, mission_to((60.0, 0.0)), epoch_unix_s=EPOCH_UNIX_S)
+    autonomy = Autonomy(px4_contract, mission_to((60.0, 0.0)), epoch_unix_s=EPOCH_UNIX_S)
     rig = Rig(autonomy, mode=OFFBOARD)
     rig.run(6.0)
     assert autonomy.navigator.state is FlightState.CRUISING

@@ -24,8 +24,9 @@ def sent(rig: Rig, mission: Mission) -> None:
 
 
 @pytest.fixture
-def cruising(contract: Contract) -> Rig:
-    rig = Rig(Autonomy(contract, mission_to((60.0, 0.0)), epoch_unix_s=EPOCH_UNIX_S), mode=OFFBOARD)
+def cruising(px4_contract: Contract) -> Rig:
+    autonomy = Autonomy(px4_contract, mission_to((60.0, 0.0)), epoch_unix_s=EPOCH_UNIX_S)
+    rig = Rig(autonomy, mode=OFFBOARD)
     rig.run(6.0)
     assert rig.phase is Phase.CRUISE
     return rig
@@ -168,11 +169,11 @@ def test_a_malformed_mission_is_counted_and_changes_nothing(cruising: Rig, paylo
 
 @pytest.mark.parametrize("east_m", [0.0, 0.2])
 def test_the_new_leg_begins_at_the_height_at_which_the_vehicle_stopped(
-    contract: Contract, east_m: float
+    px4_contract: Contract, east_m: float
 ) -> None:
     """A climb just flown is not yet undone where the vehicle stops; the setpoints do not jump."""
     mission = mission_to((60.0, 0.0)).model_copy(update={"climb_max_m": 1.5})
-    rig = Rig(Autonomy(contract, mission, epoch_unix_s=EPOCH_UNIX_S), mode=OFFBOARD)
+    rig = Rig(Autonomy(px4_contract, mission, epoch_unix_s=EPOCH_UNIX_S), mode=OFFBOARD)
     rig.obstacles = [box((24.0, east_m))]
     rig.run(20.0, until=lambda: rig.phase is Phase.AVOID)
     sent(rig, mission_to((30.0, 40.0)))

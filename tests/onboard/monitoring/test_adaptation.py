@@ -42,7 +42,7 @@ def test_what_still_complies_is_flown_as_fast(assessment: Assessment) -> None:
 
 
 def test_shorter_sight_is_flown_at_the_fastest_step_that_complies(assessment: Assessment) -> None:
-    adaptation = adapt(assessment, broken(Assumption.DETECTION_RANGE, 5.0, "front"))
+    adaptation = adapt(assessment, broken(Assumption.DETECTION_RANGE, 7.0, "front"))
     assert adaptation is not None
     assert adaptation.slower
     adapted = adaptation.assessment
@@ -304,7 +304,7 @@ def test_slowing_distance_covers_every_way_to_slow_down(
 
 
 def test_it_slows_in_time_only_within_what_is_known(assessment: Assessment) -> None:
-    adaptation = adapt(assessment, broken(Assumption.DETECTION_RANGE, 5.0))
+    adaptation = adapt(assessment, broken(Assumption.DETECTION_RANGE, 7.0))
     assert adaptation is not None
     assert slows_in_time(assessment, 2.8, adaptation.assessment)
     blind = replace(assessment, terms=replace(assessment.terms, detection_range_m=5.5))

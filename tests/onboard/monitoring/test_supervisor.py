@@ -538,7 +538,8 @@ def test_in_seen_space_the_speed_error_matters_to_the_run_on_only(
     flight.assessment = replace(flight.assessment, terms=terms)
     fast = Violation(Assumption.VELOCITY_ERROR, 0.9, 0.2, "m/s", "x")
     bench.supervisor.report_and_respond(fast, 0.0)
-    assert flight.answered == [Assumption.VELOCITY_ERROR] * passive
+    # Guidance is told in both cases; without a run-on it is a delay.
+    assert flight.answered == [Assumption.VELOCITY_ERROR]
     assert bench.names() == ["violation" if passive else "delayed"]
 
 
@@ -576,7 +577,7 @@ def test_in_seen_space_a_second_late_tick_in_motion_within_a_minute_is_answered(
             bench.supervisor.check_loop(bench.now_s)
         bench.now_s += 0.2
         bench.supervisor.check_loop(bench.now_s)
-    assert bench.flight.answered == [Assumption.LATE_TICKS] * holds
+    assert bench.flight.answered == [*[Assumption.TICK_OVERRUN] * 2, *[Assumption.LATE_TICKS] * holds]
     assert all(measured is None for _, measured in bench.flight.answers)
 
 
