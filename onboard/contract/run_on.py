@@ -125,7 +125,7 @@ def contract_run_on(terms: Terms[float], speed_max_mps: float | None = None) -> 
     if longest_s != kappa_s:
         # Where the acceleration opposes the speed, a greater kappa alone makes the run shorter.
         first = (*first, (kappa_s, c_s2))
-    return RunOn((*first, (longest_s, c_s2)))
+    return RunOn((*first, *_swung_back(terms, c_s2), (longest_s, c_s2)))
 
 
 def _is_covered(terms: Terms[float], fastest_mps: float) -> bool:
@@ -242,6 +242,26 @@ def _measured_slope_s(terms: Terms[Q], ops: Arithmetic[Q]) -> Q:
         measured_at_mps = terms.cruise_speed_mps
     covered = terms.cruise_speed_mps <= measured_at_mps
     return ops.where(covered, zero + run_on_m / measured_at_mps, zero + math.nan)
+
+
+def _swung_back(terms: Terms[float], c_s2: float) -> tuple[tuple[float, float], ...]:
+    """Return the point that bounds the run of a loop that overshoots, where a setpoint brakes.
+
+    With the step response S of the loop, the speed moves the vehicle by ``(S + T S') / Kp`` and the
+    acceleration by ``S / (Kp Kv)``.  After the peak S' is negative: then the speed carries it less
+    far than the acceleration takes it back.  Their ratio stays above Kv times ``1 - r``, where r is
+    the largest T |S'| over the first trough of S.
+    """
+    gain_per_s, velocity_gain_per_s = terms.setpoint_gain_per_s, terms.setpoint_velocity_gain_per_s
+    if gain_per_s is None or velocity_gain_per_s is None:
+        return ()
+    product = gain_per_s * terms.attitude_lag_s
+    if product <= 0.25:
+        return ()
+    root = math.sqrt(4.0 * product - 1.0)
+    steepest = math.sqrt(product) * math.exp(-(math.pi + math.atan(root)) / root)
+    trough = -math.expm1(-2.0 * math.pi / root)
+    return (((1.0 - steepest / trough) * velocity_gain_per_s * c_s2, c_s2),)
 
 
 def _braking_gains(timeout_s: Q, lag_s: Q, brake_mps2: Q, fastest_mps: Q) -> tuple[Q, Q]:

@@ -76,8 +76,10 @@ def test_an_acceptance_flies_once_what_the_contract_does_not_guarantee(
     rig.mode, rig.landed_state = POSCTL, ON_GROUND
     rig.run(0.5)
     assert progress(rig) == "guaranteed"
-    assert rig.autonomy.navigator.thread is None
-    assert not rig.autonomy.supervisor.seen.relied_on
+    rig.landed_state, rig.mode = 2, OFFBOARD
+    rig.run(1.0)
+    assert rig.phase is Phase.STANDBY
+    assert "the contract does not comply (separation)" in rig.texts("refused")[-1]
 
 
 def test_it_stays_while_the_pilot_intervenes(dense: Contract) -> None:

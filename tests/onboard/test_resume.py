@@ -142,7 +142,9 @@ def test_another_mission_needs_the_pilot(contract: Contract) -> None:
 @pytest.fixture
 def threading(contract: Contract) -> Rig:
     """A service in THREAD, whose sensor sees all round."""
-    requirements = contract.requirements.model_copy(update={"stop": True, "progress": "best_effort"})
+    requirements = contract.requirements.model_copy(
+        update={"stop": True, "progress": "best_effort"}
+    )
     sensor = contract.sensor.model_copy(update={"field_of_view_deg": 360.0})
     contract = contract.model_copy(update={"requirements": requirements, "sensor": sensor})
     rig = SeeingAllRound(Autonomy(contract, MISSION, epoch_unix_s=EPOCH_UNIX_S), mode=OFFBOARD)

@@ -112,7 +112,7 @@ def test_a_loop_that_overshoots_runs_on_no_farther_than_its_overshoot(
     states = np.array([(0, 0, v, 0, a, 0) for v in (0.0, 1.0, 2.8) for a in (0.0, 2.6)], float)
     places = FliesOn(gain_per_s, 1.8, lag_s).places_m(states)
     reached_m = np.max([each[:, 0].copy() for each in places], axis=0)
-    (kappa_s, _), (_, c_s2) = contract_run_on(terms).gains
+    (kappa_s, _), *_, (_, c_s2) = contract_run_on(terms).gains
     assert np.all(reached_m <= kappa_s * states[:, 2] + c_s2 * states[:, 4] + 5e-3)
     assert overshoot(gain_per_s, lag_s) > 1.01
     # All of it is needed.
@@ -175,7 +175,7 @@ def test_the_model_of_a_px4_explains_most_of_its_measured_run() -> None:
     model = contract_run_on(Terms.of(type(load_contract(path)).model_validate(document)))
     limit_mps2 = assess(load_contract(path)).limits.forward_mps2
     assert model.reach_m(2.8) == pytest.approx(2.95, abs=0.05)
-    (_, _), (kappa_s, c_s2) = model.gains
+    *_, (kappa_s, c_s2) = model.gains
     assert kappa_s * 2.8 + c_s2 * limit_mps2 == pytest.approx(4.49, abs=0.05)
 
 
@@ -192,8 +192,37 @@ def test_a_measured_run_replaces_the_model_only_where_it_is_longer() -> None:
         short = gains_of(setpoint_loss=loss, setpoint_loss_run_on_m=0.5)
         assert short == model
         longer = gains_of(setpoint_loss=loss, setpoint_loss_run_on_m=8.4)
-        # No shorter for a setpoint that brakes, and longer for one that speeds up.
-        np.testing.assert_allclose(longer[-2:], ((3.0, 0.0), (3.0, model[-1][1])))
+        # Longer for one that speeds up, and the model's own for a setpoint that brakes.
+        np.testing.assert_allclose(longer[-3:], ((3.0, 0.0), model[-1], (3.0, model[-1][1])))
+
+
+def braking_states() -> FloatArray:
+    """Setpoints whose acceleration opposes their speed on each axis, (N, 6)."""
+    random = np.random.default_rng(5)
+    speeds = random.uniform(-2.0, 2.0, (400, 2)) * random.choice((0.0, 0.2, 1.0), (400, 1))
+    accelerations = -np.sign(speeds) * random.uniform(0.0, 2.6, (400, 2))
+    return np.hstack((np.zeros((400, 2)), speeds, accelerations))
+
+
+@pytest.mark.parametrize("measured_m", [None, 5.0, 8.4])
+@pytest.mark.parametrize(
+    ("gain_per_s", "velocity_gain_per_s", "lag_s"),
+    [(0.95, 1.8, 0.26), (1.3, 4.5, 0.15), (1.5, 1.8, 0.4), (2.0, 1.8, 0.3), (4.0, 3.0, 0.5)],
+)
+def test_the_run_of_a_setpoint_that_brakes_stays_within_the_hull(
+    gain_per_s: float, velocity_gain_per_s: float, lag_s: float, measured_m: float | None
+) -> None:
+    """A longer run per speed alone would leave the place where the acceleration leads back."""
+    loss = frozen(gain_per_s, velocity_gain_per_s)
+    changes: dict[str, Any] = {"setpoint_loss": loss, "attitude_lag_s": lag_s}
+    terms = Terms.of(contract(**changes, setpoint_loss_run_on_m=measured_m))
+    states, gains = braking_states(), contract_run_on(terms).gains
+    autopilot = FliesOn(gain_per_s, velocity_gain_per_s, lag_s)
+    places = [each.copy() for each in autopilot.places_m(states)]
+    assert farthest_outside_m(places, states, gains) < 8e-3  # steps of 0.01 s
+    if measured_m is not None and velocity_gain_per_s < 4.0:
+        longest_alone = (gains[0], gains[-1])
+        assert farthest_outside_m(places, states, longest_alone) > 0.1
 
 
 def test_above_its_speed_a_measured_run_is_unknown() -> None:

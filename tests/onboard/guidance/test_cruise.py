@@ -14,7 +14,6 @@ from onboard.planning.problem import Envelope
 from tests.onboard.conftest import CONFIG
 from tests.onboard.guidance.perfect_flight import PerfectFlight, mission_to
 
-
 # The published regions are wider than the separation that the file states for its own.
 PURE_FORM = ("requirements.stop=false", "environment.obstacle_separation_min_m=30")
 

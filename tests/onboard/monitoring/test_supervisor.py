@@ -577,7 +577,10 @@ def test_in_seen_space_a_second_late_tick_in_motion_within_a_minute_is_answered(
             bench.supervisor.check_loop(bench.now_s)
         bench.now_s += 0.2
         bench.supervisor.check_loop(bench.now_s)
-    assert bench.flight.answered == [*[Assumption.TICK_OVERRUN] * 2, *[Assumption.LATE_TICKS] * holds]
+    assert bench.flight.answered == [
+        *[Assumption.TICK_OVERRUN] * 2,
+        *[Assumption.LATE_TICKS] * holds,
+    ]
     assert all(measured is None for _, measured in bench.flight.answers)
 
 

@@ -118,6 +118,24 @@ def test_most_of_what_is_refused_does_touch_it() -> None:
     assert sum(case.touches() for case in refused) > 0.6 * len(refused)
 
 
+@pytest.mark.parametrize(
+    "run_on",
+    [
+        RunOn(((math.nan, 0.0), (0.5, 0.2), (math.nan, 0.2))),
+        RunOn(((0.5, 0.0), (0.5, math.nan))),
+        RunOn(((0.5, 0.0), (math.inf, 0.2))),
+    ],
+)
+def test_a_run_that_is_unknown_certifies_nothing_and_raises_nothing(run_on: RunOn) -> None:
+    """Above the speed at which it was measured it is not a number."""
+    assert len(run_on.strips) == 1
+    everywhere_free = np.zeros((SIDE, SIDE), bool)
+    for case in cases(3):
+        free = replace(case, unknown=everywhere_free)
+        assert replace(free, run_on=RUN_ONS[1]).accepted
+        assert not replace(free, run_on=run_on).accepted
+
+
 @pytest.mark.parametrize("loosened", ["body", "first_pieces", "run_on"])
 def test_a_loosened_certifier_is_found_out(loosened: str, monkeypatch: pytest.MonkeyPatch) -> None:
     sound = rest_certifier._are_free
