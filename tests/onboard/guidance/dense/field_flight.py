@@ -20,6 +20,7 @@ from tests.onboard.guidance.perfect_flight import PerfectFlight
 
 FRAME_TICKS: Final = 5  # 10 Hz
 SLOW_RADPS: Final = math.radians(21.0)
+START_RADIUS_M: Final = 1.2
 
 
 @dataclass(frozen=True)
@@ -58,6 +59,7 @@ class IdealSeenSpace:
         frames_needed: K.
         confirmed: how often a start was confirmed by a look all round.
         frame: of the leg.
+        stems: where no place is confirmed.
     """
 
     start_known: bool = False
@@ -67,27 +69,41 @@ class IdealSeenSpace:
     frames_needed: int = 3
     confirmed: int = 0
     frame: LegFrame | None = None
+    stems: Sequence[Stem] = ()
     _seen: SeenFree = field(default_factory=SeenFree)
 
     def grid(self) -> FreeGrid:
         return self._seen.grid()
 
     def confirm_start(self, x_m: float, y_m: float) -> bool:
-        if not self.refusing:
-            self._seen.confirm(x_m, y_m, 1.2)
+        is_free = not self.refusing and self._is_clear(x_m, y_m, START_RADIUS_M)
+        if is_free:
+            self._seen.confirm(x_m, y_m, START_RADIUS_M)
             self.confirmed += 1
-        return not self.refusing
+        return is_free
 
     def confirm_by_word(self, north_m: float, east_m: float, radius_m: float) -> None:
-        self._seen.confirm(north_m, east_m, radius_m)
+        assert self.frame is not None, "a word is about a place, stated once a leg has begun"
+        x_m, y_m, _ = self.frame.position_leg((north_m, east_m, 0.0))
+        if self._is_clear(x_m, y_m, radius_m):
+            self._seen.confirm(x_m, y_m, radius_m)
+
+    def _is_clear(self, x_m: float, y_m: float, radius_m: float) -> bool:
+        """Tell whether no stem stands in a disc, leg frame."""
+        assert self.frame is not None
+        north_m, east_m, _ = self.frame.position_ned((x_m, y_m, 0.0))
+        return all(
+            math.hypot(stem.north_m - north_m, stem.east_m - east_m) > radius_m + stem.radius_m
+            for stem in self.stems
+        )
 
     def begin_leg(self, leg: LegFrame) -> None:
         if self.frame is not None and leg != self.frame:
             x_m, y_m, _ = self.frame.position_leg(leg.origin_ned_m)
             self._seen = self._seen.turned((x_m, y_m), leg.heading_rad - self.frame.heading_rad)
-        elif self.frame is None and self.start_known:
-            self._seen.confirm(0.0, 0.0, 1.2)
-        self.frame = leg
+        begins, self.frame = self.frame is None, leg
+        if begins and self.start_known and self._is_clear(0.0, 0.0, START_RADIUS_M):
+            self._seen.confirm(0.0, 0.0, START_RADIUS_M)
 
     def limit(self, half_width_m: float) -> None:
         self._seen.limit(half_width_m)
@@ -121,6 +137,7 @@ class FieldFlight(PerfectFlight):
     ) -> None:
         super().__init__(contract, mission)
         self.seen = seen or IdealSeenSpace()
+        self.seen.stems = stems
         self.navigator.see_by(self.seen)
         self.stems, self.blind = stems, False
         self._stem_array = np.array([(s.north_m, s.east_m, s.radius_m) for s in stems])
@@ -149,6 +166,8 @@ class FieldFlight(PerfectFlight):
         rate_radps = abs(self.pose.yaw_rad - self._yaw_rad) / 0.1
         self._yaw_rad = self.pose.yaw_rad
         terms, leg = self.navigator.assessment.terms, self.navigator.leg
+        # What is marked is stated in the leg's frame: a leg that has just begun turns the set first.
+        self.seen.begin_leg(leg)
         north_m, east_m, _ = self.pose.position_ned_m
         boxes = []
         for number, stem in enumerate(self.stems):
