@@ -1,4 +1,4 @@
-"""The service with a lidar instead of boxes: from scans in CDR to setpoints."""
+"""The service with a lidar instead of boxes: from scans in CDR to setpoints, shielded."""
 
 import math
 from collections.abc import Sequence
@@ -15,6 +15,7 @@ from onboard.files.contract_file import load_contract
 from onboard.files.mission_file import Mission
 from onboard.files.sensor_sources import AnySource, ObstacleDistanceSource
 from onboard.guidance.phases import Phase
+from tests.onboard.conftest import FROZEN
 from tests.onboard.perception.ros2.encoding import attachment, scan_all_round
 from tests.onboard.perception.sources.scenes import Box, lidar, tilted_ranges
 from tests.onboard.test_autonomy import EPOCH_UNIX_S, OFFBOARD, Rig
@@ -23,7 +24,8 @@ CONTRACT = Path(__file__).parents[2] / "config" / "default_contract.yaml"
 KEY = "0/scan/sensor_msgs::msg::dds_::LaserScan_/TypeHashNotSupported"
 SCAN_TICKS = 3
 # Pillars of any height: tilted by 15 degrees, a beam is 3.2 m higher or lower at 12 m.
-TALL = lidar(height_band_m=(3.5, 3.5))
+# In the open a beam that meets nothing has to show free space, else none ahead is seen.
+TALL = lidar(height_band_m=(3.5, 3.5), no_return_is_free_to_m=12.0)
 
 
 class LidarRig:
@@ -31,10 +33,10 @@ class LidarRig:
 
     def __init__(self, boxes: Sequence[Box], sensors: Sequence[AnySource], leg_m: float) -> None:
         leg = {"end_ned_m": [leg_m, 0.0], "target_half_width_m": 8.0}
-        mission = Mission.model_validate({"altitude_m": 4.0, "legs": [leg]})
-        autonomy = Autonomy(
-            load_contract(CONTRACT), mission, epoch_unix_s=EPOCH_UNIX_S, sensors=sensors
-        )
+        document = {"altitude_m": 4.0, "legs": [leg], "start_clear_m": 3.0}
+        mission = Mission.model_validate(document)
+        contract = load_contract(CONTRACT, (FROZEN,))
+        autonomy = Autonomy(contract, mission, epoch_unix_s=EPOCH_UNIX_S, sensors=sensors)
         self.rig = Rig(autonomy, seeing=False, mode=OFFBOARD)
         self.boxes = boxes
         self.path: list[tuple[float, float]] = []
