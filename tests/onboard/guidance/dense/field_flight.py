@@ -166,7 +166,7 @@ class FieldFlight(PerfectFlight):
         rate_radps = abs(self.pose.yaw_rad - self._yaw_rad) / 0.1
         self._yaw_rad = self.pose.yaw_rad
         terms, leg = self.navigator.assessment.terms, self.navigator.leg
-        # What is marked is stated in the leg's frame: a leg that has just begun turns the set first.
+        # What is marked is stated in the leg's frame: a new leg turns the set first.
         self.seen.begin_leg(leg)
         north_m, east_m, _ = self.pose.position_ned_m
         boxes = []
