@@ -84,9 +84,6 @@ class Terms(Generic[Q]):
             velocity_error_y_mps=vehicle.velocity_error_mps[1],
             reaction_time_s=vehicle.reaction_time_s,
             attitude_lag_s=vehicle.attitude_lag_s,
-            setpoint_loss_timeout_s=vehicle.setpoint_loss_timeout_s,
-            setpoint_loss_run_on_m=vehicle.setpoint_loss_run_on_m,
-            setpoint_loss_run_on_speed_mps=vehicle.setpoint_loss_run_on_speed_mps,
             **_setpoint_loss(vehicle),
             separation_shares=_separation_shares(environment),
             recentring_speed_mps=vehicle.recentring_speed_mps,
@@ -177,9 +174,15 @@ class Terms(Generic[Q]):
 def _setpoint_loss(vehicle: VehicleTerms) -> dict[str, Any]:
     """Return the terms about what the autopilot does without setpoints."""
     loss = vehicle.setpoint_loss
+    measured = {
+        "setpoint_loss_timeout_s": vehicle.setpoint_loss_timeout_s,
+        "setpoint_loss_run_on_m": vehicle.setpoint_loss_run_on_m,
+        "setpoint_loss_run_on_speed_mps": vehicle.setpoint_loss_run_on_speed_mps,
+    }
     if not isinstance(loss, FrozenSetpoint):
-        return {"setpoint_loss_model": "coast"}
+        return {**measured, "setpoint_loss_model": "coast"}
     return {
+        **measured,
         "setpoint_loss_model": "frozen",
         "setpoint_gain_per_s": loss.gain_per_s,
         "setpoint_velocity_gain_per_s": loss.velocity_gain_per_s,
