@@ -52,5 +52,7 @@ def test_without_recentring_it_leaves_the_line_and_threads_back(
     assert (result.outcome, result.collisions, result.threaded) == ("arrived", 0, True)
     # Before, it cruised metres beside the line, with nothing in its way.
     states = read_log(tmp_path / "flight.mcap").states
-    beside_m = [abs(s.position_ned_m[1]) for s in states if s.state == "cruising" and s.position_ned_m]
+    beside_m = [
+        abs(s.position_ned_m[1]) for s in states if s.state == "cruising" and s.position_ned_m
+    ]
     assert beside_m[-1] > 1.0
