@@ -35,8 +35,8 @@ from sitl.virtual.simulation import (
 # cruise speed.
 _OVERHEAD_S: Final = 90.0
 _PACE_MIN: Final = 0.25
-# Where it pauses, it may also look round so often that it gives up, or wait for its sensor until the
-# operator's patience ends.
+# Where it pauses, it may also look round so often that it gives up, or wait for its sensor until
+# the operator's patience ends.
 _LOOKING_S: Final = 400.0
 _AT_REST_MPS: Final = 0.1
 # Records that results and oracles read; the rest of the flight log is for people.
