@@ -35,7 +35,8 @@ from sitl.virtual.simulation import (
 # cruise speed.
 _OVERHEAD_S: Final = 90.0
 _PACE_MIN: Final = 0.25
-# With best effort it may also look round so often that it gives up.
+# Where it pauses, it may also look round so often that it gives up, or wait for its sensor until
+# the operator's patience ends.
 _LOOKING_S: Final = 400.0
 _AT_REST_MPS: Final = 0.1
 # Records that results and oracles read; the rest of the flight log is for people.
@@ -198,8 +199,8 @@ def _time_limit_s(scenario: Scenario) -> float:
         end_north_m, end_east_m = leg.end_ned_m
         way_m += abs(end_north_m - north_m) + abs(end_east_m - east_m)
         north_m, east_m = leg.end_ned_m
-    best_effort = scenario.contract.requirements.progress == "best_effort"
-    overhead_s = _OVERHEAD_S + (_LOOKING_S if best_effort else 0.0)
+    pauses = scenario.contract.requirements.stop  # best effort requires it
+    overhead_s = _OVERHEAD_S + (_LOOKING_S if pauses else 0.0)
     return overhead_s + way_m / (_PACE_MIN * scenario.contract.vehicle.cruise_speed_mps)
 
 

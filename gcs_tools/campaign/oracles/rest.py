@@ -38,12 +38,13 @@ def rest_held(evidence: Evidence) -> Iterator[str]:
 def _holds_way(state: StateRecord, evidence: Evidence) -> bool:
     """Tell whether a tick is as the invariant says.
 
-    A vehicle that rests where it has taken control holds nothing before it has looked round.  What
-    empties the set, a doubt of the position for instance, leaves it the way that was certified.
+    A vehicle that rests where it has taken control holds nothing before it has looked round; it may
+    climb to its leg there, since obstacles stand at every height.  What empties the set, a doubt of
+    the position for instance, leaves it the way that was certified.
     """
     if state.rest_certified is None:
         velocity_mps = state.reference_velocity_ned_mps
-        return velocity_mps is not None and math.hypot(*velocity_mps) <= _AT_REST_MPS
+        return velocity_mps is not None and math.hypot(*velocity_mps[:2]) <= _AT_REST_MPS
     voided = state.free_cells == 0 and not evidence.undisturbed
     return state.rest_certified or voided
 

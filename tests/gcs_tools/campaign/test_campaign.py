@@ -236,7 +236,7 @@ BROKEN: dict[str, Callable[[Evidence], Evidence]] = {
     "entered_in_time": lambda e: _with_plans(e, lambda plan: {"region_ned_m": plan.keep_out_ned_m}),
     "exit_condition": lambda e: _with_states(e, _moved("reference_velocity_ned_mps", 0, 9.0)),
     "rest_held": lambda e: _with_states(
-        e, lambda state: {"phase": "thread"} if state.phase == "cruise" else {}
+        e, lambda state: {"rest_certified": False} if state.phase == "cruise" else {}
     ),
     "bounded_memory": lambda e: _with_states(e, lambda _: {"obstacles_known": 10_000}),
     "detected_in_time": lambda e: _with_fault(

@@ -43,10 +43,16 @@ def test_it_ends_on_the_line(scenario: Scenario, tmp_path: Path) -> None:
     assert abs(result.final_position_ned_m[1]) < 0.2
 
 
-def test_without_recentring_it_ends_beside_the_line(scenario: Scenario, tmp_path: Path) -> None:
+def test_without_recentring_it_leaves_the_line_and_threads_back(
+    scenario: Scenario, tmp_path: Path
+) -> None:
     contract = load_contract(CONFIG / "default_contract.yaml")
     contract = with_run_on(contract, scenario.plant)
     result = flown(replace(scenario, contract=contract), tmp_path)
-    assert result.collisions == 0
-    assert result.final_position_ned_m is not None
-    assert abs(result.final_position_ned_m[1]) > 1.0
+    assert (result.outcome, result.collisions, result.threaded) == ("arrived", 0, True)
+    # Before, it cruised metres beside the line, with nothing in its way.
+    states = read_log(tmp_path / "flight.mcap").states
+    beside_m = [
+        abs(s.position_ned_m[1]) for s in states if s.state == "cruising" and s.position_ned_m
+    ]
+    assert beside_m[-1] > 1.0

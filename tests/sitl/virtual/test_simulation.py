@@ -33,6 +33,13 @@ def flight_of(scenario: str, seed: int = 1) -> SimulatedFlight:
     )
 
 
+def pure_form(flight: SimulatedFlight) -> SimulatedFlight:
+    """The same flight without the invariant, as the paper flies: it may climb, and it may HOLD."""
+    requirements = flight.contract.requirements.model_copy(update={"stop": False})
+    contract = flight.contract.model_copy(update={"requirements": requirements})
+    return dataclasses.replace(flight, contract=contract)
+
+
 def messages(log: Path, topic: str) -> Iterator[dict[str, Any]]:
     with log.open("rb") as stream:
         for _, _, message in make_reader(stream).iter_messages(topics=[topic]):
@@ -74,8 +81,9 @@ def test_every_plan_is_the_solvers(flown: Path) -> None:
     assert {plan["obstacle"] for plan in plans} == {"front/1", "front/2", "front/3"}
 
 
-def test_paper_flight_climbs_to_gain_agility(flown: Path) -> None:
-    plans = list(messages(flown / "flight.mcap", "/plan"))
+def test_paper_flight_climbs_to_gain_agility(tmp_path: Path) -> None:
+    assert fly(pure_form(flight_of("paper.yaml")), tmp_path).aborted is None
+    plans = list(messages(tmp_path / "flight.mcap", "/plan"))
     highest_m = min(point[2] for plan in plans for point in plan["path_ned_m"])
     assert highest_m < -4.0 - 0.01
 
@@ -88,7 +96,7 @@ def test_same_seed_gives_the_same_bytes(flown: Path, tmp_path: Path) -> None:
 
 
 def test_intersecting_regions_end_in_hold(tmp_path: Path) -> None:
-    fly(flight_of("intersecting_rois.yaml"), tmp_path)
+    fly(pure_form(flight_of("intersecting_rois.yaml")), tmp_path)
     events = list(messages(tmp_path / "flight.mcap", "/events"))
     assert [e["data"]["to"] for e in events if e["name"] == "phase"][-2:] == ["hold", "standby"]
     (violation,) = [e["data"] for e in events if e["name"] == "violation"]
@@ -97,8 +105,17 @@ def test_intersecting_regions_end_in_hold(tmp_path: Path) -> None:
     assert last["collisions"] == 0
 
 
+def test_intersecting_regions_are_passed_on_certified_ways(tmp_path: Path) -> None:
+    fly(flight_of("intersecting_rois.yaml"), tmp_path)
+    events = list(messages(tmp_path / "flight.mcap", "/events"))
+    assert [e["data"]["to"] for e in events if e["name"] == "phase"][-2:] == ["arrived", "standby"]
+    assert all(s["phase"] != "hold" for s in messages(tmp_path / "flight.mcap", "/state"))
+    *_, last = messages(tmp_path / "truth.mcap", "/truth")
+    assert last["collisions"] == 0
+
+
 def test_a_hold_is_flown_to_standstill_before_the_operator_lands() -> None:
-    simulation = Simulation(flight_of("intersecting_rois.yaml"))
+    simulation = Simulation(pure_form(flight_of("intersecting_rois.yaml")))
     speeds_mps = []
     while simulation.operator.step is not Step.LAND:
         simulation.advance()

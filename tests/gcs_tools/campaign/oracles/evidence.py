@@ -39,6 +39,7 @@ def state(tick: int, **changes: Any) -> dict[str, Any]:
         "reference_acceleration_ned_mps2": [0.0, 0.0, 0.0],
         "leg_heading_rad": 0.0,
         "obstacles_known": 1,
+        "rest_certified": True,
         **changes,
     }
 
