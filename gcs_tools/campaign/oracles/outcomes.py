@@ -52,9 +52,13 @@ def no_exception(evidence: Evidence) -> Iterator[str]:
     """The service catches its own defects and holds; a campaign reports each.
 
     A motion of its own that does not certify counts, too, unless nothing is promised of the flight.
+    A process that was suspended for longer than the autopilot waits is no defect of its own.
     """
+    suspended = any(fault.kind == "tick_stall" for fault in evidence.case.scenario.faults)
     for event in evidence.flight.events:
         if event.name != EventName.VIOLATION or event.data["assumption"] != "self_check":
+            continue
+        if suspended and event.data["unit"] == "s":
             continue
         if event.data["unit"] == "exceptions" or evidence.case.covered:
             yield f"exception in the service: {event.text}"

@@ -32,6 +32,8 @@ ROOT = Path(__file__).parents[3]
 _SCENARIO = ROOT / "config" / "scenarios" / "uniform_forest.yaml"
 # Of Copter, with the jerk that the contract's lag allows for.
 _PARAMETERS = {"GUID_TIMEOUT": 0.5, "PSC_JERK_XY": 20.0, "WPNAV_ACCEL": 600.0}
+# As two antennas give it.  With the 2 degrees of a compass, faces at 12 m are off by 0.4 m more.
+_HEADING_ERROR_DEG = 0.5
 # Successive legs head that much farther to the right, so that nothing is along an axis by chance.
 _TURN_RAD = math.radians(37.0)
 
@@ -132,7 +134,8 @@ def scenario_of(scene: Scene, heading_rad: float, wish_m: float = 0.0) -> Scenar
     like = load_scenario(_SCENARIO)
     end_ned_m = (scene.length_m * math.cos(heading_rad), scene.length_m * math.sin(heading_rad))
     leg = Leg(end_ned_m=end_ned_m, target_half_width_m=scene.half_width_m)
-    vehicle = like.contract.vehicle.model_copy(update={"clearance_wish_m": wish_m})
+    changes = {"clearance_wish_m": wish_m, "heading_error_deg": _HEADING_ERROR_DEG}
+    vehicle = like.contract.vehicle.model_copy(update=changes)
     contract = like.contract.model_copy(update={"vehicle": vehicle})
     sensor = contract.sensor
     plant = Plant(
