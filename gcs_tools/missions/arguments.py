@@ -8,6 +8,8 @@ from typing import Any
 
 from gcs_tools.console.arguments import positive
 from gcs_tools.console.errors import EXIT_NO
+from gcs_tools.geodesy.local_frame import GeographicPoint
+from gcs_tools.geodesy.utm import UtmZone
 
 VEHICLES = ("px4", "ardupilot")
 PLACE = "LAT,LON[,ALT]"
@@ -19,13 +21,12 @@ def place(text: str) -> tuple[float, ...]:
     Raises:
         ArgumentTypeError: the text is not such a place.
     """
-    from gcs_tools.geodesy.local_frame import GeographicPoint  # noqa: PLC0415
-
     try:
         numbers = tuple(float(each) for each in text.split(","))
     except ValueError:
         numbers = ()
-    if len(numbers) not in (2, 3) or any(each != each or abs(each) > 1e5 for each in numbers):  # noqa: PLR0124  NaN
+    # NaN fails the comparison.
+    if len(numbers) not in (2, 3) or not all(abs(each) <= 1e5 for each in numbers):
         raise argparse.ArgumentTypeError(
             f"{text[:60]!r} is not {PLACE} in degrees and metres, such as 47.3977,8.5456,488"
         )
@@ -98,7 +99,7 @@ def _add_legs(parser: argparse.ArgumentParser) -> None:
 
 
 def _run_import(options: argparse.Namespace) -> int:
-    from gcs_tools.missions.command import ImportRequest, import_mission  # noqa: PLC0415
+    from gcs_tools.missions.command import ImportRequest, import_mission  # noqa: PLC0415  loads every model
 
     request = ImportRequest(
         file=options.file,
@@ -115,14 +116,12 @@ def _run_import(options: argparse.Namespace) -> int:
     return 0 if import_mission(request) else EXIT_NO
 
 
-def zone(text: str) -> Any:
+def zone(text: str) -> UtmZone:
     """Return a UTM zone.
 
     Raises:
         ArgumentTypeError: the text is not the name of one.
     """
-    from gcs_tools.geodesy.utm import UtmZone  # noqa: PLC0415
-
     try:
         return UtmZone.named(text)
     except ValueError as error:
@@ -169,7 +168,7 @@ def _add_stems(commands: Any) -> None:
 
 
 def _run_stems(options: argparse.Namespace) -> int:
-    from gcs_tools.missions.command import write_stems  # noqa: PLC0415
+    from gcs_tools.missions.command import write_stems  # noqa: PLC0415  loads every model
 
     write_stems(options)
     return 0

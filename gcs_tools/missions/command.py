@@ -186,7 +186,7 @@ def _crossed_areas(route: Route, fence: tuple[GeographicArea, ...]) -> list[str]
         return []
     from shapely import LineString  # noqa: PLC0415  only where there is a geofence
 
-    from gcs_tools.vehicle.geofence import FenceArea, FenceError  # noqa: PLC0415
+    from gcs_tools.vehicle.geofence import FenceArea, FenceError  # noqa: PLC0415  loads Shapely
 
     frame = route.site.frame
     path = LineString([route.site.start_ned_m, *(leg.end_ned_m for leg in route.legs)])

@@ -61,7 +61,7 @@ NOT_DONE: Final[dict[int, str]] = {
 def command_name(command: int) -> str:
     """Return a command as MAVLink names it, without its prefix."""
     # Loads thousands of message definitions, which other parts of the command do not need.
-    from pymavlink.dialects.v20 import common  # noqa: PLC0415
+    from pymavlink.dialects.v20 import common  # noqa: PLC0415  slow to load
 
     entry = common.enums["MAV_CMD"].get(command)
     return f"command {command}" if entry is None else str(entry.name).removeprefix("MAV_CMD_")

@@ -76,17 +76,17 @@ class _Item(_Model):
 
 class _Mission(_Model):
     items: tuple[dict[str, Any], ...] = Field(strict=False)
-    plannedHomePosition: _Numbers | None = None  # noqa: N815
-    firmwareType: int = 0  # noqa: N815
-    vehicleType: int = 0  # noqa: N815
+    plannedHomePosition: _Numbers | None = None  # noqa: N815  the file's key
+    firmwareType: int = 0  # noqa: N815  the file's key
+    vehicleType: int = 0  # noqa: N815  the file's key
 
 
 class _Plan(_Model):
-    fileType: Literal["Plan"]  # noqa: N815
+    fileType: Literal["Plan"]  # noqa: N815  the file's key
     version: Literal[1]
     mission: _Mission
-    geoFence: _Fence | None = None  # noqa: N815
-    rallyPoints: _Rally | None = None  # noqa: N815
+    geoFence: _Fence | None = None  # noqa: N815  the file's key
+    rallyPoints: _Rally | None = None  # noqa: N815  the file's key
 
 
 def read_plan(path: Path) -> PlannedFlight:

@@ -259,7 +259,7 @@ def _with_files(result: Preflight, mission: Mission | None, files: PreflightFile
     if files.parameters is None:
         return result
     # Loads the profiles of the autopilots.
-    from gcs_tools.preflight.offline.parameter_file import check_parameter_file  # noqa: PLC0415
+    from gcs_tools.preflight.offline.parameter_file import check_parameter_file  # noqa: PLC0415  on use
 
     findings = check_parameter_file(files.parameters, result.assessment, mission)
     return replace(result, findings=findings)
@@ -272,8 +272,8 @@ def _fence_rules(result: Preflight, mission: Mission | None, path: Path | None) 
     if mission is None:
         raise CommandError("--geofence needs --mission: its legs are checked against the areas")
     # Shapely belongs to the extra ground.
-    from gcs_tools.preflight.offline.geofence import check_geofence  # noqa: PLC0415
-    from gcs_tools.vehicle.geofence import FenceError  # noqa: PLC0415
+    from gcs_tools.preflight.offline.geofence import check_geofence  # noqa: PLC0415  loads Shapely
+    from gcs_tools.vehicle.geofence import FenceError  # noqa: PLC0415  loads Shapely
 
     try:
         return (check_geofence(result.assessment, mission, fence),)

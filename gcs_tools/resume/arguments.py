@@ -26,7 +26,7 @@ def add_parser(commands: Any) -> None:
 
 def _run(options: argparse.Namespace) -> int:
     from gcs_tools.preflight.live.bus import bus_of  # noqa: PLC0415  loads Zenoh
-    from gcs_tools.resume.command import resume  # noqa: PLC0415
+    from gcs_tools.resume.command import resume  # noqa: PLC0415  loads Zenoh
 
     bus = bus_of(options.zenoh_config, options.daemon_config)
     accepted = resume(bus, form=options.form, output=options.output)

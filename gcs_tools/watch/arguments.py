@@ -39,7 +39,7 @@ def add_parser(commands: Any) -> None:
 
 def _run(options: argparse.Namespace) -> int:
     from gcs_tools.preflight.live.bus import bus_of  # noqa: PLC0415  loads Zenoh
-    from gcs_tools.watch.command import watch  # noqa: PLC0415
+    from gcs_tools.watch.command import watch  # noqa: PLC0415  loads Zenoh
 
     bus = bus_of(options.zenoh_config, options.daemon_config)
     watch(

@@ -119,7 +119,7 @@ def contract_run_on(terms: Terms[float], speed_max_mps: float | None = None) -> 
     if not _is_covered(terms, fastest_mps):
         measured_s = math.nan
     # Not a number, above the speed at which it was measured, stays so: nothing certifies then.
-    longest_s = kappa_s if measured_s <= kappa_s else measured_s  # noqa: FURB136
+    longest_s = kappa_s if measured_s <= kappa_s else measured_s  # noqa: FURB136  max() would drop NaN
     if frozen or longest_s != kappa_s:
         first = (*first, (longest_s, 0.0))
     if longest_s != kappa_s:

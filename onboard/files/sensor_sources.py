@@ -67,7 +67,7 @@ class SensorSource(FileModel):
         0.5, description="points farther apart belong to different obstacles"
     )
     points_min: PointsMin = Field(
-        1, description="fewer points together are no obstacle; free they are not either"
+        1, description="fewer points together make neither an obstacle nor free space"
     )
 
     @model_validator(mode="after")

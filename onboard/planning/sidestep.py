@@ -41,7 +41,7 @@ _GRAZING_CELLS: Final = 2
 _BACK_M: Final = (0.0, 0.3, 0.6, 1.0)
 # Kept before what is not free, for the same reason.
 _ROOM_M: Final = 0.3
-# Setting off for less than this is no progress.
+# Setting off for less than this does not count as progress.
 GO_MIN_M: Final = 0.2
 _REACH_M: Final = 12.0
 _STEP_M: Final = 0.1

@@ -34,7 +34,7 @@ DISPLACING: Final[frozenset[FaultKind]] = frozenset(
     }
 )
 # With these the service is misled about what is where, for the moment that it takes to notice: what
-# it calls free then is no error of its own.
+# it calls free then is the fault's error, not the service's.
 MISLEADING: Final[frozenset[FaultKind]] = UNDETECTABLE | {
     "detections_stuck",
     "detections_wrong_units",

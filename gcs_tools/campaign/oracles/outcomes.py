@@ -52,7 +52,7 @@ def no_exception(evidence: Evidence) -> Iterator[str]:
     """The service catches its own defects and holds; a campaign reports each.
 
     A motion of its own that does not certify counts, too, unless nothing is promised of the flight.
-    A process that was suspended for longer than the autopilot waits is no defect of its own.
+    A process that a fault suspends for longer than the autopilot waits does not count.
     """
     suspended = any(fault.kind == "tick_stall" for fault in evidence.case.scenario.faults)
     for event in evidence.flight.events:

@@ -1,7 +1,7 @@
 """PAUSE: nothing better certifies, so look: along the guide first, then all round.
 
-A pause is no failure: every assumption holds, and the vehicle stays on its way to rest.  From the
-second look in a row on, the guide's cost just ahead is raised, so that another gap is tried.
+A pause is not a failure: every assumption holds, and the vehicle stays on its way to rest.  From
+the second look in a row on, the guide's cost just ahead is raised, so that another gap is tried.
 """
 
 from __future__ import annotations

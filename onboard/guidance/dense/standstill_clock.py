@@ -12,7 +12,7 @@ _IDLE_S: Final = 0.6
 _WITHOUT_PROGRESS_S: Final = 5.0
 # The guide has changed: the way left is longer by this than it was.
 _LONGER_M: Final = 2.0
-# So often, without ever getting nearer than before: to and fro is no progress.
+# So often, without ever getting nearer than before: to and fro does not count as progress.
 _DETOURS_MAX: Final = 12
 
 

@@ -47,7 +47,7 @@ class LaserScan:
         header: the stamp is that of the first beam.
         angle_min_rad, angle_increment_rad: of the first beam, and from beam to beam.
         time_increment_s: from beam to beam.
-        range_min_m, range_max_m: what lies outside is no measurement.
+        range_min_m, range_max_m: a range outside is not a measurement.
         ranges_m: (beams,); infinite, NaN or out of range where there is none.
     """
 

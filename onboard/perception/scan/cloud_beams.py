@@ -104,7 +104,7 @@ def _filled_cells(
     with np.errstate(invalid="ignore", over="ignore"):
         # Written out: for three rows BLAS takes ten times longer, in threads of its own.
         x_m, y_m, down_m = (a * points_m[0] + b * points_m[1] + c * points_m[2] for a, b, c in turn)
-        # What is no number compares false.
+        # NaN compares false.
         kept = (down_m >= np.float32(-above_m - sensor_m[2])) & (
             down_m <= np.float32(below_m - sensor_m[2])
         )

@@ -70,7 +70,7 @@ def levelled_beams(
 ) -> LevelledBeams:
     """Return ranges as beams in the levelled body.
 
-    A range below the limits, or NaN, is no measurement: nothing is known there.  One above them
+    A range below the limits, or NaN, is not a measurement: nothing is known there.  One above them
     says that nothing returned, which is free space only as far as ``config`` declares it.  What
     lies above or below the height band is neither obstacle nor free.
 

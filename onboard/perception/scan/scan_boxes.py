@@ -293,7 +293,7 @@ def _dense(points_m: FloatArray, step_m: float) -> FloatArray:
 def _by_cell(points_ned_m: FloatArray, cell_m: float) -> list[tuple[tuple[int, int], FloatArray]]:
     """Cut a row of points where it crosses a lattice; both sides get the middle between them.
 
-    So boxes side by side touch: a cut is no gap.
+    So boxes side by side touch: a cut leaves no gap.
     """
     cells = np.floor(points_ned_m / cell_m).astype(int)
     crossed = np.flatnonzero((np.diff(cells, axis=0) != 0).any(axis=1))

@@ -13,7 +13,7 @@ from onboard.perception.ros2.cdr import DecodeError
 from onboard.perception.ros2.messages import Header
 from onboard.vehicle_state import Pose
 
-# While a daemon starts, this is no fault of the sensor.
+# While a daemon starts, the sensor is not to blame for this.
 NO_POSE_YET: Final = "no telemetry yet"
 
 

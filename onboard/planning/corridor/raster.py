@@ -75,7 +75,7 @@ class Room(NamedTuple):
         """
         q = open_quarters
         low, high = q[0::2, 0::2] | q[1::2, 1::2], q[0::2, 1::2] | q[1::2, 0::2]
-        # Two quarters that touch at a corner only are no way through.
+        # Two quarters that touch at a corner only leave no way through.
         split = ~(low & high) & ((q[0::2, 0::2] & q[1::2, 1::2]) | (q[0::2, 1::2] & q[1::2, 0::2]))
         cost = np.where((low | high) & ~split, cost, math.inf)
         pairs_x, pairs_y = q[1:-1:2] & q[2::2], q[:, 1:-1:2] & q[:, 2::2]
@@ -118,7 +118,7 @@ class Raster:
 
         Args:
             room: where one may go.
-            exits_m: (nx, ny), what is left beyond each cell; infinite where it is no exit.
+            exits_m: (nx, ny), what is left beyond each cell; infinite where it is not an exit.
         """
         # A weight of nothing would be no edge to SciPy.
         parts = [exits_m.ravel() + 1e-9]

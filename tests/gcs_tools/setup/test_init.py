@@ -141,8 +141,8 @@ def test_the_default_flight_needs_no_file_of_the_users(
     clearway: Clearway, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The scenario is part of the package, and the same as the checkout's."""
-    from gcs_tools.fly.command import DEFAULT_SCENARIO  # noqa: PLC0415
-    from gcs_tools.scenario import load_scenario  # noqa: PLC0415
+    from gcs_tools.fly.command import DEFAULT_SCENARIO  # noqa: PLC0415  as the command does
+    from gcs_tools.scenario import load_scenario  # noqa: PLC0415  as the command does
 
     monkeypatch.chdir(tmp_path)
     shipped, checkout = load_scenario(DEFAULT_SCENARIO), load_scenario(CONFIG / "paper.yaml")
