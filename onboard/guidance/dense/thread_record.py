@@ -32,11 +32,6 @@ class ThreadRecord:
     _confirming: bool
 
     @property
-    def nose_steady(self) -> bool:
-        """Whether the nose has been told for a while to point where it does."""
-        return self.nose.steady
-
-    @property
     def turns_nose(self) -> bool:
         """Whether the nose may still be on its way to where it was told to point."""
         return self._situation.state.in_seen_space and not self.nose.steady

@@ -8,14 +8,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from onboard.contract.run_on import (
-    NO_RUN_ON,
-    RunOn,
-    coasting_run_on,
-    frozen_run_on,
-    overshoot,
-)
+from onboard.contract.run_on import NO_RUN_ON, RunOn, overshoot
 from onboard.planning.rest_certifier import RestLimits
+from tests.onboard.contract.run_on_models import coasting_run_on, frozen_run_on
 from tests.tools.dense_fields.obstacles import Floats
 
 _LAG_S = 0.19
