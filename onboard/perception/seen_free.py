@@ -235,8 +235,10 @@ class SeenFree:
         np.cumsum(table[1:, 1:], axis=1, out=table[1:, 1:])
         corner_m = (self._corner[0] * self._cell_m, self._corner[1] * self._cell_m)
         disc = self._rest_disc
-        if disc is not None and abs(disc[1]) + disc[2] > half_width_m:
-            disc = None  # it reaches out of the corridor, beyond which nothing is free
+        if disc is not None:
+            # Nothing is free beyond the corridor.
+            inside_m = min(disc[2], half_width_m - abs(disc[1]))
+            disc = (disc[0], disc[1], inside_m) if inside_m > 0.0 else None
         return FreeGrid(corner_m, self._cell_m, table, disc)
 
     def _has_changed(self) -> None:

@@ -168,3 +168,23 @@ def test_the_guard_ends_where_something_else_is_flown() -> None:
     reference.guard = moving(0.0, 70.0, 1.0)
     reference.clear()
     assert reference.sample(1.0) is None
+
+
+@pytest.mark.parametrize("now_s", [0.5, 1.0, 2.5])
+def test_what_remains_is_what_will_be_flown(now_s: float) -> None:
+    reference = Reference()
+    assert reference.remaining(now_s) is None
+    reference.fly(moving(0.0, 0.0, 1.0))
+    reference.schedule(moving(1.0, 1.0, 3.0), 0.1)
+    remaining = reference.remaining(now_s)
+    assert remaining is not None
+    for time_s in (now_s, 1.5, 2.9):
+        if time_s >= now_s:
+            assert remaining.sample(time_s).position_leg_m[0] == pytest.approx(
+                x_of(reference, time_s)
+            )
+    assert reference.remaining(3.0) is None
+    reference.guard = moving(0.0, 7.0, 0.0)
+    guarded = reference.remaining(1.0)
+    assert guarded is not None
+    assert guarded.sample(1.0).position_leg_m[0] == pytest.approx(7.0)

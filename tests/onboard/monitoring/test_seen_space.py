@@ -564,3 +564,40 @@ def test_as_many_frames_as_a_tracker_needs_to_confirm_let_no_stem_be_free(
     assert false_cells(contract, confirms_on=frames, frames_needed=frames) == 0
     # One frame less is not enough: the test would see it.
     assert false_cells(contract, confirms_on=frames, frames_needed=frames - 1) > 0
+
+
+# ------------------------------------------------------------------ the operator's word
+
+
+def test_the_operators_word_is_taken_once_and_is_void_with_the_set(scene: Scene) -> None:
+    scene.space.confirm_by_word(0.0, 0.0, 3.0)
+    assert scene.is_free(-2.0, 0.0)
+    scene.space.void("tested")
+    scene.space.confirm_by_word(0.0, 0.0, 3.0)
+    assert not scene.is_free(0.0, 0.0)
+
+
+@pytest.mark.parametrize("moved", ["reset", "doubt"])
+def test_a_word_about_a_frame_that_moved_or_is_in_doubt_is_never_taken(
+    scene: Scene, moved: str
+) -> None:
+    if moved == "reset":
+        scene.space.shift((2.0, 0.0, 0.0))
+    else:
+        scene.space.void("tested")
+    scene.space.confirm_by_word(0.0, 0.0, 3.0)
+    assert not scene.is_free(0.0, 0.0)
+
+
+def test_a_climb_before_the_departure_leaves_the_word(scene: Scene) -> None:
+    scene.space.void("tested", frame_stands=True)
+    scene.space.confirm_by_word(0.0, 0.0, 3.0)
+    assert scene.is_free(0.0, 0.0)
+
+
+def test_an_obstacle_seen_inside_the_operators_disc_contradicts_the_word(scene: Scene) -> None:
+    scene.space.confirm_by_word(0.0, 0.0, 3.0)
+    found = scene.look(stem(3.5, 0.0, side_m=2.0))
+    assert found is not None
+    assert found.assumption is Assumption.SENSOR_CONTRADICTION
+    assert scene.space.size == 0

@@ -193,3 +193,17 @@ def test_a_shift_moves_the_set_with_the_obstacles(x_m: float, y_m: float) -> Non
     was_free = before.are_free(old[:, 0], old[:, 0], old[:, 1], old[:, 1])
     assert (was_free | ~after).all()
     assert after.sum() > 0.7 * was_free.sum()
+
+
+@pytest.mark.parametrize(("half_width_m", "radius_m"), [(math.inf, 2.0), (1.0, 1.0), (5.0, 2.0)])
+def test_the_disc_where_a_leg_begins_ends_at_its_corridor(
+    half_width_m: float, radius_m: float
+) -> None:
+    space = SeenFree(frames_needed=1)
+    space.confirm(0.0, 0.0, 2.0)
+    turned = space.turned((0.0, 0.0), 0.5)
+    turned.limit(half_width_m)
+    disc = turned.grid().free_disc
+    assert disc is not None
+    assert disc == pytest.approx((0.0, 0.0, radius_m), abs=0.1)
+    assert disc[2] <= half_width_m

@@ -255,3 +255,22 @@ def test_in_the_pure_form_nothing_is_held(contract: Contract) -> None:
     assert flight.situation.reference.guard is None
     flight.navigator.respond_to(DEFECT, flight.now_s)
     assert flight.state is FlightState.HOLDING
+
+
+def test_the_nose_stays_ahead_on_a_way_that_was_certified_with_it_ahead(
+    shielded: Shielded,
+) -> None:
+    flight = cruising(shielded())
+    mission = flight.situation.route.mission
+    flight.situation.route.mission = mission.model_copy(update={"heading": "path"})
+    shield, thread = flight.navigator.shield, flight.navigator.thread
+    assert shield is not None
+    assert thread is not None
+    shield.divert("tested", flight.now_s)
+    thread._leg.pause.look_round((math.pi / 2.0,), 1)
+    while not thread.way.still:
+        assert flight.situation.reference.heading_rad == 0.0
+        flight.tick()
+    for _ in range(50):
+        flight.tick()
+    assert flight.situation.reference.heading_rad != 0.0
