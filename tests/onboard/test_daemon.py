@@ -2,6 +2,7 @@
 
 import asyncio
 import gc
+import io
 import json
 import os
 import signal
@@ -10,7 +11,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, redirect_stderr
 from pathlib import Path
 from typing import Any
 
@@ -23,6 +24,7 @@ from pymavlink.dialects.v20 import common as mavlink
 from gcs_tools.export.log_parts import log_metadata
 from gcs_tools.export.tlog import write_tlog
 from gcs_tools.logs.flight_log import read_log
+from onboard.__main__ import main
 from onboard.daemon import run
 from onboard.files.contract_file import Contract, load_contract
 from onboard.files.daemon_config import DaemonConfig
@@ -67,19 +69,18 @@ def write(directory: Path, settings: dict[str, Any]) -> Path:
 
 
 def refused(directory: Path, settings: dict[str, Any]) -> str:
-    """Run the daemon on settings that it must refuse; return its one line of complaint."""
-    done = subprocess.run(
-        [*COMMAND, write(directory, settings)],
-        capture_output=True,
-        text=True,
-        timeout=60.0,
-        check=False,
-    )
-    assert done.returncode == 2
-    complaint = "clearway-onboard: error: "
-    lines = [line for line in done.stderr.splitlines() if line.startswith(complaint)]
+    """Start the daemon, in this process, on settings that it must refuse; return its complaint."""
+    with redirect_stderr(io.StringIO()) as stderr:
+        code = main(["--config", str(write(directory, settings))])
+    return complaint(code, stderr.getvalue())
+
+
+def complaint(code: int, said: str) -> str:
+    """Return the one line of complaint of a daemon that has ended."""
+    assert code == 2
+    lines = [line for line in said.splitlines() if line.startswith("clearway-onboard: error: ")]
     assert len(lines) == 1
-    assert "Traceback" not in done.stderr
+    assert "Traceback" not in said
     return lines[0]
 
 
@@ -107,8 +108,12 @@ def neighbour(settings: dict[str, Any]) -> Iterator[zenoh.Session]:
 
 
 def test_missing_key_names_file_and_key(tmp_path: Path, settings: dict[str, Any]) -> None:
+    """The process itself says so, and ends with that code."""
     del settings["contract"]
-    assert "onboard.yaml: contract is missing" in refused(tmp_path, settings)
+    command = [*COMMAND, str(write(tmp_path, settings))]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=60.0, check=False)
+    said = complaint(done.returncode, done.stderr)
+    assert "onboard.yaml: contract is missing" in said
 
 
 def test_unknown_key_is_named(tmp_path: Path, settings: dict[str, Any]) -> None:

@@ -316,7 +316,7 @@ def test_a_campaign_goes_on_where_it_was(
 ) -> None:
     marked = dataclasses.replace(row, number=0, findings="outcome: marked", reason="flown before")
     write_table([marked], tmp_path / "flights.parquet")
-    flown = ("campaign", "nominal", "--flights", 2, "--seed", SEED, "--jobs", 1)
+    flown = ("campaign", "nominal", "--flights", 2, "--seed", SEED, "--jobs", 1, "--shrink", 0)
     ran = clearway(*flown, "--out", tmp_path)
     assert ran.code == 1, ran
     assert replay_command(marked) in ran.out
@@ -336,7 +336,8 @@ def test_a_scenario_file_is_held_to_its_expectation(
 ) -> None:
     document = scenario_document(generated("nominal", SEED, SHORT).scenario)
     path = written("wrong.yaml", {**document, "expect": {"outcome": "held"}})
-    ran = clearway("campaign", path, "--flights", 1, "--jobs", 1, "--out", tmp_path / "out")
+    flown = ("campaign", path, "--flights", 1, "--jobs", 1, "--shrink", 0)
+    ran = clearway(*flown, "--out", tmp_path / "out")
     assert ran.code == 1
     assert "expectation: arrived" in ran.out
 
