@@ -28,24 +28,24 @@ def _percentile_ms(seconds: list[float], percentile: float) -> float:
 
 
 def bench_corridor_plan() -> Measurement:
-    """The 99th percentile of one plan, all its slices together; against its budget."""
+    """The 99th percentile of one plan, all its slices together."""
     used_s = [one for outcome in _outcomes() for one in outcome.plan_s]
-    return Measurement(_percentile_ms(used_s, 99), "ms", peer=_PLAN_MS, peer_name="budget")
+    return Measurement(_percentile_ms(used_s, 99), "ms", limit=_PLAN_MS)
 
 
 def bench_corridor_passive_plan() -> Measurement:
     """The same with the run after a loss of the stream (ArduPilot) in every plan."""
     used_s = [one for outcome in _outcomes("ardupilot") for one in outcome.plan_s]
-    return Measurement(_percentile_ms(used_s, 99), "ms", peer=_PLAN_MS, peer_name="budget")
+    return Measurement(_percentile_ms(used_s, 99), "ms", limit=_PLAN_MS)
 
 
 def bench_corridor_slice() -> Measurement:
-    """The 99th percentile of one slice of a plan; against its budget."""
+    """The 99th percentile of one slice of a plan."""
     used_s = [one for outcome in _outcomes() for one in outcome.slice_s]
-    return Measurement(_percentile_ms(used_s, 99), "ms", peer=_SLICE_MS, peer_name="budget")
+    return Measurement(_percentile_ms(used_s, 99), "ms", limit=_SLICE_MS)
 
 
 def bench_corridor_guide_slice() -> Measurement:
-    """The 99th percentile of one slice of the guide; against its budget."""
+    """The 99th percentile of one slice of the guide."""
     used_s = [one for outcome in _outcomes() for one in outcome.guide_s]
-    return Measurement(_percentile_ms(used_s, 99), "ms", peer=_SLICE_MS, peer_name="budget")
+    return Measurement(_percentile_ms(used_s, 99), "ms", limit=_SLICE_MS)
