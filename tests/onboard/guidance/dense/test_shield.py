@@ -159,6 +159,21 @@ def test_a_start_that_nobody_has_confirmed_is_looked_at_all_round_before_the_cru
     assert flight.seen.confirmed == 1
 
 
+def test_while_a_start_is_looked_at_nothing_is_held_and_nothing_called_uncertified(
+    shielded: Shielded,
+) -> None:
+    flight = shielded(start_clear_m=None)
+    shield = flight.navigator.shield
+    assert shield is not None
+    flight.depart()
+    flight.run_until(FlightState.LOOKING)
+    while flight.state is FlightState.LOOKING:
+        assert shield.rest_certified is None
+        flight.tick()
+    flight.run_until(FlightState.CRUISING)
+    assert shield.rest_certified is True
+
+
 def test_a_start_that_is_not_free_is_not_left(shielded: Shielded) -> None:
     flight = shielded(start_clear_m=None, seen=IdealSeenSpace(refusing=True))
     flight.depart()
