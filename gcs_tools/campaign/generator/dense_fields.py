@@ -6,6 +6,7 @@ import math
 import random
 from typing import Final
 
+from gcs_tools.campaign.generator.airframes import Airframe, drawn_airframe
 from gcs_tools.campaign.generator.case import Extent
 from gcs_tools.campaign.generator.contracts import compliant_contract
 from gcs_tools.campaign.generator.fields import ned_m
@@ -35,8 +36,9 @@ def best_effort_scenario(draw: random.Random) -> Scenario:
     Raises:
         AssertionError: `ATTEMPTS_MAX` draws were all refused, which is a defect of this module.
     """
+    airframe = drawn_airframe(draw, _EXTENT)
     for _ in range(ATTEMPTS_MAX):
-        contract = _contract(draw)
+        contract = _contract(draw, airframe)
         if contract is None:
             continue
         heading_rad, length_m = draw.uniform(-math.pi, math.pi), draw.uniform(*_EXTENT.length_m)
@@ -48,17 +50,18 @@ def best_effort_scenario(draw: random.Random) -> Scenario:
         obstacles = _stems(draw, contract, heading_rad, length_m)
         if not check(contract, None, mission).may_fly:
             continue
-        scenario = flight_scenario(draw, contract, mission, obstacles, _EXTENT)
+        scenario = flight_scenario(draw, contract, airframe, mission, obstacles, _EXTENT)
         return Scenario(**{**vars(scenario), "field_known": False})
     raise AssertionError(f"{ATTEMPTS_MAX} draws gave no scenario that may be flown")
 
 
-def _contract(draw: random.Random) -> Contract | None:
+def _contract(draw: random.Random, airframe: Airframe) -> Contract | None:
     """Draw a contract that complies, and declare what a dense field leaves of it."""
     passive_safety = draw.random() < 0.5
     contract = compliant_contract(
         draw,
         _EXTENT,
+        airframe,
         stop=True,
         passive_safety=passive_safety,
         size_max_m=draw.uniform(*_SIZE_M),
