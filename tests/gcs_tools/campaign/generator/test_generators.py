@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import math
-import random
+from collections import Counter
 from typing import Any
 
 import pytest
@@ -21,7 +21,6 @@ from gcs_tools.campaign.generator.faults import (
 )
 from gcs_tools.campaign.generator.fields import ned_m
 from gcs_tools.campaign.generator.generators import GENERATORS, generated
-from gcs_tools.campaign.generator.plants import matching_plant
 from gcs_tools.preflight.command import check
 from onboard.contract.assessment import assess
 
@@ -228,15 +227,26 @@ def test_competition_fields_may_be_refused() -> None:
         assert assess(case.scenario.contract).compliant
 
 
-def test_a_contract_with_a_heading_error_is_flown_at_field_realism() -> None:
-    contract = generated("nominal", SEED, 0).scenario.contract
-    vehicle = contract.vehicle.model_copy(update={"heading_error_deg": 1.2})
-    field = contract.model_copy(update={"vehicle": vehicle})
-    for seed in range(10):
-        plant = matching_plant(random.Random(seed), field, 0.0)
-        assert (plant.realism, plant.flavour) == ("field", "ardupilot")
-        assert {sensor.frame for sensor in plant.sensors} == {"body_frd"}
-        assert matching_plant(random.Random(seed), contract, 0.0).realism == "ideal"
+@pytest.mark.parametrize("generator", ["nominal", "faults", "best-effort", "best-effort-faults"])
+def test_most_flights_have_the_errors_of_the_field_and_contracts_that_declare_them(
+    generator: str,
+) -> None:
+    flown = Counter[tuple[str, str]]()
+    for case in drawn(generator):
+        plant, vehicle = case.scenario.plant, case.scenario.contract.vehicle
+        flown[plant.realism, plant.flavour] += 1
+        as_in_the_field = plant.realism == "field"
+        assert (vehicle.heading_error_deg > 0.0) is as_in_the_field
+        if as_in_the_field:
+            assert {sensor.frame for sensor in plant.sensors} == {"body_frd"}
+    assert set(flown) == {("field", "px4"), ("field", "ardupilot"), ("ideal", "px4")}
+    assert min(flown["field", "px4"], flown["field", "ardupilot"]) >= 15
+    assert 4 <= flown["ideal", "px4"] <= 20
+
+
+@pytest.mark.parametrize("generator", ["quick", "quick-faults", "outside"])
+def test_flights_that_have_no_room_for_the_errors_of_the_field_are_ideal(generator: str) -> None:
+    assert {case.scenario.plant.realism for case in drawn(generator, 20)} == {"ideal"}
 
 
 def test_a_sensor_s_errors_stay_within_the_contract() -> None:
