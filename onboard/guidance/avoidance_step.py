@@ -133,6 +133,8 @@ class AvoidanceStep:
             assessment.inflated.manoeuvre_encounter.speed_mps * assessment.terms.reaction_time_s
             + self._out_of_sight_m(obstacle, start.position_leg_m[Y])
         )
+        if self._may_have_grown_into_way(obstacle, start.position_leg_m[Y]):
+            allowed_m = math.inf
         condition: Condition = pre_condition(
             start,
             obstacle.region,
@@ -158,6 +160,15 @@ class AvoidanceStep:
         beside_m = max(box.y_min_m - y_m, y_m - box.y_max_m, 0.0)
         ahead_m = math.sqrt(max(range_m**2 - beside_m**2, 0.0))
         return max(box.x_min_m - ahead_m - obstacle.region.approach_x_m, 0.0)
+
+    def _may_have_grown_into_way(self, obstacle: Obstacle, y_m: float) -> bool:
+        """Tell whether an obstacle seen before may have come into the way only by faces' errors.
+
+        The box of all measurements grows by up to an error of each, beside what is flown past it.
+        """
+        low_m, high_m = obstacle.region.conflict_band_y_m
+        error_m = max(obstacle.position_error_m, self._situation.assessment.face_error_m)
+        return min(y_m - low_m, high_m - y_m) <= 2.0 * error_m
 
     def _fly(self, avoidance: Avoidance, now_s: float) -> None:
         situation = self._situation
