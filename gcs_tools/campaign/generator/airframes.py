@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 from gcs_tools.campaign.generator.case import Extent
+from gcs_tools.scenario import Plant
 from onboard.files.contract_file import Contract
 
 # Of the flights of an extent whose legs have room for the errors of the field.
@@ -33,7 +34,10 @@ class Airframe:
         as_in_the_field: whether it has the errors that were measured in the field.  The daemon
             allows for an error of the heading in the body's frame only: its sensor reports there.
         speed_max_mps: fastest cruise at which its errors are known.
-        position_error_m: least and largest error of its sensor.
+        wander_m: how far its estimate may be off on either axis.  Boxes are placed by the estimate,
+            so that it is a part of the error of faces that the contract declares; the daemon counts
+            that along both axes at once.
+        position_error_m: least and largest error of its sensor besides.
         terms: draws its vehicle's terms, for a cruise speed.
         plant: draws how it is simulated, for its contract.
     """
@@ -41,6 +45,7 @@ class Airframe:
     name: str
     as_in_the_field: bool
     speed_max_mps: float
+    wander_m: float
     position_error_m: tuple[float, float]
     terms: Callable[[random.Random, float], dict[str, Any]]
     plant: Callable[[random.Random, Contract], dict[str, Any]]
@@ -77,7 +82,7 @@ def _ideal_plant(draw: random.Random, contract: Contract) -> dict[str, Any]:
     return {"realism": "ideal", "tracking": pinned}
 
 
-IDEAL: Final = Airframe("ideal", False, 99.0, (0.02, 0.08), _ideal_terms, _ideal_plant)
+IDEAL: Final = Airframe("ideal", False, 99.0, 0.0, (0.02, 0.08), _ideal_terms, _ideal_plant)
 
 
 # ------------------------------------------------------------------ PX4
@@ -112,7 +117,7 @@ def _px4_plant(_draw: random.Random, _contract: Contract) -> dict[str, Any]:
     return {"realism": "field", "flavour": "px4", "parameters": _PX4_TUNED}
 
 
-PX4: Final = Airframe("px4", True, 2.8, (0.08, 0.12), _px4_terms, _px4_plant)
+PX4: Final = Airframe("px4", True, 2.8, 0.45, (0.08, 0.12), _px4_terms, _px4_plant)
 
 
 # ------------------------------------------------------------------ ArduPilot
@@ -143,5 +148,12 @@ def _ardupilot_plant(_draw: random.Random, _contract: Contract) -> dict[str, Any
 
 
 ARDUPILOT: Final = Airframe(
-    "ardupilot", True, 3.5, (0.08, 0.12), _ardupilot_terms, _ardupilot_plant
+    "ardupilot", True, 3.5, 0.06, (0.08, 0.12), _ardupilot_terms, _ardupilot_plant
 )
+
+
+def airframe_of(plant: Plant) -> Airframe:
+    """Return the airframe that a plant was drawn for."""
+    if plant.realism == "ideal":
+        return IDEAL
+    return {each.name: each for each in (PX4, ARDUPILOT)}[plant.flavour]

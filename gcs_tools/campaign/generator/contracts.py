@@ -99,7 +99,7 @@ def _ample_terms(
             "detection_range_m": _AMPLE_M,
             "field_of_view_deg": _AMPLE_DEG,
             "frame_age_max_s": 0.3,
-            "position_error_m": draw.uniform(*airframe.position_error_m),
+            "position_error_m": airframe.wander_m + draw.uniform(*airframe.position_error_m),
         },
         "environment": {
             "obstacle_size_min_m": 0.0,

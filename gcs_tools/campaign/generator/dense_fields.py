@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import random
+from dataclasses import replace
 from typing import Final
 
 from gcs_tools.campaign.generator.airframes import Airframe, drawn_airframe
@@ -20,6 +21,8 @@ from onboard.files.obstacle_field import Obstacle, ObstacleField
 
 # Short legs, from hover: dense fields are flown in a third of the time of a whole flight.
 _EXTENT: Final = Extent((18.0, 28.0), (1.2, 2.8), airborne=True)
+# Contracts need no leg that takes one obstacle of their own.
+_ROOMY: Final = replace(_EXTENT, length_m=(60.0, 60.0))
 _SIZE_M: Final = (0.2, 1.5)
 _STEMS_PER_M2: Final = (0.01, 0.06)
 _HALF_WIDTH_M: Final = (5.0, 8.0)
@@ -60,7 +63,7 @@ def _contract(draw: random.Random, airframe: Airframe) -> Contract | None:
     passive_safety = draw.random() < 0.5
     contract = compliant_contract(
         draw,
-        _EXTENT,
+        _ROOMY,
         airframe,
         stop=True,
         passive_safety=passive_safety,

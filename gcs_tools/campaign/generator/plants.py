@@ -34,8 +34,8 @@ def matching_plant(
     kind = airframe.plant(draw, contract)
     if airframe.as_in_the_field:
         frame = "body_frd"  # only there does the daemon allow for the heading's error
-    noise_m = noise_share * noise_max_m(contract, frame)
-    face_noise_m = draw.random() * (noise_max_m(contract, frame) - noise_m)
+    noise_m = noise_share * noise_max_m(contract, frame, airframe.wander_m)
+    face_noise_m = draw.random() * (noise_max_m(contract, frame, airframe.wander_m) - noise_m)
     return Plant.model_validate(
         {
             **kind,
@@ -62,13 +62,18 @@ def matching_plant(
     )
 
 
-def noise_max_m(contract: Contract, frame: str) -> float:
+def noise_max_m(contract: Contract, frame: str, wander_m: float = 0.0) -> float:
     """Return the largest error [m] of either coordinate of a centre that the contract admits.
 
     Errors uniform in a square add up along its diagonal.  Boxes in the body frame are placed with a
     pose whose time is only as exact as telemetry, during which the vehicle moves on.
+
+    Args:
+        contract: that the sensor keeps.
+        frame: of its boxes.
+        wander_m: how far the vehicle's estimate may place them off, on either axis.
     """
-    vehicle, error_m = contract.vehicle, contract.sensor.position_error_m
+    vehicle, error_m = contract.vehicle, contract.sensor.position_error_m - wander_m
     if frame == "body_frd":
         error_m -= (vehicle.cruise_speed_mps + vehicle.velocity_error_mps[0]) * POSE_TIMING_S
     return max(error_m, 0.0) * math.sqrt(0.5)

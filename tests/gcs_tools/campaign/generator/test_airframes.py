@@ -12,9 +12,11 @@ from gcs_tools.campaign.generator.airframes import (
     IDEAL,
     PX4,
     Airframe,
+    airframe_of,
     drawn_airframe,
 )
 from gcs_tools.campaign.generator.case import FULL
+from gcs_tools.scenario import Plant
 from onboard.files.contract_file import Contract, load_contract
 from sitl.vehicle.autopilot import FLAVOURS
 from tests.onboard.conftest import CONFIG
@@ -29,6 +31,7 @@ def test_an_extent_without_room_for_the_errors_of_the_field_has_ideal_vehicles_o
 @pytest.mark.parametrize("airframe", [PX4, ARDUPILOT])
 def test_what_is_declared_covers_what_the_simulation_does(airframe: Airframe) -> None:
     estimate = FLAVOURS[airframe.name]().field.estimator
+    assert airframe.wander_m == estimate.position_m
     for seed in range(20):
         terms = airframe.terms(random.Random(seed), 2.0)
         declared_m = terms["tracking_error_m"]
@@ -57,3 +60,10 @@ def test_an_ideal_vehicle_is_kept_away_from_its_reference_by_less_than_is_declar
     pinned = [IDEAL.plant(random.Random(seed), contract)["tracking"] for seed in range(60)]
     assert 0 < sum(each["toward_obstacle"] for each in pinned) < 30
     assert {each["error_m"] < contract.vehicle.tracking_error_m for each in pinned} == {True}
+
+
+@pytest.mark.parametrize("airframe", [IDEAL, PX4, ARDUPILOT])
+def test_a_plant_tells_its_airframe(airframe: Airframe) -> None:
+    contract = load_contract(CONFIG / "default_contract.yaml")
+    plant = Plant.model_validate(airframe.plant(random.Random(1), contract))
+    assert airframe_of(plant) is airframe
