@@ -142,7 +142,9 @@ class Shield:
             situation.reference.intend(resting)
             situation.reference.guard = self._guarded = resting
             self._due_s, self._switch_s = now_s, now_s + _PATIENCE_S
-        return self.certified
+            return True
+        self.release()  # nothing is held before the look all round
+        return False
 
     def release(self) -> None:
         """Hold nothing: another commander flies, or THREAD."""

@@ -15,6 +15,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from onboard.geometry.free_grid import FreeGrid
+from onboard.guidance.dense.standstill_clock import StandstillClock
 from onboard.perception.line_of_sight import View
 from onboard.perception.seen_free import CELL_M, SeenFree
 from onboard.planning.corridor.guide import Guide, along
@@ -37,7 +38,7 @@ from tests.tools.dense_fields.scenes import Scene
 from tests.tools.dense_fields.vehicles import Vehicle
 
 _FRAME_S, _LATENCY_S = 0.1, 0.1
-_DWELL_S, _AT_REST_S, _NO_PROGRESS_S = 0.4, 0.4, 3.0
+_DWELL_S, _AT_REST_S = 0.4, 0.4
 # A plan that leads no farther than this waits.
 _WAITS_M = 0.1
 _PAUSES_MAX = 25
@@ -115,8 +116,10 @@ class Flight:
         self.heading_rad, self._rate_radps = 0.0, 0.0
         looks = first_looks_rad(0.0, vehicle.half_view_rad) if first_look else (0.0,)
         self._looks = list(looks)
-        self._dwell_s = self._idle_s = self._progress_s = 0.0
-        self._tries, self._best_m, self._near_m = 0, math.inf, math.inf
+        self._dwell_s = self._idle_s = 0.0
+        self._clock = StandstillClock()
+        self._clock.begin_leg(0.0)
+        self._tries, self._best_m = 0, math.inf
         self._first_look = True
         self.outcome = Outcome()
 
@@ -263,23 +266,23 @@ class Flight:
         places = self._horizon.nodes[:, 0]
         moves = float(np.hypot(*(places - places[0]).T).max()) > _WAITS_M
         self._idle_s = 0.0 if moves or speed_mps >= 0.1 else self._idle_s + PIECE_S
+        here = np.array([outlook.position_leg_m])
+        left_m = float(self.guide.distance_m(here[:, 0], here[:, 1])[0])
+        stopped = self._clock.has_stopped(left_m, now_s, still=False)
         if self._looks:
             self._look()
             if not self._looks:
-                self._idle_s, self._progress_s = 0.0, now_s
+                self._idle_s = 0.0
+                self._clock.restart(now_s)
                 if self._first_look:
                     self._first_look, self.outcome.first_look_s = False, now_s
-        elif self._idle_s >= _AT_REST_S or now_s - self._progress_s > _NO_PROGRESS_S:
+        elif self._idle_s >= _AT_REST_S or stopped:
             self._pause(outlook, now_s)
         else:
             self.heading_rad = heading_in_flight_rad(outlook, PIECE_S)
         self._rate_radps = (self.heading_rad - before_rad) / PIECE_S
-        here = np.array([outlook.position_leg_m])
-        left_m = float(self.guide.distance_m(here[:, 0], here[:, 1])[0])
         if left_m < self._best_m - 1.0:
             self._best_m, self._tries = left_m, 0
-        if left_m < self._near_m - 0.2 or left_m > self._near_m + 2.0:
-            self._near_m, self._progress_s = left_m, now_s
 
     def _look(self) -> None:
         step_rad = TURN_FAST_RADPS * PIECE_S
@@ -293,7 +296,7 @@ class Flight:
             self._looks.pop(0)
 
     def _pause(self, outlook: Outlook, now_s: float) -> None:
-        self._progress_s = now_s
+        self._clock.restart(now_s)
         self._tries += 1
         self.outcome.pauses += 1
         looks = looks_at_rest_rad(outlook, all_round=self._tries % _ALL_ROUND_EVERY == 0)
