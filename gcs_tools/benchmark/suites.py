@@ -20,6 +20,7 @@ from gcs_tools.benchmark.scenes import (
     pillar_legs,
     random_forest,
 )
+from gcs_tools.benchmark.world_file import read_world
 from gcs_tools.console.errors import CommandError
 
 _SANDO_LEG_M: Final = 105.0
@@ -109,7 +110,7 @@ def benchmark_named(name: str) -> Benchmark:
 
 def _sando(selection: Selection) -> Iterator[Scene]:
     for path in _sando_files(selection):
-        pillars = read_pillars(path)
+        pillars = (read_world if path.suffix == ".world" else read_pillars)(path)
         yield from pillar_legs(
             path.stem, pillars, _SANDO_LEG_M, selection.legs, PILLARS_HALF_WIDTH_M
         )
@@ -127,10 +128,14 @@ def _sando_files(selection: Selection) -> list[Path]:
         )
     if not data.is_dir():
         return [data]
-    names = [f"static_{each}.csv" for each in selection.scenes or _DIFFICULTIES]
-    found = [_found(data, name, "sando") for name in names]
-    missing = [name for name, path in zip(names, found, strict=True) if path is None]
-    if missing and (selection.scenes or len(missing) == len(names)):
+    wanted = selection.scenes or _DIFFICULTIES
+    found = [
+        _found(data, f"static_{each}.csv", "sando")
+        or _found(data, f"{each}_forest.world", "worlds")
+        for each in wanted
+    ]
+    missing = [f"static_{each}.csv" for each, path in zip(wanted, found, strict=True) if not path]
+    if missing and (selection.scenes or len(missing) == len(wanted)):
         raise CommandError(f"{data}: has no {' or '.join(missing)} of SANDO")
     return [path for path in found if path is not None]
 
