@@ -8,7 +8,14 @@ import numpy as np
 import pytest
 
 from gcs_tools.benchmark.obstacles import Obstacles
-from gcs_tools.benchmark.service_flight import field_of, fly_by_service
+from gcs_tools.benchmark.service_flight import (
+    field_of,
+    fly_by_service,
+    scenario_of,
+    service_contract,
+    service_margin_m,
+)
+from gcs_tools.preflight.command import check
 from tests.gcs_tools.benchmark.small_scene import scene
 
 
@@ -35,3 +42,25 @@ def test_a_small_field_is_flown_by_the_whole_service() -> None:
     assert 0.0 < served.result.clearance_min_m < 1.5
     assert 5.0 < served.first_look_s < 20.0
     assert served.speed_mps > 1.0
+
+
+@pytest.mark.parametrize(
+    ("vehicle", "radius_m", "heading_deg"), [("ardupilot", 0.3, 0.5), ("px4", 0.4, 4.0)]
+)
+def test_contracts_of_the_service_accept_dense_fields(
+    vehicle: str, radius_m: float, heading_deg: float
+) -> None:
+    contract = service_contract(vehicle, 0.7)
+    assert contract.requirements.progress == "best_effort"
+    assert contract.requirements.passive_safety
+    assert contract.vehicle.clearance_wish_m == 0.7
+    assert (contract.vehicle.radius_m, contract.vehicle.heading_error_deg) == (
+        radius_m, heading_deg,
+    )  # fmt: skip
+    assert service_margin_m(vehicle) > radius_m + contract.vehicle.tracking_error_m
+    scenario = scenario_of(scene((5.0, 0.1)), 0.5, vehicle)
+    assert check(scenario.contract, None, scenario.mission).may_fly
+    plant = scenario.sitl_config(seed=1)
+    assert (plant.flavour, plant.realism, plant.multirotor.radius_m) == (
+        vehicle, "field", radius_m,
+    )  # fmt: skip
