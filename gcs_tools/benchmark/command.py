@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import bisect
 import os
 import shlex
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
@@ -17,7 +18,7 @@ from gcs_tools.benchmark.page import write_section
 from gcs_tools.benchmark.scenes import Scene
 from gcs_tools.benchmark.service_flight import SERVICE_VEHICLES
 from gcs_tools.benchmark.suites import Benchmark, Selection, benchmark_named
-from gcs_tools.benchmark.summary import print_tables
+from gcs_tools.benchmark.summary import Run, print_tables
 from gcs_tools.benchmark.vehicles import vehicles
 from gcs_tools.console.errors import CommandError
 from gcs_tools.console.parquet_file import schema_of, write_rows
@@ -26,6 +27,10 @@ from gcs_tools.console.worker_processes import in_processes
 
 # Width of tables where the output is not a terminal.
 _FILE_WIDTH: Final = 150
+# A benchmark that is killed loses at most this many legs.
+_ROWS_BETWEEN_WRITES: Final = 5
+
+_Job = tuple[str, Rule, Scene, int, Manner]
 
 
 @dataclass(frozen=True)
@@ -78,15 +83,29 @@ def run_benchmark(request: BenchmarkRequest) -> bool:
     manner = _manner(benchmark, request)
     _check_outputs(request)
     jobs = list(_jobs(benchmark, manner, request))
-    flown = in_processes(fly_leg, jobs, request.processes or os.cpu_count() or 1)
-    rows = sorted(tracked(flown, len(jobs), request.name), key=lambda row: row.number)
-    console = Console(width=None if sys.stdout.isatty() else _FILE_WIDTH, highlight=False)
-    print_tables(benchmark, rows, console)
-    if request.output is not None:
-        write_rows(rows, schema_of(LegRow), request.output)
-    if request.page is not None:
-        write_section(request.page, command_line(request), benchmark, manner, rows)
+    rows: list[LegRow] = []
+    try:
+        for row in tracked(_flown(jobs, request), len(jobs), request.name):
+            bisect.insort(rows, row, key=lambda each: each.number)
+            if request.output is not None and len(rows) % _ROWS_BETWEEN_WRITES == 0:
+                write_rows(rows, schema_of(LegRow), request.output)
+    finally:
+        if rows:  # an interrupted benchmark reports what was flown
+            _report(Run(benchmark, manner, command_line(request), rows, len(jobs)), request)
     return request.unseen_is_free or not any(row.collisions for row in rows)
+
+
+def _flown(jobs: Sequence[_Job], request: BenchmarkRequest) -> Iterator[LegRow]:
+    return in_processes(fly_leg, jobs, request.processes or os.cpu_count() or 1)
+
+
+def _report(run: Run, request: BenchmarkRequest) -> None:
+    console = Console(width=None if sys.stdout.isatty() else _FILE_WIDTH, highlight=False)
+    print_tables(run, console)
+    if request.output is not None:
+        write_rows(run.rows, schema_of(LegRow), request.output)
+    if request.page is not None:
+        write_section(request.page, run)
 
 
 def command_line(request: BenchmarkRequest) -> str:
@@ -151,9 +170,7 @@ def _check_outputs(request: BenchmarkRequest) -> None:
             raise CommandError(f"{option} {path}: cannot be written: {path.parent} is no folder")
 
 
-def _jobs(
-    benchmark: Benchmark, manner: Manner, request: BenchmarkRequest
-) -> Iterator[tuple[str, Rule, Scene, int, Manner]]:
+def _jobs(benchmark: Benchmark, manner: Manner, request: BenchmarkRequest) -> Iterator[_Job]:
     legs = benchmark.legs if request.legs is None else request.legs
     selection = Selection(request.scenes, request.data, legs, request.seed)
     numbered = enumerate(benchmark.scenes(selection))

@@ -12,7 +12,7 @@ from typing import Final
 
 from gcs_tools.benchmark.legs import LegRow, Manner
 from gcs_tools.benchmark.suites import Benchmark
-from gcs_tools.benchmark.summary import HEADER, peers_of, summarize
+from gcs_tools.benchmark.summary import HEADER, Run, peers_of, summarize
 from gcs_tools.campaign.statistics import CONFIDENCE
 from gcs_tools.console.output import write_text
 from onboard.files.yaml_file import read_text
@@ -32,19 +32,17 @@ it is certified in the space seen free. Legs through one map are not independent
 _REASONS_SHOWN: Final = 20
 
 
-def write_section(
-    path: Path, command: str, benchmark: Benchmark, manner: Manner, rows: Sequence[LegRow]
-) -> None:
+def write_section(path: Path, run: Run) -> None:
     """Write this run's section of a page, which is made if there is none.
 
     Raises:
         FileError: the page cannot be read.
         CommandError: it cannot be written.
     """
-    key = _key(benchmark, manner)
+    key = _key(run.benchmark, run.manner)
     page = read_text(path) if path.exists() else _INTRODUCTION
     begin, end = f"<!-- begin {key} -->", f"<!-- end {key} -->"
-    text = "\n".join((begin, *_lines(command, benchmark, manner, rows), end))
+    text = "\n".join((begin, *_lines(run), end))
     pattern = re.compile(f"{re.escape(begin)}.*?{re.escape(end)}", re.DOTALL)
     if pattern.search(page):
         page = pattern.sub(lambda _: text, page, count=1)
@@ -60,15 +58,16 @@ def _key(benchmark: Benchmark, manner: Manner) -> str:
     return " ".join(words)
 
 
-def _lines(
-    command: str, benchmark: Benchmark, manner: Manner, rows: Sequence[LegRow]
-) -> Iterator[str]:
+def _lines(run: Run) -> Iterator[str]:
+    benchmark, manner, rows = run.benchmark, run.manner, run.rows
     by = "the whole service" if manner.service else "the planner alone"
     control = ", unseen taken as free" if manner.unseen_is_free else ""
     yield f"## {benchmark.title}: {by}, vehicle {manner.vehicle}{control}"
     yield f"\n{benchmark.origin}.\n"
-    yield f"```sh\n{command}\n```\n"
+    yield f"```sh\n{run.command}\n```\n"
     yield f"A leg passes if {benchmark.rule.text}. Bounds at {CONFIDENCE:.0%} (Clopper-Pearson).\n"
+    if run.interruption:
+        yield f"{run.interruption}\n"
     yield from _table(HEADER, [each.cells() for each in summarize(rows)])
     losses = sum(row.losses for row in rows)
     if losses:

@@ -11,7 +11,7 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from gcs_tools.benchmark.legs import LegRow
+from gcs_tools.benchmark.legs import LegRow, Manner
 from gcs_tools.benchmark.suites import Benchmark, Peer
 from gcs_tools.campaign.statistics import CONFIDENCE, failure_rate_bounds
 
@@ -19,6 +19,30 @@ HEADER: Final = (
     *("field", "legs", "passable", "arrived", "collisions", "pass", "pass rate"),
     *("collision rate", "mean speed", "without first look", "pauses a leg", "least clearance"),
 )
+
+
+@dataclass(frozen=True)
+class Run:
+    """A benchmark that was flown.
+
+    Attributes:
+        benchmark, manner: of which legs, and how.
+        command: that flies the same legs.
+        rows: of the legs that were flown, by their number.
+        legs: how many it was to fly; more than it did, if it was interrupted.
+    """
+
+    benchmark: Benchmark
+    manner: Manner
+    command: str
+    rows: Sequence[LegRow]
+    legs: int
+
+    @property
+    def interruption(self) -> str:
+        """Return a sentence, if it was interrupted."""
+        flown = len(self.rows)
+        return "" if flown == self.legs else f"Interrupted after {flown} of {self.legs} legs."
 
 
 @dataclass(frozen=True)
@@ -115,9 +139,12 @@ def peers_of(benchmark: Benchmark, rows: Sequence[LegRow]) -> tuple[Peer, ...]:
     return (*benchmark.peers, Peer("PX4-Avoidance", said, "the scenes' own file"))
 
 
-def print_tables(benchmark: Benchmark, rows: Sequence[LegRow], console: Console) -> None:
+def print_tables(run: Run, console: Console) -> None:
     """Print every leg, the summary, and what peers report."""
+    benchmark, rows = run.benchmark, run.rows
     console.print(_legs(rows))
+    if run.interruption:
+        console.print(run.interruption)
     console.print(f"passes: {benchmark.rule.text}", soft_wrap=True)
     summary = Table(
         title=f"{benchmark.title}; bounds at {CONFIDENCE:.0%} (Clopper-Pearson)",

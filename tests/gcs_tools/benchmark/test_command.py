@@ -91,6 +91,25 @@ def test_the_competition_prefers_its_own_distance(
     assert (rule.distance_min_m, manner.wish_m) == (1.5, 1.5)
 
 
+def test_an_interrupted_benchmark_leaves_what_was_flown(
+    clearway: Clearway, data: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def interrupted(*arguments: Any) -> LegRow:
+        if arguments[3] == 2:
+            raise KeyboardInterrupt
+        return row(number=arguments[3])
+
+    monkeypatch.setattr(command, "fly_leg", interrupted)
+    table, page = tmp_path / "legs.parquet", tmp_path / "page.md"
+    ran = clearway(
+        "benchmark", "sando", "--data", data, "--jobs", "1", "-o", table, "--page", page
+    )  # fmt: skip
+    assert (ran.code, ran.err) == (130, "clearway: error: interrupted\n")
+    assert "Interrupted after 2 of 10 legs." in ran.out
+    assert parquet.read_table(table)["number"].to_pylist() == [0, 1]
+    assert "Interrupted after 2 of 10 legs." in page.read_text(encoding="utf-8")
+
+
 @pytest.mark.usefixtures("data")
 def test_the_service_flies_an_ardupilot_unless_told_otherwise(
     clearway: Clearway, asked: list[tuple[Any, ...]]

@@ -7,10 +7,12 @@ import io
 import pytest
 from rich.console import Console
 
+from gcs_tools.benchmark.legs import Manner
 from gcs_tools.benchmark.suites import BENCHMARKS
-from gcs_tools.benchmark.summary import interval, peers_of, print_tables, summarize
+from gcs_tools.benchmark.summary import Run, interval, peers_of, print_tables, summarize
 from tests.gcs_tools.benchmark.rows import row
 
+DEFAULT = Manner("default")
 HIT = {"arrived": False, "collisions": 1, "end": "collision", "speed_mps": None, "passed": False}
 
 
@@ -62,9 +64,17 @@ def test_the_tables_show_legs_bounds_and_peers() -> None:
     text = io.StringIO()
     hit = row(leg="flight 1", why_not="touched an obstacle", losses=9, losses_unsafe=2, **HIT)
     console = Console(file=text, width=200)
-    print_tables(BENCHMARKS["sando"], [row(), hit], console)
+    print_tables(Run(BENCHMARKS["sando"], DEFAULT, "c", [row(), hit], 3), console)
     printed = text.getvalue()
-    for words in ("flight 0", "2.10 m/s", "touched an obstacle", "MIGHTY", "100 %", "2 of 9"):
+    for words in (
+        "flight 0",
+        "2.10 m/s",
+        "touched an obstacle",
+        "MIGHTY",
+        "100 %",
+        "2 of 9",
+        "after 2 of 3",
+    ):
         assert words in printed
-    print_tables(BENCHMARKS["walls"], [row()], console)
+    print_tables(Run(BENCHMARKS["walls"], DEFAULT, "c", [row()], 1), console)
     assert "what peers report" not in text.getvalue().removeprefix(printed)
