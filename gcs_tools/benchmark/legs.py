@@ -60,7 +60,7 @@ class Manner:
     first_look: bool = False
     unseen_is_free: bool = False
 
-    def chosen(self) -> Vehicle:
+    def planner_vehicle(self) -> Vehicle:
         """Return the vehicle of the planner alone."""
         vehicle = vehicles()[self.vehicle]
         if self.tracking_error_m is None:
@@ -137,7 +137,7 @@ def fly_leg(benchmark: str, rule: Rule, scene: Scene, number: int, manner: Manne
 
 
 def _by_planner(benchmark: str, scene: Scene, number: int, manner: Manner) -> LegRow:
-    vehicle = manner.chosen()
+    vehicle = manner.planner_vehicle()
     flight = Flight(
         scene,
         vehicle,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -11,7 +12,9 @@ from gcs_tools.benchmark import legs
 from gcs_tools.benchmark.legs import LegRow, Manner, Rule, fly_leg
 from gcs_tools.benchmark.planner_flight import Outcome
 from gcs_tools.benchmark.scenes import Scene
+from gcs_tools.benchmark.service_flight import Served
 from gcs_tools.benchmark.vehicles import Vehicle
+from gcs_tools.logs.result import Result
 from tests.gcs_tools.benchmark.small_scene import scene
 
 ARRIVES, FAR = Rule("arrives"), Rule("stays away", 1.5)
@@ -115,3 +118,51 @@ def test_open_space_has_no_clearance(monkeypatch: pytest.MonkeyPatch) -> None:
     row, _ = flown(monkeypatch, Outcome("arrived", 9.0), FAR)
     assert (row.clearance_min_m, row.distance_min_m, row.certified_min_m) == (None, None, None)
     assert row.passed
+
+
+def served(**changes: Any) -> Served:
+    """Return what the service made of a leg of 14 m."""
+    result = Result(
+        outcome="arrived", reason="mission flown", collisions=0, clearance_min_m=1.0,
+        tracking_error_max_m=0.1, velocity_error_max_mps=(0.1, 0.1), duration_s=20.0,
+        obstacles_avoided=0, plans={}, plan_time_ms={}, violations=(), final_position_ned_m=None,
+        contract_sha256="", seed=1, pauses=3,
+    )  # fmt: skip
+    return Served(replace(result, **changes), 14.0, 12.0)
+
+
+@pytest.mark.parametrize(
+    ("changes", "why_not"),
+    [
+        ({}, ""),
+        ({"outcome": "held", "reason": "no passage"}, "held: no passage"),
+        ({"outcome": "collided", "collisions": 2}, "touched an obstacle"),
+        ({"clearance_min_m": 0.9}, "1.30 m from an obstacle, less than 1.4 m"),
+    ],
+)
+def test_a_leg_of_the_service_is_judged_alike(
+    monkeypatch: pytest.MonkeyPatch, changes: dict[str, Any], why_not: str
+) -> None:
+    asked: dict[str, Any] = {}
+
+    def fly(scene: Scene, number: int, **options: Any) -> Served:
+        asked.update(options, number=number, scene=scene)
+        return served(**changes)
+
+    monkeypatch.setattr(legs, "fly_by_service", fly)
+    manner = Manner("px4", service=True, seed=2, wish_m=0.3)
+    row = fly_leg("forest", Rule("stays away", 1.4), SMALL, 7, manner)
+    assert (row.form, row.vehicle, row.why_not, row.passed) == (
+        "service",
+        "px4",
+        why_not,
+        not why_not,
+    )
+    assert asked == {
+        "scene": SMALL, "number": 7, "vehicle": "px4", "seed": manner.seed_of(7), "wish_m": 0.3,
+    }  # fmt: skip
+    assert row.arrived == ("outcome" not in changes)
+    assert row.speed_mps == (0.7 if row.arrived else None)
+    assert (row.first_look_s, row.pauses) == (12.0, 2)
+    assert row.distance_min_m == pytest.approx((row.clearance_min_m or 0.0) + 0.4)
+    assert (row.certified_min_m, row.false_cells, row.losses) == (None, None, 0)
