@@ -15,6 +15,7 @@ from collections.abc import Callable
 from typing import Final
 
 from gcs_tools import schema_arguments
+from gcs_tools.benchmark import arguments as benchmark_arguments
 from gcs_tools.campaign import arguments as campaign_arguments
 from gcs_tools.console.arguments import VersionOption
 from gcs_tools.console.errors import EXIT_BAD_INPUT, CommandError
@@ -46,6 +47,7 @@ COMMANDS: Final = (
     doctor_arguments,
     identify_arguments,
     campaign_arguments,
+    benchmark_arguments,
     service_arguments,
     schema_arguments,
 )

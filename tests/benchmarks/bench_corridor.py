@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from gcs_tools.benchmark.planner_flight import Flight, Outcome
+from gcs_tools.benchmark.suites import Selection, benchmark_named
+from gcs_tools.benchmark.vehicles import vehicles
 from tests.benchmarks.measurement import Measurement, sized
-from tests.tools.dense_fields.flight import Flight, Outcome
-from tests.tools.dense_fields.scenes import scenes_of
-from tests.tools.dense_fields.vehicles import vehicles
 
 # What one core of the reference machine may take.
 _PLAN_MS, _SLICE_MS = 10.0, 3.0
@@ -17,7 +17,8 @@ _FLOWN: dict[str, list[Outcome]] = {}
 def _outcomes(vehicle: str = "default") -> list[Outcome]:
     """Legs through a forest of 1000 stems/ha, flown once by each vehicle."""
     if vehicle not in _FLOWN:
-        legs = enumerate(scenes_of("1000", sized(4, 1), 1))
+        forest = Selection(("1000",), data=None, legs=sized(4, 1), seed=1)
+        legs = enumerate(benchmark_named("forest").scenes(forest))
         flights = [Flight(scene, vehicles()[vehicle], number) for number, scene in legs]
         _FLOWN[vehicle] = [flight.fly(sized(300, 2)) for flight in flights]
     return _FLOWN[vehicle]

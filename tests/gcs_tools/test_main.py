@@ -21,7 +21,7 @@ from tests.gcs_tools.running import Clearway
 NAMES = (
     *("init", "fly", "preflight", "contract", "mission", "report", "export", "watch"),
     *("resume", "status", "doctor"),
-    *("identify", "campaign", "service", "schema"),
+    *("identify", "campaign", "benchmark", "service", "schema"),
 )
 C = ("--contract", "c.yaml")
 

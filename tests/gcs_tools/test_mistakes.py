@@ -273,6 +273,13 @@ MISTAKES = [
             ("mission.yaml", "cannot be written")),
     Mistake("a campaign that does not exist", "campaign thorough", ("thorough", "nominal")),
     Mistake("no jobs", "campaign nominal --jobs 0", ("--jobs",)),
+    Mistake("a benchmark that does not exist", "benchmark rando", ("rando", "sando")),
+    Mistake("a benchmark without its scenes", "benchmark sando", ("--data PATH",)),
+    Mistake("a benchmark that moves", "benchmark dodgedrone", ("not flown yet", "move")),
+    Mistake(
+        "another file for a benchmark's", "benchmark longleaf --data field.yaml",
+        ("field.yaml", "x_m"),
+    ),
     # ------------------------------------------------------------------------ logs
     Mistake("a report of nothing", "report flights/scenario-1", ("flights/scenario-1",)),
     Mistake("a report of another file", "report contract.yaml", ("contract.yaml",)),

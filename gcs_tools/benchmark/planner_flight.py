@@ -1,4 +1,4 @@
-"""Flights of the planner for dense fields at the level of references, against the true field.
+"""Flights of the planner alone, at the level of references, against the true field.
 
 The vehicle is off its reference by the whole tracking error toward the nearest obstacle; the sensor
 sees from there what is not hidden, with wrong faces, late; a plan is adopted a period after it was
@@ -14,6 +14,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from gcs_tools.benchmark.obstacles import Floats
+from gcs_tools.benchmark.scenes import Scene
+from gcs_tools.benchmark.vehicles import Vehicle
 from onboard.geometry.free_grid import FreeGrid
 from onboard.guidance.dense.standstill_clock import StandstillClock
 from onboard.perception.line_of_sight import View
@@ -33,17 +36,14 @@ from onboard.planning.corridor.receding_horizon import (
     HorizonProblem,
     RecedingHorizonPlanner,
 )
-from tests.tools.dense_fields.obstacles import Floats
-from tests.tools.dense_fields.scenes import Scene
-from tests.tools.dense_fields.vehicles import Vehicle
 
 _FRAME_S, _LATENCY_S = 0.1, 0.1
 _DWELL_S, _AT_REST_S = 0.4, 0.4
 # A plan that leads no farther than this waits.
 _WAITS_M = 0.1
-_PAUSES_MAX = 25
+PAUSES_MAX = 25
 _ALL_ROUND_EVERY, _PENALTY_AHEAD_M = 4, 0.8
-_DURATION_MAX_S = 300.0
+DURATION_MAX_S = 300.0
 _GUIDE_EVERY_S, _GUIDE_AT_LEAST_S = 0.4, 2.0
 
 
@@ -123,7 +123,7 @@ class Flight:
         self._first_look = True
         self.outcome = Outcome()
 
-    def fly(self, duration_max_s: float = _DURATION_MAX_S) -> Outcome:
+    def fly(self, duration_max_s: float = DURATION_MAX_S) -> Outcome:
         """Fly until the goal, a collision, the last pause, or the end of the time."""
         self._count_false_cells()
         now_s = 0.0
@@ -162,7 +162,7 @@ class Flight:
             (px, py), self.heading_rad, vehicle.half_view_rad, path, grid, vehicle.body_radius_m
         )
         self._turn(outlook, now_s + PIECE_S, speed_mps)
-        return "stuck" if self.outcome.pauses > _PAUSES_MAX else ""
+        return "stuck" if self.outcome.pauses > PAUSES_MAX else ""
 
     def _take_frames(self, now_s: float) -> None:
         """Stamp the frames of this period, from where the vehicle truly is."""

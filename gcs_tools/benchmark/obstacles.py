@@ -105,13 +105,13 @@ class Obstacles:
             return near
         count = int(math.degrees(2.0 * half_rad) * _RAYS_PER_DEGREE) + 1
         angles = np.linspace(heading_rad - half_rad, heading_rad + half_rad, count)
-        depth = self.chosen(np.isin(np.arange(len(reach)), near))._ray_depths(origin, angles)
+        depth = self.chosen(np.isin(np.arange(len(reach)), near)).ray_depths_m(origin, angles)
         first = depth.argmin(axis=0)
         hit = depth[first, np.arange(count)] <= range_m
         found: Ints = near[np.unique(first[hit])]
         return found
 
-    def _ray_depths(self, origin: Floats, angles: Floats) -> Floats:
+    def ray_depths_m(self, origin: Floats, angles: Floats) -> Floats:
         """Return the way along each ray to each obstacle, (n, rays); infinite for a miss."""
         start = self._local(origin[None])[0]
         local = angles[None] - self.turn_rad[:, None]

@@ -1,7 +1,7 @@
-"""Fly legs through the whole service in virtual time: detections, monitors, autopilot and all.
+"""Flights through the whole service in virtual time: detections, monitors, autopilot and all.
 
-The same legs as `flight` flies at the level of references, with the contract, mission and sensor of
-``config/scenarios/uniform_forest.yaml`` and an ArduPilot-like vehicle as it flies in the field.
+The same legs as `planner_flight` flies at the level of references, with contracts of the
+configuration and a vehicle that flies as it does in the field.
 """
 
 from __future__ import annotations
@@ -9,33 +9,61 @@ from __future__ import annotations
 import math
 import tempfile
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, Final, Literal, NamedTuple
 
 import numpy as np
 
+from gcs_tools.benchmark.obstacles import Obstacles
+from gcs_tools.benchmark.scenes import Scene
 from gcs_tools.logs.flight_log import read_log
 from gcs_tools.logs.result import Result, result_of
-from gcs_tools.scenario import Plant, Scenario, load_scenario
+from gcs_tools.scenario import Expectation, Plant, Scenario
 from onboard.contract.assessment import assess
+from onboard.files.contract_file import Contract
 from onboard.files.mission_file import Leg, Mission
 from onboard.files.obstacle_field import ObstacleField
+from onboard.files.yaml_file import read_mapping, validate
 from onboard.geometry.frames import FloatArray
 from onboard.guidance.phases import FLYING_PHASES, Phase
-from sitl.config import EstimatorConfig
+from sitl.config import EstimatorConfig, MultirotorConfig
 from sitl.environment.sensor import SensorConfig
 from sitl.virtual.simulation import SimulatedFlight
 from sitl.virtual.simulation import fly as simulate
-from tests.tools.dense_fields.obstacles import Obstacles
-from tests.tools.dense_fields.scenes import Scene
 
-ROOT = Path(__file__).parents[3]
-_SCENARIO = ROOT / "config" / "scenarios" / "uniform_forest.yaml"
-# Of Copter, with the jerk that the contract's lag allows for.
-_PARAMETERS = {"GUID_TIMEOUT": 0.5, "PSC_JERK_XY": 20.0, "WPNAV_ACCEL": 600.0}
-# As two antennas give it.  With the 2 degrees of a compass, faces at 12 m are off by 0.4 m more.
-_HEADING_ERROR_DEG = 0.5
+_ALTITUDE_M: Final = 4.0
+_VIEW_DEG: Final = 120.0
 # Successive legs head that much farther to the right, so that nothing is along an axis by chance.
-_TURN_RAD = math.radians(37.0)
+_TURN_RAD: Final = math.radians(37.0)
+
+
+class _Set(NamedTuple):
+    """A vehicle: file of its contract, or of a scenario that has it, and how it is set up.
+
+    Where a heading error is stated, declared and simulated, it takes the place of the contract's.
+    """
+
+    file: str
+    flavour: Literal["px4", "ardupilot"]
+    parameters: dict[str, float]
+    heading_error_deg: float | None = None
+
+
+SERVICE_VEHICLES: Final = {
+    # Of Copter, with the jerk that the contract's lag allows for, and a heading as two antennas
+    # give it: with the 2 degrees of a compass, faces at 12 m are off by 0.4 m more.
+    "ardupilot": _Set(
+        "uniform_forest.yaml",
+        "ardupilot",
+        {"GUID_TIMEOUT": 0.5, "PSC_JERK_XY": 20.0, "WPNAV_ACCEL": 600.0},
+        heading_error_deg=0.5,
+    ),
+    # As docs/vehicles.md sets PX4 up.
+    "px4": _Set(
+        "px4_contract.yaml",
+        "px4",
+        {"MPC_XY_P": 1.5, "MPC_JERK_AUTO": 15.0, "MPC_ACC_HOR": 5.0},
+    ),
+}
 
 
 class Served(NamedTuple):
@@ -61,28 +89,41 @@ class Served(NamedTuple):
         """Length of the leg over the time since it set off."""
         return self.length_m / max(self.result.duration_s - self.first_look_s, 1.0)
 
-    def row(self) -> str:
-        """Return what became of the leg."""
-        result = self.result
-        clearance_m = math.inf if result.clearance_min_m is None else result.clearance_min_m
-        return (
-            f"{result.outcome} ({result.reason}), {self.speed_mps:.2f} m/s after a first look of "
-            f"{self.first_look_s:.1f} s, {result.pauses - 1} pauses, {result.collisions} "
-            f"collisions, clearance {clearance_m:+.2f} m, "
-            f"tracking error {result.tracking_error_max_m:.2f} m"
-        )
+
+def service_contract(vehicle: str, wish_m: float = 0.0) -> Contract:
+    """Return the contract of a vehicle of `SERVICE_VEHICLES`, for fields that no separation covers.
+
+    Raises:
+        FileError: its file cannot be used.
+    """
+    path = Path(__file__).parent / "scenarios" / SERVICE_VEHICLES[vehicle].file
+    document = read_mapping(path)
+    contract = validate(document.get("contract", document), Contract, source=str(path))
+    heading_deg = SERVICE_VEHICLES[vehicle].heading_error_deg
+    heading = {} if heading_deg is None else {"heading_error_deg": heading_deg}
+    parts: dict[str, dict[str, Any]] = {
+        "vehicle": {"clearance_wish_m": wish_m, **heading},
+        "sensor": {"field_of_view_deg": _VIEW_DEG},
+        "requirements": {"progress": "best_effort"},
+        "environment": {"obstacle_separation_min_m": 1.0},
+    }
+    changed = {
+        name: getattr(contract, name).model_copy(update=update) for name, update in parts.items()
+    }
+    return contract.model_copy(update=changed)
 
 
-def margin_m() -> float:
+def service_margin_m(vehicle: str) -> float:
     """Return how far the service's contract keeps the reference from a reported face."""
-    return assess(load_scenario(_SCENARIO).contract).inflation_m()
+    return assess(service_contract(vehicle)).inflation_m()
 
 
 def fly_by_service(
     scene: Scene,
     number: int,
     *,
-    turned: bool = True,
+    vehicle: str = "ardupilot",
+    seed: int | None = None,
     wish_m: float = 0.0,
     time_max_s: float = 600.0,
 ) -> Served:
@@ -90,60 +131,44 @@ def fly_by_service(
 
     Args:
         scene: the leg.
-        number: of the leg; seed of the simulation, and where the leg heads.
-        turned: whether legs head elsewhere than north.
+        number: of the leg, which decides where it heads.
+        vehicle: of `SERVICE_VEHICLES`.
+        seed: of the simulation; None takes the number.
         wish_m: distance to obstacles that is preferred.
         time_max_s: the flight is given up after this.
     """
-    scenario = scenario_of(scene, number * _TURN_RAD if turned else 0.0, wish_m)
+    seed = number if seed is None else seed
+    scenario = scenario_of(scene, number * _TURN_RAD, vehicle, wish_m)
     planned = SimulatedFlight(
         contract=scenario.contract,
         mission=scenario.mission,
-        sitl=scenario.sitl_config(seed=number),
+        sitl=scenario.sitl_config(seed=seed),
         obstacles=scenario.obstacles,
-        seed=number,
+        seed=seed,
         time_limit_s=time_max_s,
     )
     with tempfile.TemporaryDirectory() as name:
         directory = Path(name)
         report = simulate(planned, directory)
         flight, truth = (read_log(directory / f"{log}.mcap") for log in ("flight", "truth"))
-    result = result_of(flight, truth, seed=number, aborted=report.aborted, progress="best_effort")
+    result = result_of(flight, truth, seed=seed, aborted=report.aborted, progress="best_effort")
     flown = [state for state in flight.states if state.phase in FLYING_PHASES]
     moving = (state.time_s - flown[0].time_s for state in flown if state.phase == Phase.THREAD)
     return Served(result, scene.length_m, next(moving, 0.0))
 
 
-def sum_of(flown: list[tuple[bool, Served]]) -> str:
-    """Return the summary of legs, each with whether it is passable."""
-    passable = [served for is_open, served in flown if is_open]
-    arrived = [served for _, served in flown if served.arrived]
-    overall_mps = [served.length_m / served.result.duration_s for served in arrived]
-    return (
-        f"{len(flown)} legs, {len(passable)} passable, "
-        f"{sum(served.arrived for served in passable)} of these arrived, "
-        f"{sum(served.result.collisions for _, served in flown)} collisions, "
-        f"mean {np.mean(overall_mps) if arrived else 0.0:.2f} m/s "
-        f"({np.mean([served.speed_mps for served in arrived]) if arrived else 0.0:.2f} without the "
-        f"first look)"
-    )
-
-
-def scenario_of(scene: Scene, heading_rad: float, wish_m: float = 0.0) -> Scenario:
+def scenario_of(scene: Scene, heading_rad: float, vehicle: str, wish_m: float = 0.0) -> Scenario:
     """Return the scenario that flies a leg towards a heading, from the origin."""
-    like = load_scenario(_SCENARIO)
+    contract, chosen = service_contract(vehicle, wish_m), SERVICE_VEHICLES[vehicle]
     end_ned_m = (scene.length_m * math.cos(heading_rad), scene.length_m * math.sin(heading_rad))
     leg = Leg(end_ned_m=end_ned_m, target_half_width_m=scene.half_width_m)
-    changes = {"clearance_wish_m": wish_m, "heading_error_deg": _HEADING_ERROR_DEG}
-    vehicle = like.contract.vehicle.model_copy(update=changes)
-    contract = like.contract.model_copy(update={"vehicle": vehicle})
     sensor = contract.sensor
     plant = Plant(
-        flavour="ardupilot",
+        flavour=chosen.flavour,
         realism="field",
-        # The contract's; a compass alone is worse, and its error would have to be declared.
-        estimator=EstimatorConfig(heading_deg=vehicle.heading_error_deg),
-        parameters=_PARAMETERS,
+        multirotor=MultirotorConfig(radius_m=contract.vehicle.radius_m),
+        estimator=EstimatorConfig(heading_deg=chosen.heading_error_deg),
+        parameters=chosen.parameters,
         sensors=(
             SensorConfig(
                 range_m=sensor.detection_range_m,
@@ -155,13 +180,13 @@ def scenario_of(scene: Scene, heading_rad: float, wish_m: float = 0.0) -> Scenar
     return Scenario(
         name=scene.name,
         contract=contract,
-        mission=Mission(altitude_m=like.mission.altitude_m, heading="path", legs=(leg,)),
+        mission=Mission(altitude_m=_ALTITUDE_M, heading="path", legs=(leg,)),
         obstacles=field_of(scene.obstacles, heading_rad),
         plant=plant,
         faults=(),
         field_known=False,
         fly_outside_contract=False,
-        expect=like.expect,
+        expect=Expectation(),
     )
 
 

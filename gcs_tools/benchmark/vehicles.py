@@ -8,10 +8,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from gcs_tools.benchmark.obstacles import Floats
+from gcs_tools.benchmark.run_on_models import coasting_run_on, frozen_run_on
 from onboard.contract.run_on import NO_RUN_ON, RunOn, overshoot
 from onboard.planning.rest_certifier import RestLimits
-from tests.onboard.contract.run_on_models import coasting_run_on, frozen_run_on
-from tests.tools.dense_fields.obstacles import Floats
 
 _LAG_S = 0.19
 # State (3, 2) of the setpoint when the stream stops, and the positions (k, 2) afterwards.
