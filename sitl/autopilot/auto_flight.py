@@ -8,6 +8,7 @@ from sitl.autopilot.manual_control import ManualControl
 from sitl.autopilot.mission import MissionItem, MissionStore, target_ned_m
 from sitl.autopilot.modes import Mode
 from sitl.autopilot.motion_reference import MotionLimits, MotionReference
+from sitl.autopilot.plan.rally import RallyStore
 from sitl.autopilot.settings import FlightSettings
 from sitl.plant.setpoint import Setpoint
 from sitl.plant.truth import Vector, VehicleTruth
@@ -26,11 +27,16 @@ class AutoFlight:
         target_ned_m: where the present mode goes; None to stop here.
         cruise_speed_mps: chosen by command or mission; None for the parameter's.
         mission: what MISSION flies.
+        rally: where a return may end.
         landing: whether a mission has come to its landing.
     """
 
     def __init__(
-        self, settings: FlightSettings, truth: VehicleTruth, mission: MissionStore
+        self,
+        settings: FlightSettings,
+        truth: VehicleTruth,
+        mission: MissionStore,
+        rally: RallyStore,
     ) -> None:
         self.settings = settings
         self.reference = MotionReference(truth)
@@ -38,6 +44,8 @@ class AutoFlight:
         self.target_ned_m: Vector | None = None
         self.cruise_speed_mps: float | None = None
         self.mission = mission
+        self.rally = rally
+        self._destination_m = self.home_ned_m[:2]
         self.landing = False
         self._dwelling_since_s: float | None = None
         self._item_number = mission.current
@@ -131,15 +139,19 @@ class AutoFlight:
         return self.settings.sink_speed_mps if far else self.settings.landing_speed_mps
 
     def _return_home(self) -> Mode | None:
-        """Climb, fly home, land: the return mode's three legs."""
-        north_m, east_m, down_m = self.reference.position_ned_m
+        """Climb, fly home or to a rally point, land: the return mode's three legs."""
+        north_m, east_m, down_m = here_m = self.reference.position_ned_m
         if self.target_ned_m is None:
-            height_m = self.settings.return_height_m
+            settings = self.settings
+            self._destination_m = self.rally.destination_m(
+                here_m, self.home_ned_m, settings.rally_limit_m, or_home=settings.rally_or_home
+            )
+            height_m = settings.return_height_m
             self.target_ned_m = (north_m, east_m, min(down_m, self.home_ned_m[2] - height_m))
         self.go_to(self.target_ned_m, self.settings.climb_speed_mps)
         if not self.reference.is_at(self.target_ned_m):
             return None
-        above_home = (self.home_ned_m[0], self.home_ned_m[1], self.target_ned_m[2])
+        above_home = (*self._destination_m, self.target_ned_m[2])
         if self.target_ned_m == above_home:
             return Mode.LAND
         self.target_ned_m = above_home
@@ -169,6 +181,8 @@ class AutoFlight:
         if (speed_mps := item.speed_mps) is not None:
             self.cruise_speed_mps = speed_mps
             self.mission.item_done()
+        elif (jump := item.jump) is not None:
+            self.mission.jump(*jump)
         elif self.landing:
             self.steer((0.0, 0.0, self._landing_speed_mps(truth)))
         else:
