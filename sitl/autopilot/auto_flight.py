@@ -14,6 +14,7 @@ from sitl.plant.setpoint import Setpoint
 from sitl.plant.truth import Vector, VehicleTruth
 
 _LANDING_NEAR_GROUND_M = 5.0
+_STRAIGHT = 0.95  # cosine of the widest turn that is flown through without slowing down
 _TURN_DISTANCE_M = 1.0  # closer to its target than this the vehicle keeps its heading
 
 
@@ -115,8 +116,8 @@ class AutoFlight:
         """Change the reference's velocity towards a wanted one."""
         self.reference.steer(velocity_ned_mps, self._limits(), self._period_s)
 
-    def go_to(self, target_ned_m: Vector, climb_mps: float) -> None:
-        """Fly straight to a position and stop there."""
+    def go_to(self, target_ned_m: Vector, climb_mps: float, ahead_m: float = 0.0) -> None:
+        """Fly straight to a position and stop there, or as much as ``ahead_m`` behind it."""
         settings = self.settings
         climbs = target_ned_m[2] < self.reference.position_ned_m[2]
         self.reference.go_to(
@@ -125,6 +126,7 @@ class AutoFlight:
             climb_mps if climbs else settings.sink_speed_mps,
             self._limits(),
             self._period_s,
+            ahead_m,
         )
 
     def _limits(self) -> MotionLimits:
@@ -203,7 +205,7 @@ class AutoFlight:
         climb_mps = (
             self.settings.take_off_speed_mps if item.takes_off else self.settings.climb_speed_mps
         )
-        self.go_to(target, climb_mps)
+        self.go_to(target, climb_mps, self._straight_on_m(item, target))
         if not self._reached(item, target):
             return
         if item.lands:
@@ -221,9 +223,24 @@ class AutoFlight:
         elif math.hypot(north_m, east_m) > _TURN_DISTANCE_M:
             self.reference.yaw_rad = math.atan2(east_m, north_m)
 
+    def _stops_at(self, item: MissionItem) -> bool:
+        return item.dwell_s > 0.0 or item.lands or item.takes_off or self.mission.stops_here
+
+    def _straight_on_m(self, item: MissionItem, target: Vector) -> float:
+        """Length of the next leg if the flight goes straight on past the item, else 0."""
+        following = self.mission.following
+        if following is None or not following.has_place or self._stops_at(item):
+            return 0.0
+        there = target_ned_m(following, self.mission.origin, self.home_ned_m, target)
+        here = self.reference.position_ned_m
+        way = (target[0] - here[0], target[1] - here[1])
+        leg = (there[0] - target[0], there[1] - target[1])
+        along = way[0] * leg[0] + way[1] * leg[1]
+        straight = along > _STRAIGHT * math.hypot(*way) * math.hypot(*leg)
+        return math.hypot(*leg) if straight else 0.0
+
     def _reached(self, item: MissionItem, target: Vector) -> bool:
-        stops = item.dwell_s > 0.0 or item.lands or item.takes_off or self.mission.stops_here
-        if stops:
+        if self._stops_at(item):
             return self.reference.is_at(target)
         radius_m = item.acceptance_radius_m or self.settings.acceptance_radius_m
         return math.dist(self.reference.position_ned_m, target) < radius_m

@@ -221,6 +221,12 @@ class MissionStore:
         return not any(item.moves for item in self.items[self.current + 1 :])
 
     @property
+    def following(self) -> MissionItem | None:
+        """The next item that goes somewhere."""
+        rest = self.items[self.current + 1 :]
+        return next((item for item in rest if item.moves), None)
+
+    @property
     def starts_without_take_off(self) -> bool:
         """Whether a vehicle on the ground has to climb before it can fly the current item."""
         item = self.current_item

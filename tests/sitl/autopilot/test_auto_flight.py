@@ -192,3 +192,25 @@ def test_jumping_for_ever_never_finishes_and_a_jump_to_nowhere_goes_on() -> None
     flying = Flying(-8.0, item(north=300), nowhere, item())
     flying.fly(Mode.MISSION, 30.0)
     assert flying.mission.finished
+
+
+@pytest.mark.parametrize(("east", "slowest_mps"), [(0, 4.5), (600, 0.0)])
+def test_a_waypoint_on_a_straight_way_is_flown_through_at_speed(
+    east: int, slowest_mps: float
+) -> None:
+    corner = item(north=2000)
+    after = corner._replace(x=corner.x + (0 if east else 2000), y=corner.y + east * 4)
+    flying = Flying(-8.0, corner, after)
+    flying.fly(Mode.MISSION, 2.0)
+    while flying.mission.current == 0:
+        flying.fly(Mode.MISSION, PERIOD_S)
+    speed_mps = flying.auto.reference.speed_mps
+    assert speed_mps > slowest_mps
+    assert east == 0 or speed_mps < 3.5  # a turn is not
+
+
+def test_without_a_following_place_a_waypoint_is_a_stop() -> None:
+    flying = Flying(-8.0, item(north=1000), item(mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH))
+    while flying.mission.current == 0:
+        flying.fly(Mode.MISSION, PERIOD_S)
+    assert flying.auto.reference.speed_mps < 3.5
