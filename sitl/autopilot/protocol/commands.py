@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Final
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
@@ -342,3 +342,5 @@ _HANDLERS: dict[int, Callable[[Command, CommandContext], Verdict]] = {
     mavlink.MAV_CMD_REQUEST_PROTOCOL_VERSION: _request_protocol_version,
     mavlink.MAV_CMD_RUN_PREARM_CHECKS: _check_before_arming,
 }
+
+SUPPORTED: Final = frozenset(_HANDLERS)

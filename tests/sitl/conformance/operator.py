@@ -156,6 +156,19 @@ class Operator(Client):
         return bool(current) and current[-1].mission_state == mavlink.MISSION_STATE_COMPLETE
 
 
+def number_of(message: Any) -> int:
+    """Return the id of a received message, also of one that pymavlink's dialect lacks."""
+    name = message.get_type()
+    return int(name.removeprefix("UNKNOWN_")) if "UNKNOWN_" in name else int(message.get_msgId())
+
+
+def payload_of(operator: Operator, number: int) -> bytes:
+    """Return the payload of the one message with this id, the zeros at its end cut off."""
+    (message,) = [one for one in operator.received if number_of(one) == number]
+    frame = bytes(message.get_msgbuf())
+    return frame[10 : 10 + frame[1]]
+
+
 def message_id(name: str) -> int:
     """Return the id of a message."""
     return int(getattr(mavlink, f"MAVLINK_MSG_ID_{name}"))
