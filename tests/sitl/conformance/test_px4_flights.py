@@ -141,7 +141,7 @@ def breaking(unit: int, kind: int, height_reference: int, **config: Any) -> Oper
     return operator
 
 
-@pytest.mark.parametrize("height_reference", [0, 1])
+@pytest.mark.parametrize("height_reference", [0, 1], ids=["0", "1"])
 def test_gps_lost_during_a_mission_lands(height_reference: int) -> None:
     operator = breaking(GPS, OFF, height_reference, realism="field")
     operator.until(lambda: mode_of(operator) is Mode.LAND, 15.0)
@@ -159,6 +159,14 @@ def test_gps_lost_during_a_mission_lands(height_reference: int) -> None:
         (BARO, OFF, 1, mavlink.MAV_SYS_STATUS_SENSOR_ABSOLUTE_PRESSURE),
         (BARO, STUCK, 0, mavlink.MAV_SYS_STATUS_SENSOR_ABSOLUTE_PRESSURE),
         (BARO, STUCK, 1, mavlink.MAV_SYS_STATUS_SENSOR_ABSOLUTE_PRESSURE),
+    ],
+    ids=[
+        "mag lost",
+        "mag stuck",
+        "baro lost, baro height",
+        "baro lost, GPS height",
+        "baro stuck, baro height",
+        "baro stuck, GPS height",
     ],
 )
 def test_mission_goes_on_without_magnetometer_or_barometer(
@@ -190,7 +198,7 @@ def pushed(operator: Operator, forward: int = 0, throttle: int = 500) -> Any:
     return lambda *_: operator.send(message)
 
 
-@pytest.mark.parametrize("mode", [Mode.POSCTL, Mode.ALTCTL])
+@pytest.mark.parametrize("mode", [Mode.POSCTL, Mode.ALTCTL], ids=["POSCTL", "ALTCTL"])
 def test_a_pilot_takes_off_flies_forward_and_lands_by_stick(mode: Mode) -> None:
     operator = Operator()
     operator.wait(1.0, pushed(operator))
