@@ -176,7 +176,7 @@ class SimulatedVehicle:
     def _moved(self, actuation: Actuation, wind: Wind, steps: int) -> Flight:
         """Fly some steps of plant and controller."""
         state, memory = self._flight.values[STATE], self._flight.values[MEMORY]
-        if self.autopilot.commander.on_ground or self._lost:
+        if self.autopilot.commander.on_ground or self._lost or _is_open_loop(actuation.setpoint):
             memory = UNTRIMMED  # the ground's support must not be trimmed out
         if actuation.drive is Drive.FLY and actuation.setpoint is not None:
             return fly(
@@ -272,3 +272,10 @@ def warm_up() -> None:
         start = StartConfig(position_ned_m=(0.0, 0.0, down_m))
         SimulatedVehicle(VehicleConfig(start=start)).advance(2.0 * _TICK_S)
     rotate_frd_from_ned(1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+
+
+def _is_open_loop(setpoint: Setpoint | None) -> bool:
+    """Whether neither place nor velocity is controlled: then PX4 trims nothing out, either."""
+    if setpoint is None:
+        return False
+    return math.isnan(setpoint.north_m) and math.isnan(setpoint.velocity_north_mps)
