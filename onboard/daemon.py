@@ -27,14 +27,14 @@ from onboard.files.resume_payload import ResumeAnswer, ResumeCommand, ResumeReas
 from onboard.guidance.departure import Refusal, reason_of
 from onboard.mavlink.connections import Link, open_link
 from onboard.perception.sensor_channels import SensorChannels
-from onboard.perception.sources.registry import zenoh_key
+from onboard.perception.sources.registry import transforms_key, zenoh_key
 from onboard.recording.event_log import EventLog
 from onboard.recording.journal import Journal
 from onboard.recording.messages import LASTING, ZENOH_KEYS, Record, StateRecord, as_json
 from onboard.recording.recorder import FlightRecorder, LogPlace
 from onboard.service_manager import ServiceManager
 from onboard.timing import Clock, freeze_gc_heap, request_realtime_priority
-from onboard.zenoh_session import open_session
+from onboard.zenoh_session import open_session, subscribe_with_history
 
 log = logging.getLogger(__name__)
 
@@ -186,6 +186,8 @@ class Bus:
         for name, sensor in autonomy.sensors.sensors.items():
             if key := zenoh_key(sensor.config):
                 self._listen_to(name, key, autonomy.sensors, clock)
+            if key := transforms_key(sensor.config):
+                self._listen_to_transforms(name, key, autonomy.sensors)
 
     def _listen_to(self, name: str, key: str, sensors: SensorChannels, clock: Clock) -> None:
         """Subscribe to a sensor's own key."""
@@ -201,6 +203,20 @@ class Bus:
                 loop.call_soon_threadsafe(deliver, payload, from_key, attachment)
 
         self._session.declare_subscriber(key, receive)
+
+    def _listen_to_transforms(self, name: str, key: str, sensors: SensorChannels) -> None:
+        """Subscribe to the transforms that mount a sensor, which may have been sent long ago."""
+        loop = asyncio.get_running_loop()
+
+        def deliver(payload: bytes, key: str) -> None:
+            sensors.receive_transforms(name, payload, key=key)
+
+        def receive(sample: zenoh.Sample) -> None:
+            payload, from_key = sample.payload.to_bytes(), str(sample.key_expr)
+            with contextlib.suppress(RuntimeError):  # the loop has closed: we are stopping
+                loop.call_soon_threadsafe(deliver, payload, from_key)
+
+        subscribe_with_history(self._session, key, receive)
 
     def answer_resumes(self, autonomy: Autonomy, remote_access: str | None) -> None:
         """Pass on the command to end a hold, and answer it; only processes of this computer may.
