@@ -41,6 +41,10 @@ MAVLINK_IDS: Final = {
     "obstacle_distance": mavlink.MAVLINK_MSG_ID_OBSTACLE_DISTANCE,
     "distance_sensor": mavlink.MAVLINK_MSG_ID_DISTANCE_SENSOR,
 }
+MAVLINK_NAMES: Final = {
+    "obstacle_distance": "OBSTACLE_DISTANCE",
+    "distance_sensor": "DISTANCE_SENSOR",
+}
 _INPUTS: Final[dict[type[SensorSource], Callable[[Any, PastPoses], SensorInput]]] = {
     LaserScanSource: LaserScanInput,
     PointCloudSource: PointCloudInput,
