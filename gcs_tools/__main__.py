@@ -27,6 +27,7 @@ from gcs_tools.fly import arguments as fly_arguments
 from gcs_tools.identify import arguments as identify_arguments
 from gcs_tools.missions import arguments as mission_arguments
 from gcs_tools.preflight import arguments as preflight_arguments
+from gcs_tools.replay import arguments as replay_arguments
 from gcs_tools.resume import arguments as resume_arguments
 from gcs_tools.sensors import arguments as sensor_arguments
 from gcs_tools.service import arguments as service_arguments
@@ -46,6 +47,7 @@ COMMANDS: Final = (
     resume_arguments,
     doctor_arguments,
     sensor_arguments,
+    replay_arguments,
     identify_arguments,
     campaign_arguments,
     service_arguments,

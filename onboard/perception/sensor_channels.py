@@ -46,6 +46,10 @@ class SensorChannels:
         configs: of the sensors, each with a name of its own.
         poses: of the body.
         counters: count what is dropped.
+
+    Attributes:
+        frames_read: number of frames of each sensor, by name.
+        newest: the newest of them.
     """
 
     def __init__(
@@ -55,6 +59,8 @@ class SensorChannels:
         self._pending: dict[str, deque[_Waiting]] = {name: deque() for name in self._sensors}
         self._transforms: dict[str, deque[bytes]] = {name: deque() for name in self._sensors}
         self._counters = counters
+        self.frames_read: Counter[str] = Counter()
+        self.newest: dict[str, DetectionFrame] = {}
         self._said: set[Refusal] = set()
         self._news: list[Refusal] = []
 
@@ -133,6 +139,9 @@ class SensorChannels:
                 waiting, before = pending.popleft(), sensor.input.refused.copy()
                 frames = sensor.input.read(waiting.payload, epoch_unix_s + waiting.arrived_s)
                 self._count(name, before)
+                self.frames_read[name] += len(frames)
+                if frames:
+                    self.newest[name] = frames[-1]
                 yield from frames
 
     def take_news(self) -> list[Refusal]:

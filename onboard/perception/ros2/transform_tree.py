@@ -70,12 +70,13 @@ class TransformTree:
             parent, pose = self._parents[frame]
             if parent in found:  # a circle
                 break
-            found[parent] = _matrix(pose) @ found[frame]
+            found[parent] = matrix_of(pose) @ found[frame]
             frame = parent
         return found
 
 
-def _matrix(pose: PoseInFrame) -> FloatArray:
+def matrix_of(pose: PoseInFrame) -> FloatArray:
+    """Return a pose as (4, 4), which turns points of its frame into the frame that it is in."""
     x, y, z, w = pose.rotation
     matrix = np.eye(4)
     matrix[:3, :3] = (
