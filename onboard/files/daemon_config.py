@@ -9,7 +9,8 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, field_validator, model_validator
 
 from onboard.files.contract_file import InputSet, Positive
-from onboard.files.sensor_sources import AnySource
+from onboard.files.obstacle_outputs import ObstacleOutputs
+from onboard.files.sensor_sources import AnySource, MavlinkSource
 from onboard.files.yaml_file import FileModel, refuse_renamed_keys
 from onboard.files.zenoh_endpoints import ZenohEndpoints
 
@@ -42,6 +43,10 @@ class DaemonConfig(FileModel):
     zenoh: ZenohEndpoints = ZenohEndpoints(connect=(), listen=())
     sources: Annotated[tuple[AnySource, ...], Field(strict=False)] = Field(
         (), description="sensors besides those that publish detections as JSON"
+    )
+    outputs: ObstacleOutputs = Field(
+        ObstacleOutputs(obstacle_distance=None, markers=None),
+        description="where the obstacles in use are shown besides",
     )
     log_directory: FilePath | None = Field(
         None,
@@ -85,6 +90,17 @@ class DaemonConfig(FileModel):
             if names.count(name) > 1:
                 raise ValueError(f"{names.count(name)} sensors are called '{name}'")
         return sources
+
+    @model_validator(mode="after")
+    def _reads_no_output_of_its_own(self) -> DaemonConfig:
+        shown = self.outputs.obstacle_distance
+        reading = [each.name for each in self.sources if isinstance(each, MavlinkSource)]
+        if shown is not None and shown.through_autopilot and reading:
+            raise ValueError(
+                "outputs.obstacle_distance.through_autopilot: the sensor "
+                f"'{reading[0]}' would read it back"
+            )
+        return self
 
 
 def log_directory(base: Path, config: DaemonConfig, environment: Mapping[str, str]) -> Path:
