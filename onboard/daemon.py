@@ -20,10 +20,9 @@ import zenoh
 from onboard.autonomy import Autonomy
 from onboard.contract.assessment import TICK_S
 from onboard.files.contract_file import Contract
-from onboard.files.daemon_config import DaemonConfig
+from onboard.files.daemon_config import DaemonConfig, MarkerOutput
 from onboard.files.json_payload import MalformedPayloadError, parse
 from onboard.files.mission_file import Mission
-from onboard.files.obstacle_outputs import MarkerOutput
 from onboard.files.resume_payload import ResumeAnswer, ResumeCommand, ResumeReason
 from onboard.guidance.departure import Refusal, reason_of
 from onboard.mavlink.connections import Link, open_link

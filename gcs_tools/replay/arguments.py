@@ -25,6 +25,26 @@ def add_parser(commands: Any) -> None:
         metavar="F",
         help="onboard.yaml whose sources and contract count; default: every topic that can be read",
     )
+    _add_meaning(parser)
+    parser.add_argument(
+        "--format",
+        dest="form",
+        choices=("text", "json"),
+        default="text",
+        help="text for people (default); json for programs",
+    )
+    parser.add_argument(
+        "-o",
+        "--output",
+        type=Path,
+        metavar="FILE",
+        help="a flight log (.mcap), or the obstacles as a field (.yaml, .csv)",
+    )
+    parser.set_defaults(run=_run)
+
+
+def _add_meaning(parser: argparse.ArgumentParser) -> None:
+    """Add what the recording does not say by itself."""
     parser.add_argument(
         "--range",
         dest="range_m",
@@ -43,21 +63,6 @@ def add_parser(commands: Any) -> None:
         action="store_true",
         help="take the first stamp for the time of its arrival, as for stamps of a simulation",
     )
-    parser.add_argument(
-        "--format",
-        dest="form",
-        choices=("text", "json"),
-        default="text",
-        help="text for people (default); json for programs",
-    )
-    parser.add_argument(
-        "-o",
-        "--output",
-        type=Path,
-        metavar="FILE",
-        help="a flight log (.mcap), or the obstacles as a field (.yaml, .csv)",
-    )
-    parser.set_defaults(run=_run)
 
 
 def _run(options: argparse.Namespace) -> int:

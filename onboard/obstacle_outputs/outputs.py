@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterable
 from typing import NamedTuple
 
-from onboard.files.obstacle_outputs import ObstacleOutputs
+from onboard.files.daemon_config import ObstacleOutputs
 from onboard.mavlink.transmitter import Transmitter
 from onboard.obstacle_outputs.markers import markers
 from onboard.obstacle_outputs.sectors import sectors_cm

@@ -8,8 +8,7 @@ import pytest
 from pydantic import ValidationError
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from onboard.files.daemon_config import DaemonConfig
-from onboard.files.obstacle_outputs import ObstacleOutputs
+from onboard.files.daemon_config import DaemonConfig, ObstacleOutputs
 from onboard.mavlink.transmitter import Transmitter
 from onboard.obstacle_outputs.outputs import ObstaclePublisher, Shown
 from onboard.perception.ros2.cdr import CdrReader
