@@ -28,7 +28,9 @@ from gcs_tools.fly import arguments as fly_arguments
 from gcs_tools.identify import arguments as identify_arguments
 from gcs_tools.missions import arguments as mission_arguments
 from gcs_tools.preflight import arguments as preflight_arguments
+from gcs_tools.replay import arguments as replay_arguments
 from gcs_tools.resume import arguments as resume_arguments
+from gcs_tools.sensors import arguments as sensor_arguments
 from gcs_tools.service import arguments as service_arguments
 from gcs_tools.setup import arguments as init_arguments
 from gcs_tools.watch import arguments as watch_arguments
@@ -45,6 +47,8 @@ COMMANDS: Final = (
     watch_arguments,
     resume_arguments,
     doctor_arguments,
+    sensor_arguments,
+    replay_arguments,
     identify_arguments,
     campaign_arguments,
     benchmark_arguments,

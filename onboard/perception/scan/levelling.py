@@ -94,6 +94,29 @@ def mounting_rotation(mounting: Mounting) -> FloatArray:
     return rotation
 
 
+def mounting_of(base_from_sensor: FloatArray, axes: Axes) -> Mounting:
+    """Return the mounting of a sensor whose pose in the base is known.
+
+    Args:
+        base_from_sensor: (4, 4) from the sensor's own axes into forward, left, up of the body.
+        axes: of the sensor.
+
+    Raises:
+        ValueError: it is farther from the base than a mounting may be.
+    """
+    flip = FRD_FROM["flu"]
+    turn = flip @ base_from_sensor[:3, :3] @ FRD_FROM[axes].T
+    x_m, y_m, z_m = (float(value) for value in flip @ base_from_sensor[:3, 3])
+    return Mounting(
+        x_m=x_m,
+        y_m=y_m,
+        z_m=z_m,
+        roll_deg=math.degrees(math.atan2(turn[2, 1], turn[2, 2])),
+        pitch_deg=math.degrees(math.asin(min(max(-turn[2, 0], -1.0), 1.0))),
+        yaw_deg=math.degrees(math.atan2(turn[1, 0], turn[0, 0])),
+    )
+
+
 def mounting_offset_m(mounting: Mounting) -> FloatArray:
     """Return where the sensor is in the body, (3, 1)."""
     return np.array([[mounting.x_m], [mounting.y_m], [mounting.z_m]])
