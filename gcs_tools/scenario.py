@@ -14,6 +14,7 @@ from onboard.files.contract_file import Contract, FrozenSetpoint
 from onboard.files.daemon_config import FilePath
 from onboard.files.mission_file import Mission
 from onboard.files.obstacle_field import Obstacle, ObstacleField, ObstacleList, load_field
+from onboard.files.sensor_sources import AnySource
 from onboard.files.yaml_file import FileError, FileModel, load_yaml, read_mapping, validate
 from onboard.mavlink.profiles.registry import profile_named
 from sitl.autopilot.flavours.parameters import ideal_gains
@@ -76,6 +77,9 @@ class ScenarioFile(FileModel):
     faults: Annotated[tuple[Fault, ...], Field(strict=False)] = Field(
         (), description="faults to inject, in virtual time"
     )
+    sources: Annotated[tuple[AnySource, ...], Field(strict=False)] = Field(
+        (), description="of the daemon: its sensors besides those that publish detections as JSON"
+    )
     field_known: bool = Field(True, description="the pre-flight check knows the field")
     fly_outside_contract: bool = Field(
         False, description="fly even if the pre-flight check refuses; for tests"
@@ -96,6 +100,7 @@ class Scenario:
         field_known: whether the pre-flight check knows the field.
         fly_outside_contract: fly even if the pre-flight check refuses.
         expect: the expected outcome.
+        sources: sensors of the daemon besides those that publish JSON.
     """
 
     name: str
@@ -107,6 +112,7 @@ class Scenario:
     field_known: bool
     fly_outside_contract: bool
     expect: Expectation
+    sources: tuple[AnySource, ...] = ()
 
     def sitl_config(self, **live: Any) -> SitlConfig:
         """Return the SITL's configuration; ``live`` are the keys that the plant does not have.
@@ -151,6 +157,7 @@ def load_scenario(path: Path) -> Scenario:
         field_known=written.field_known,
         fly_outside_contract=written.fly_outside_contract,
         expect=written.expect,
+        sources=written.sources,
     )
     _require_mission_start(scenario, path)
     return scenario

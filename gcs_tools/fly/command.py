@@ -176,6 +176,7 @@ def _fly_virtual(
         obstacles=scenario.obstacles,
         seed=seed,
         faults=scenario.faults,
+        sources=scenario.sources,
         fly_outside_contract=fly_outside_contract,
     )
     try:

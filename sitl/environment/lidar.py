@@ -39,6 +39,11 @@ class ScannerConfig(FileModel):
         blind_sectors_deg: (from, to) about the sensor's axis, clockwise, without rays.
         cluster_gap_m: hits farther apart belong to different objects.
         points_min: clusters of fewer hits count as noise.
+        scan_time_s: from the first ray to the last, while the vehicle moves on; for formats other
+            than ``json``, whose scans take no time.
+        range_min_m: nearer than this nothing is measured; for the same formats.
+        lines: above one another, of a ``pointcloud2``.
+        lines_view_deg: from the lowest line to the highest.
     """
 
     resolution_deg: Annotated[float, Field(ge=0.05, le=10.0)] = 0.5
@@ -49,6 +54,10 @@ class ScannerConfig(FileModel):
     ] = ()
     cluster_gap_m: Annotated[float, Field(gt=0.0)] = 0.5
     points_min: Annotated[int, Field(ge=1)] = 2
+    scan_time_s: Annotated[float, Field(ge=0.0, le=1.0)] = 0.0
+    range_min_m: Annotated[float, Field(gt=0.0, le=2.0)] = 0.1
+    lines: Annotated[int, Field(ge=1, le=128)] = 8
+    lines_view_deg: Annotated[float, Field(ge=0.0, le=120.0)] = 40.0
 
 
 class View(NamedTuple):
@@ -159,25 +168,33 @@ def _nearest(boxes: list[SeenBox], point: Point) -> SeenBox | None:
 
 
 def ray_ranges_m(
-    origin_ned_m: Point, bearings_rad: FloatArray, field: ObstacleField, candidates: IndexArray
+    origin_ned_m: Point | FloatArray,
+    bearings_rad: FloatArray,
+    field: ObstacleField,
+    candidates: IndexArray,
 ) -> FloatArray:
     """Return the distance at which each ray first meets one of the boxes; ``inf`` if it does not.
 
     The slab method in each box's own axes; (R,) bearings and N boxes -> (R,).  A ray from inside a
     box meets it at once.
+
+    Args:
+        origin_ned_m: north and east of all rays, or (R, 2) of each.
+        bearings_rad: of the rays.
+        field: the boxes.
+        candidates: indices of those that a ray may meet.
     """
     yaw_rad = field.yaw_rad[candidates]
     cosine, sine = np.cos(yaw_rad), np.sin(yaw_rad)
-    offset = np.asarray(origin_ned_m) - field.center_ned_m[candidates]
-    start = np.stack(
-        (cosine * offset[:, 0] + sine * offset[:, 1], cosine * offset[:, 1] - sine * offset[:, 0])
-    )
+    origin_m = np.atleast_2d(np.asarray(origin_ned_m))[:, None, :]
+    north_m, east_m = np.moveaxis(origin_m - field.center_ned_m[candidates], 2, 0)
+    start = np.stack((cosine * north_m + sine * east_m, cosine * east_m - sine * north_m))
     relative = bearings_rad[:, None] - yaw_rad
     direction = np.stack((np.cos(relative), np.sin(relative)))
     half = field.half_size_m[candidates].T
     with np.errstate(divide="ignore", over="ignore", invalid="ignore"):
-        one = (-half[:, None, :] - start[:, None, :]) / direction
-        other = (half[:, None, :] - start[:, None, :]) / direction
+        one = (-half[:, None, :] - start) / direction
+        other = (half[:, None, :] - start) / direction
     enter = np.nan_to_num(np.minimum(one, other), nan=-np.inf).max(axis=0)
     leave = np.nan_to_num(np.maximum(one, other), nan=np.inf).min(axis=0)
     meets = (enter <= leave) & (leave >= 0.0)
