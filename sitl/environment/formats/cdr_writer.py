@@ -6,6 +6,7 @@ end in NUL, and their length counts it (OMG DDSI-RTPS 2.2, section 10; OMG CDR, 
 
 from __future__ import annotations
 
+import math
 import struct
 from typing import Final
 
@@ -45,8 +46,10 @@ class CdrWriter:
 
     def header(self, stamp_unix_s: float, frame_id: str) -> CdrWriter:
         """Append a std_msgs/Header."""
-        seconds, nanoseconds = divmod(round(stamp_unix_s * 1e9), 1_000_000_000)
-        return self.add("iI", seconds, nanoseconds).text(frame_id)
+        # All of it in nanoseconds would be too long a number for a float.
+        seconds = math.floor(stamp_unix_s)
+        carried, nanoseconds = divmod(round((stamp_unix_s - seconds) * 1e9), 1_000_000_000)
+        return self.add("iI", seconds + carried, nanoseconds).text(frame_id)
 
     def payload(self) -> bytes:
         """Return the whole message."""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -31,22 +30,6 @@ class BeamFan(NamedTuple):
     period_s: float
     range_min_m: float
     range_max_m: float
-
-
-class UprightBox(NamedTuple):
-    """A box of vision_msgs/Detection3DArray.
-
-    Attributes:
-        id: of its track.
-        center_m: forward, left, up from the sensor.
-        quaternion_xyzw: from its own axes to the sensor's.
-        size_m: along its own axes.
-    """
-
-    id: str
-    center_m: tuple[float, float, float]
-    quaternion_xyzw: tuple[float, float, float, float]
-    size_m: tuple[float, float, float]
 
 
 def laser_scan(stamp_unix_s: float, frame_id: str, fan: BeamFan, ranges_m: FloatArray) -> bytes:
@@ -97,14 +80,3 @@ def range_reading(
     """Return a sensor_msgs/Range, of Jazzy and later: with a variance, which is unknown."""
     writer = CdrWriter().header(stamp_unix_s, frame_id)
     return writer.add("Bfffff", _INFRARED, view_rad, *limits_m, range_m, 0.0).payload()
-
-
-def detections_3d(stamp_unix_s: float, frame_id: str, boxes: Sequence[UprightBox]) -> bytes:
-    """Return a vision_msgs/Detection3DArray; each box has one hypothesis, of the class obstacle."""
-    writer = CdrWriter().header(stamp_unix_s, frame_id).add("I", len(boxes))
-    for box in boxes:
-        pose = (*box.center_m, *box.quaternion_xyzw)
-        writer.header(stamp_unix_s, frame_id).add("I", 1).text("obstacle").add("d", 1.0)
-        writer.add("d" * 43, *pose, *([0.0] * 36))
-        writer.add("d" * 10, *pose, *box.size_m).text(box.id)
-    return writer.payload()

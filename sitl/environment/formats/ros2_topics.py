@@ -14,7 +14,7 @@ from pydantic import Field
 
 from onboard.files.yaml_file import FileModel
 
-Ros2Kind = Literal["laserscan", "pointcloud2", "range", "detection3d"]
+Ros2Kind = Literal["laserscan", "pointcloud2", "range"]
 
 # Type, and the hash of its definition (REP 2016) since Jazzy.
 _TYPES: Final[dict[Ros2Kind, tuple[str, str]]] = {
@@ -29,10 +29,6 @@ _TYPES: Final[dict[Ros2Kind, tuple[str, str]]] = {
     "range": (
         "sensor_msgs::msg::dds_::Range_",
         "RIHS01_b42b62562e93cbfe9d42b82fe5994dfa3d63d7d5c90a317981703f7388adff3a",
-    ),
-    "detection3d": (
-        "vision_msgs::msg::dds_::Detection3DArray_",
-        "RIHS01_793f5eab9595ac1c0da07873cc859db42eae51f0ee76056db8562515d830e018",
     ),
 }
 _GID_BYTES: Final = 16
