@@ -184,23 +184,41 @@ def ray_ranges_m(
         field: the boxes.
         candidates: indices of those that a ray may meet.
     """
-    yaw_rad = field.yaw_rad[candidates]
+    starts_m = np.atleast_2d(np.asarray(origin_ned_m))
+    ray, box = _pairs_that_may_meet(starts_m, bearings_rad, field, candidates)
+    yaw_rad = field.yaw_rad[box]
     cosine, sine = np.cos(yaw_rad), np.sin(yaw_rad)
-    origin_m = np.atleast_2d(np.asarray(origin_ned_m))[:, None, :]
-    north_m, east_m = np.moveaxis(origin_m - field.center_ned_m[candidates], 2, 0)
+    north_m, east_m = (starts_m[ray % len(starts_m)] - field.center_ned_m[box]).T
     start = np.stack((cosine * north_m + sine * east_m, cosine * east_m - sine * north_m))
-    relative = bearings_rad[:, None] - yaw_rad
+    relative = bearings_rad[ray] - yaw_rad
     direction = np.stack((np.cos(relative), np.sin(relative)))
-    half = field.half_size_m[candidates].T
+    half = field.half_size_m[box].T
     with np.errstate(divide="ignore", over="ignore", invalid="ignore"):
-        one = (-half[:, None, :] - start) / direction
-        other = (half[:, None, :] - start) / direction
+        one = (-half - start) / direction
+        other = (half - start) / direction
     enter = np.nan_to_num(np.minimum(one, other), nan=-np.inf).max(axis=0)
     leave = np.nan_to_num(np.maximum(one, other), nan=np.inf).min(axis=0)
     meets = (enter <= leave) & (leave >= 0.0)
-    distance = np.where(meets, np.maximum(enter, 0.0), np.inf)
-    nearest: FloatArray = distance.min(axis=1, initial=np.inf)
+    nearest: FloatArray = np.full(len(bearings_rad), np.inf)
+    np.minimum.at(nearest, ray[meets], np.maximum(enter[meets], 0.0))
     return nearest
+
+
+def _pairs_that_may_meet(
+    starts_m: FloatArray, bearings_rad: FloatArray, field: ObstacleField, candidates: IndexArray
+) -> tuple[IndexArray, IndexArray]:
+    """Return each ray with each box whose circumscribed circle it may meet; few of them do."""
+    offset_m = field.center_ned_m[candidates] - starts_m[0]
+    away_m = np.hypot(offset_m[:, 0], offset_m[:, 1])
+    spread_m = float(np.hypot(*(starts_m - starts_m[0]).T).max())
+    reach_m = np.hypot(*field.half_size_m[candidates].T) + spread_m + _CLOSE_M
+    aside = np.minimum(reach_m / np.maximum(away_m, 1e-9), 1.0)
+    # Within this angle of the middle; from within the circle, in any direction.
+    least = np.where(aside < 1.0, np.sqrt(1.0 - aside**2), -2.0)
+    rays = np.column_stack((np.cos(bearings_rad), np.sin(bearings_rad)))
+    toward = offset_m / np.maximum(away_m, 1e-9)[:, None]
+    ray, among = np.nonzero(rays @ toward.T >= least)
+    return ray, candidates[among]
 
 
 def enclosing_box(points_m: FloatArray) -> tuple[Point, Point, float]:
