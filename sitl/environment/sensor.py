@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 import random
 from collections import deque
-from typing import Annotated, Any, Literal, NamedTuple
+from typing import Annotated, Any, Final, Literal, NamedTuple
 
 from pydantic import Field, model_validator
 from pydantic_core import to_json
@@ -27,6 +27,7 @@ Point = tuple[float, float]
 Format = Literal[
     "json", "laserscan", "pointcloud2", "range", "obstacle_distance", "distance_sensor"
 ]
+OVER_MAVLINK: Final[frozenset[Format]] = frozenset(("obstacle_distance", "distance_sensor"))
 
 
 class SensorFault(FileModel):

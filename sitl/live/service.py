@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import gc
 import logging
 import signal
 import time
@@ -185,6 +186,9 @@ async def serve(config: SitlConfig) -> None:
     # Closing the terminal must not end a flight.
     loop.add_signal_handler(signal.SIGHUP, lambda: log.info("SIGHUP ignored"))
     simulators = [LiveSimulator(one, field) for one in config.each()]
+    # What stays for good need not be looked through again and again, which takes 0.1 s.
+    gc.collect()
+    gc.freeze()
     with _session(config.zenoh) as session:
         await _run_all(simulators, stop, session)
     log.info("stopped")

@@ -293,6 +293,7 @@ EDITS: Final[dict[FaultKind, Callable[[dict[str, Any], float, Viewpoint], None]]
     "sensor_clock_ahead": _set_clock_ahead,
     "sensor_clock_skewed": _skew_clock,
 }
+CHANGES_JSON: Final[frozenset[FaultKind]] = frozenset((*EDITS, "detections_nan"))
 KINDS: Final[frozenset[FaultKind]] = frozenset(
     (*DetectionFaults.REPLACEMENTS, *EDITS, "detections_out_of_order", "detections_late")
 )

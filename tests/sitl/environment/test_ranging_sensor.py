@@ -206,7 +206,7 @@ def test_the_daemon_sees_the_pillar_where_it_is(publishes: str) -> None:
     bearings_rad = np.linspace(-math.pi, math.pi, 3601)
     place_m = pose.position_ned_m[:2]
     true_m = float(ray_ranges_m(place_m, bearings_rad, PILLAR, np.arange(1)).min())
-    # A box encloses what was seen of two faces, or a sector; sectors and cones are of the tilted body.
+    # A box encloses what was seen of two faces, or a sector, which is of the tilted body.
     assert -0.25 < nearest_m(frame) - true_m < 0.06
 
 
