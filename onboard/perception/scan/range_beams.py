@@ -72,15 +72,15 @@ def levelled_beams(
 ) -> LevelledBeams:
     """Return ranges as beams in the levelled body.
 
-    A range below the limits, or NaN, is no measurement: nothing is known there.  One above them
-    says that nothing returned: free space only as far as ``config`` declares it.  What lies above
-    or below the height band is neither obstacle nor free.
+    A range below the limits, or NaN, tells nothing; one above them tells of free space as far as
+    ``config`` declares it.  What lies outside of the height band is neither obstacle nor free.
 
     Args:
         ranges_m: (n,) of every beam.
         limits_m: between which ranges are measurements.
         directions: of the beams that are looked at.
-        motion, down_m: of the body for these beams, and in local NED at the reference time.
+        motion: of the body, for these beams.
+        down_m: of the body in local NED.
         config: of the sensor.
     """
     ranges_m = ranges_m[directions.used]
@@ -90,7 +90,6 @@ def levelled_beams(
     point_m = origin_m[:2] + np.where(measured, ranges_m, 0.0) * ray[:2]
     own = np.hypot(point_m[0], point_m[1]) < config.own_radius_m
     blocked = np.where(measured, own, ~silent)
-    # Along the ground, from here on.
     band_m = band_above_ground_m(config, down_m)
     limit_m = np.minimum(_band_exit_m(origin_m[2], ray[2], band_m) * flat, config.range_m)
     along_m = np.where(measured, ranges_m * flat, config.no_return_is_free_to_m or 0.0)
