@@ -161,6 +161,7 @@ def fly_case(case: FlightCase) -> Evidence:
             obstacles=scenario.obstacles,
             seed=case.seed,
             faults=scenario.faults,
+            sources=scenario.sources,
             fly_outside_contract=scenario.fly_outside_contract,
             time_limit_s=_time_limit_s(scenario),
         )

@@ -157,6 +157,7 @@ def _onboard_configuration(
             telemetry_timeout_s=TELEMETRY_TIMEOUT_S,
         ),
         zenoh=ZenohEndpoints(connect=(endpoints.sitl_zenoh,), listen=(endpoints.daemon_zenoh,)),
+        sources=scenario.sources,
         log_directory=Path(),
         log_file=Path("flight.mcap"),
         fly_outside_contract=fly_outside_contract,

@@ -73,6 +73,9 @@ class SensorSource(FileModel):
     height_band_m: Annotated[tuple[Metres, Metres], Field(strict=False)] = Field(
         (1.0, 1.0), description="above, below the vehicle: the heights that every obstacle spans"
     )
+    ground_margin_m: Annotated[float, Field(ge=0.0, le=10.0)] = Field(
+        0.5, description="what is lower than this above the point of take-off is the ground"
+    )
     own_radius_m: Annotated[float, Field(ge=0.0, le=5.0)] = Field(
         0.3, description="what is nearer than this is the vehicle itself"
     )

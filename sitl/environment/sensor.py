@@ -10,18 +10,24 @@ from __future__ import annotations
 import math
 import random
 from collections import deque
-from typing import Annotated, Any, Literal, NamedTuple
+from typing import Annotated, Any, Final, Literal, NamedTuple
 
-from pydantic import Field
+from pydantic import Field, model_validator
 from pydantic_core import to_json
 
 from onboard.files.obstacle_field import ObstacleField
+from onboard.files.sensor_sources import Mounting
 from onboard.files.yaml_file import FileModel
+from sitl.environment.formats.ros2_topics import Ros2Topic
 from sitl.environment.lidar import RangeScanner, ScannerConfig, SeenBox, View
 from sitl.environment.world import Neighbourhood
 from sitl.plant.truth import VehicleTruth
 
 Point = tuple[float, float]
+Format = Literal[
+    "json", "laserscan", "pointcloud2", "range", "obstacle_distance", "distance_sensor"
+]
+OVER_MAVLINK: Final[frozenset[Format]] = frozenset(("obstacle_distance", "distance_sensor"))
 
 
 class SensorFault(FileModel):
@@ -49,6 +55,11 @@ class SensorConfig(FileModel):
 
     Attributes:
         source: name of the sensor in its frames.
+        publishes: ``json``: boxes; ``laserscan``, ``pointcloud2``, ``range``: what its rays meet,
+            as ROS 2; ``obstacle_distance``, ``distance_sensor``: over MAVLink, by the autopilot.
+            These come from a ``scanner``, by default one without errors.
+        ros2: where a sensor that speaks ROS 2 publishes.
+        mounting: of a sensor that speaks another format than ``json``, which is levelled.
         scanner: configuration of a scanning range finder; null for the ideal detector.
         yaw_deg: direction of its axis in the body, clockwise from forward.
         noise_m: greatest error of centres along each axis (uniform); ideal model only.
@@ -62,6 +73,9 @@ class SensorConfig(FileModel):
     """
 
     source: Annotated[str, Field(pattern=r"^[A-Za-z0-9_-]+$")] = "front"
+    publishes: Format = "json"
+    ros2: Ros2Topic = Ros2Topic()
+    mounting: Mounting = Mounting()
     range_m: Annotated[float, Field(gt=0.0)] = 12.0
     field_of_view_deg: Annotated[float, Field(gt=0.0, le=360.0)] = 120.0
     yaw_deg: float = 0.0
@@ -74,6 +88,24 @@ class SensorConfig(FileModel):
     placed_by: Literal["pose", "position"] = "pose"
     scanner: ScannerConfig | None = None
     faults: Annotated[tuple[SensorFault, ...], Field(strict=False)] = ()
+
+    @model_validator(mode="after")
+    def _mounted_one_way(self) -> SensorConfig:
+        if self.publishes == "json" and self.mounting != Mounting():
+            raise ValueError("mounting is for other formats than publishes: json; see yaw_deg")
+        if self.publishes != "json" and self.yaw_deg:
+            raise ValueError(f"publishes: {self.publishes} is turned by mounting.yaw_deg")
+        if self.publishes in ("range", "distance_sensor") and self.field_of_view_deg >= 180.0:
+            raise ValueError(
+                f"field_of_view_deg [deg] = {self.field_of_view_deg:g} of publishes: "
+                f"{self.publishes} must be less than 180: it is one cone"
+            )
+        return self
+
+    @property
+    def beams(self) -> ScannerConfig:
+        """Its rays, where it does not publish boxes."""
+        return self.scanner or ScannerConfig()
 
 
 class _Known(NamedTuple):

@@ -248,6 +248,10 @@ class Autopilot:
         for peer in self._peers.values():
             peer.link.send(message)
 
+    def send_ranges(self, message: Any) -> None:
+        """Send what an obstacle sensor measured on every link."""
+        self._broadcast(message)
+
     # --- routing --------------------------------------------------------------------------
 
     def _is_from_self(self, message: Any) -> bool:

@@ -14,7 +14,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from onboard.files.sensor_sources import Axes, Mounting
+from onboard.files.sensor_sources import Axes, Mounting, SensorSource
 from onboard.geometry.frames import FloatArray
 from onboard.vehicle_state import Pose
 
@@ -24,6 +24,9 @@ FRD_FROM: Final[dict[Axes, FloatArray]] = {
     "flu": np.diag([1.0, -1.0, -1.0]),
     "optical": np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]),
 }
+
+# Less than a vehicle stands high.
+_BAND_MIN_M: Final = 0.1
 
 
 @dataclass(frozen=True, eq=False)
@@ -120,6 +123,19 @@ def mounting_of(base_from_sensor: FloatArray, axes: Axes) -> Mounting:
 def mounting_offset_m(mounting: Mounting) -> FloatArray:
     """Return where the sensor is in the body, (3, 1)."""
     return np.array([[mounting.x_m], [mounting.y_m], [mounting.z_m]])
+
+
+def band_above_ground_m(config: SensorSource, down_m: float) -> tuple[float, float]:
+    """Return the heights above and below the vehicle that are looked at, without the ground.
+
+    Near the ground the band ends just below the vehicle: a level beam still counts.
+
+    Args:
+        config: of the sensor.
+        down_m: of the vehicle in local NED, whose origin is on the ground.
+    """
+    above_m, below_m = config.height_band_m
+    return above_m, min(below_m, max(-down_m - config.ground_margin_m, _BAND_MIN_M))
 
 
 def in_sectors(
