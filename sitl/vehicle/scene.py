@@ -32,6 +32,7 @@ class Scene:
     Attributes:
         vehicle: plant and autopilot.
         world: clearance and collisions.
+        sensors: one for each that is configured.
         start_unix_s: time of day at simulation time zero.
     """
 
@@ -52,14 +53,17 @@ class Scene:
         self.start_unix_s = start_unix_s
         self.vehicle = SimulatedVehicle(config, config.seed, start_unix_s, ticks_per_decision)
         self.world = World(field, config.multirotor.radius_m)
-        self._sensors = [
+        self.sensors = [
             ObstacleSensor(
                 sensor, field, config.seed, start_unix_s, ideal=config.realism == "ideal"
             )
             for sensor in config.sensors
         ]
         tracking = config.tracking
-        self._pinned = PinnedError(tracking.error_m or 0.0) if tracking.toward_obstacle else None
+        self._pinned = None
+        if tracking.toward_obstacle:
+            self._pinned = PinnedError(tracking.error_m or 0.0, tracking.seen_late_s)
+        self._velocity_error_mps = tracking.velocity_error_mps
         self._detections: list[Detection] = []
         self._pinned_s = 0.0
         self._departed = False
@@ -92,17 +96,28 @@ class Scene:
         else:
             self._departed = False
             error.forget()
+            self.vehicle.velocity_error_ned_mps = (0.0, 0.0)
             self.vehicle.pin_tracking_error(error.north_m, error.east_m)
         if self._departed and commander.airborne:
             toward = self.world.toward_nearest(truth.position_ned_m)
-            error.advance(toward, truth.time_s - self._pinned_s)
+            passed_s = truth.time_s - self._pinned_s
+            error.advance(toward, passed_s, self.vehicle.wanted_velocity_ned_mps)
             self.vehicle.pin_tracking_error(error.north_m, error.east_m)
+            self.vehicle.velocity_error_ned_mps = self._velocity_error_ned_mps(toward)
         self._pinned_s = truth.time_s
+
+    def _velocity_error_ned_mps(self, toward: tuple[float, float]) -> tuple[float, float]:
+        """Return the velocity error: along the nose, and across it toward an obstacle."""
+        along_mps, across_mps = self._velocity_error_mps
+        yaw_rad = self.vehicle.truth.yaw_rad
+        cosine, sine = math.cos(yaw_rad), math.sin(yaw_rad)
+        across_mps = math.copysign(across_mps, cosine * toward[1] - sine * toward[0])
+        return cosine * along_mps - sine * across_mps, sine * along_mps + cosine * across_mps
 
     def _observe(self) -> None:
         truth, estimate = self.vehicle.truth, self.vehicle.estimate
         self.world.observe(truth.position_ned_m)
-        for sensor in self._sensors:
+        for sensor in self.sensors:
             for payload in sensor.sense(truth.time_s, truth, estimate):
                 self._detections.append(Detection(sensor.config.source, payload))
-        self._due_s = min((sensor.due_s for sensor in self._sensors), default=math.inf)
+        self._due_s = min((sensor.due_s for sensor in self.sensors), default=math.inf)
