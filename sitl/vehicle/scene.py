@@ -64,6 +64,7 @@ class Scene:
         if tracking.toward_obstacle:
             self._pinned = PinnedError(tracking.error_m or 0.0, tracking.seen_late_s)
         self._velocity_error_mps = tracking.velocity_error_mps
+        self._kinematic = tracking.kinematic
         self._detections: list[Detection] = []
         self._pinned_s = 0.0
         self._departed = False
@@ -95,16 +96,30 @@ class Scene:
             self._departed |= truth.ground_speed_mps > _DEPARTED_MPS
         else:
             self._departed = False
-            error.forget()
+            error.forget(*self._own_error_m())
             self.vehicle.velocity_error_ned_mps = (0.0, 0.0)
             self.vehicle.pin_tracking_error(error.north_m, error.east_m)
         if self._departed and commander.airborne:
             toward = self.world.toward_nearest(truth.position_ned_m)
             passed_s = truth.time_s - self._pinned_s
-            error.advance(toward, passed_s, self.vehicle.wanted_velocity_ned_mps)
+            estimated = self.vehicle.autopilot.estimator.error
+            error.advance(
+                toward,
+                passed_s,
+                self.vehicle.wanted_velocity_ned_mps,
+                (estimated.north_m, estimated.east_m),
+            )
             self.vehicle.pin_tracking_error(error.north_m, error.east_m)
             self.vehicle.velocity_error_ned_mps = self._velocity_error_ned_mps(toward)
+        elif commander.mode is Mode.OFFBOARD and self._kinematic:
+            error.forget(*self._own_error_m())
+            self.vehicle.pin_tracking_error(error.north_m, error.east_m)
         self._pinned_s = truth.time_s
+
+    def _own_error_m(self) -> tuple[float, float]:
+        """Return where the kinematic plant is without any further error: its estimate is exact."""
+        error = self.vehicle.autopilot.estimator.error
+        return (-error.north_m, -error.east_m) if self._kinematic else (0.0, 0.0)
 
     def _velocity_error_ned_mps(self, toward: tuple[float, float]) -> tuple[float, float]:
         """Return the velocity error: along the nose, and across it toward an obstacle."""

@@ -24,6 +24,7 @@ _SCANNER_ERROR_MIN_M: Final = 0.08
 _SCANNER_RESOLUTION_DEG: Final = 0.2
 # Of the face error, where the estimate of the position errs; its faces have the rest.
 _POSE_SHARE: Final = 0.3
+_POSE_MOVES: Final = 0.1
 
 
 def strategy_of(genes: Genes, contract: Contract) -> str:
@@ -56,7 +57,8 @@ def adversary_plant(
             },
             "tracking": {
                 "toward_obstacle": True,
-                "error_m": max(USED * vehicle.tracking_error_m - pose_m, 0.0),
+                # The error of the estimate moves on until it is seen.
+                "error_m": max(USED * vehicle.tracking_error_m - _POSE_MOVES * pose_m, 0.0),
                 "kinematic": True,
                 "velocity_error_mps": [_USED_OF_SPEEDS * along_mps, _USED_OF_SPEEDS * across_mps],
                 "seen_late_s": SEEN_LATE_S,
