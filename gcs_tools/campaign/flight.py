@@ -281,14 +281,23 @@ def _row(
         threaded=result.threaded,
         pauses=result.pauses,
         rest_margin_min_m=result.rest_margin_min_m,
-        genes="" if case.adversary is None else genes_text(case.adversary.genes),
-        least_margin_m=None if margin is None else margin.metres,
-        least_margin_of="" if margin is None else margin.promise,
-        shares=shares_text(shares) if shares else "",
+        **_adversary_columns(case, margin, shares or {}),
         **_contract_columns(case, assessment),
         virtual_s=time_s[0],
         wall_s=time_s[1],
     )
+
+
+def _adversary_columns(
+    case: FlightCase, margin: Margin | None, shares: Mapping[str, float]
+) -> dict[str, Any]:
+    """Return the columns about an adversary; empty without one."""
+    return {
+        "genes": "" if case.adversary is None else genes_text(case.adversary.genes),
+        "least_margin_m": None if margin is None else margin.metres,
+        "least_margin_of": "" if margin is None else margin.promise,
+        "shares": shares_text(shares) if shares else "",
+    }
 
 
 def _contract_columns(case: FlightCase, assessment: Assessment) -> dict[str, Any]:

@@ -43,22 +43,7 @@ def follow(
     """
     wanted = ahead(setpoint, age_s + passed_s)
     n, e, d, *_ = flight.values[STATE]
-    vn, ve, vd = (
-        0.0 if math.isnan(value) else value
-        for value in (
-            wanted.velocity_north_mps,
-            wanted.velocity_east_mps,
-            wanted.velocity_down_mps,
-        )
-    )
-    an, ae, ad = (
-        0.0 if math.isnan(value) else value
-        for value in (
-            wanted.acceleration_north_mps2,
-            wanted.acceleration_east_mps2,
-            wanted.acceleration_down_mps2,
-        )
-    )
+    vn, ve, vd, an, ae, ad = (0.0 if math.isnan(value) else value for value in wanted[3:9])
     position = (
         n + vn * passed_s if math.isnan(wanted.north_m) else wanted.north_m,
         e + ve * passed_s if math.isnan(wanted.east_m) else wanted.east_m,

@@ -14,8 +14,8 @@ from sitl.environment.detector_errors import FaceStrategy
 
 # Of each error that the service monitors: a hair less, so that round-off does not exceed it.
 USED: Final = 0.9995
-# Of the velocity errors: the velocity of a setpoint changes within a tick.
-_USED_OF_SPEEDS: Final = 0.985
+# Of the velocity errors: an error of the heading turns one into the other.
+_USED_OF_SPEEDS: Final = 0.97
 # The service takes a pose for this much younger than it is (`sitl.virtual.simulation`).
 SEEN_LATE_S: Final = 0.01
 _STRATEGIES: Final[tuple[FaceStrategy, ...]] = get_args(FaceStrategy)

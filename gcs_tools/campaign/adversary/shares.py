@@ -11,7 +11,6 @@ from dataclasses import dataclass
 from gcs_tools.campaign.adversary.contract import EMPTY_FRAMES
 from gcs_tools.campaign.adversary.plant import timing_error_m
 from gcs_tools.campaign.oracles.evidence import Evidence, given, in_leg
-from onboard.guidance.phases import FLYING_PHASES
 from sitl.virtual.simulation import Simulation
 
 
@@ -75,14 +74,19 @@ def _placing_m(evidence: Evidence) -> float:
 def _velocity_shares(evidence: Evidence) -> dict[str, float]:
     along_max_mps, across_max_mps = evidence.case.scenario.contract.vehicle.velocity_error_mps
     along_mps = across_mps = 0.0
+    cruised = False
     for state, truth in zip(evidence.states, evidence.truth.truths, strict=True):
         wanted = state.reference_velocity_ned_mps
         flown = truth.velocity_ned_mps
-        if state.phase not in FLYING_PHASES or None in (wanted, flown, state.leg_heading_rad):
+        # The bound holds in cruise, outside of every region (paper, "Velocity Tracking Error").
+        if not state.cruising or None in (wanted, flown, state.leg_heading_rad):
             continue
+        cruised = True
         error = [a - b for a, b in zip(given(flown), given(wanted), strict=True)]
         along, across = in_leg(error, given(state.leg_heading_rad))
         along_mps, across_mps = max(along_mps, abs(along)), max(across_mps, abs(across))
+    if not cruised:
+        return {}
     return {
         "velocity_along": along_mps / along_max_mps,
         "velocity_across": across_mps / across_max_mps,
