@@ -18,6 +18,12 @@ from pydantic_core import to_json
 from onboard.files.obstacle_field import ObstacleField
 from onboard.files.sensor_sources import Mounting
 from onboard.files.yaml_file import FileModel
+from sitl.environment.detector_errors import (
+    EXACT,
+    Confirmation,
+    DetectorErrorConfig,
+    face_errors,
+)
 from sitl.environment.formats.ros2_topics import Ros2Topic
 from sitl.environment.lidar import RangeScanner, ScannerConfig, SeenBox, View
 from sitl.environment.world import Neighbourhood
@@ -70,6 +76,7 @@ class SensorConfig(FileModel):
         frame: frame of the reported boxes; ``body_frd`` is levelled, turned by yaw only.
         placed_by: what of the autopilot's estimate places boxes in ``local_ned``: its ``pose``, as
             a bridge on the vehicle does, or its ``position``, where bearings are known otherwise.
+        errors: how faces err by face_noise_m, and which boxes are missing; ideal model only.
     """
 
     source: Annotated[str, Field(pattern=r"^[A-Za-z0-9_-]+$")] = "front"
@@ -86,6 +93,7 @@ class SensorConfig(FileModel):
     uncertainty_m: Annotated[float, Field(ge=0.0)] = 0.05
     frame: Literal["local_ned", "body_frd"] = "local_ned"
     placed_by: Literal["pose", "position"] = "pose"
+    errors: DetectorErrorConfig = EXACT
     scanner: ScannerConfig | None = None
     faults: Annotated[tuple[SensorFault, ...], Field(strict=False)] = ()
 
@@ -140,7 +148,13 @@ class _Known(NamedTuple):
 
 
 class ObstacleSensor:
-    """Measure at its rate and hand out each frame after its latency; no clock, no I/O."""
+    """Measure at its rate and hand out each frame after its latency; no clock, no I/O.
+
+    Attributes:
+        config: as given.
+        face_error_max_m: greatest error of a face so far, ideal model only.
+        confirmation: which obstacles in view were not reported.
+    """
 
     def __init__(
         self,
@@ -153,9 +167,10 @@ class ObstacleSensor:
     ) -> None:
         """Set up; ``ideal`` selects the meaning of a null ``face_noise_m``."""
         self.config = config
-        self._face_noise_m = config.face_noise_m
-        if self._face_noise_m is None:
-            self._face_noise_m = 0.0 if ideal else max(config.uncertainty_m - config.noise_m, 0.0)
+        self.face_error_max_m = 0.0
+        self.confirmation = Confirmation(config.errors)
+        rest_m = 0.0 if ideal else max(config.uncertainty_m - config.noise_m, 0.0)
+        self._face_noise_m = rest_m if config.face_noise_m is None else config.face_noise_m
         self._field = field
         self._neighbourhood = Neighbourhood(field)
         self._known: dict[int, _Known] = {}
@@ -223,7 +238,8 @@ class ObstacleSensor:
     def _boxes(self, truth: VehicleTruth, range_m: float) -> list[SeenBox]:
         """What is seen now, in local NED."""
         if self._scanner is None:
-            return [self._ideal(index) for index in self._visible(truth, range_m)]
+            visible = self.confirmation.reported(self._visible(truth, range_m), self._sequence)
+            return [self._ideal(index, truth) for index in visible]
         here = (truth.position_ned_m[0], truth.position_ned_m[1])
         view = View(
             here,
@@ -257,7 +273,7 @@ class ObstacleSensor:
             self._known[index] = _Known(box, _corners_ned_m(box), math.hypot(*box.size_m) / 2.0)
         return self._known[index]
 
-    def _ideal(self, index: int) -> SeenBox:
+    def _ideal(self, index: int, truth: VehicleTruth) -> SeenBox:
         box, noise_m = self._of_field(index).box, self.config.noise_m
         north_m, east_m = (
             coordinate_m + self._noise.uniform(-noise_m, noise_m)
@@ -265,13 +281,16 @@ class ObstacleSensor:
         )
         if not self._face_noise_m:
             return SeenBox(box.id, (north_m, east_m), box.size_m, box.yaw_rad)
-        return self._with_faces_off(box, (north_m, east_m), self._face_noise_m)
+        distance_m = math.dist(box.center_ned_m, truth.position_ned_m[:2])
+        return self._with_faces_off(box, (north_m, east_m), distance_m)
 
-    def _with_faces_off(self, box: SeenBox, center_ned_m: Point, noise_m: float) -> SeenBox:
+    def _with_faces_off(self, box: SeenBox, center_ned_m: Point, distance_m: float) -> SeenBox:
         """Move each of the four faces outwards or inwards."""
-        front_m, back_m, right_m, left_m = (
-            self._noise.uniform(-noise_m, noise_m) for _ in range(4)
+        off = face_errors(
+            self.config.errors, self._face_noise_m, self._sequence, distance_m, self._noise
         )
+        self.face_error_max_m = max(self.face_error_max_m, *map(abs, off))
+        front_m, back_m, right_m, left_m = off
         shift = _turned(((front_m - back_m) / 2.0, (right_m - left_m) / 2.0), box.yaw_rad)
         length_m, width_m = box.size_m
         size_m = (max(length_m + front_m + back_m, 0.0), max(width_m + right_m + left_m, 0.0))

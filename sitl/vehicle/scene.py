@@ -26,6 +26,7 @@ class Scene:
     Attributes:
         vehicle: plant and autopilot.
         world: clearance and collisions.
+        sensors: one for each that is configured.
         start_unix_s: time of day at simulation time zero.
     """
 
@@ -47,7 +48,7 @@ class Scene:
         self.vehicle = SimulatedVehicle(config, config.seed, start_unix_s, ticks_per_decision)
         self.world = World(field, config.multirotor.radius_m)
         ideal = config.realism == "ideal"
-        self._detectors = [
+        self.detectors = [
             ObstacleSensor(sensor, field, config.seed, start_unix_s, ideal=ideal)
             for sensor in config.sensors
             if sensor.publishes == "json"
@@ -58,7 +59,11 @@ class Scene:
             if sensor.publishes != "json"
         ]
         tracking = config.tracking
-        self._pinned = PinnedError(tracking.error_m or 0.0) if tracking.toward_obstacle else None
+        self._pinned = None
+        if tracking.toward_obstacle:
+            self._pinned = PinnedError(tracking.error_m or 0.0, tracking.seen_late_s)
+        self._velocity_error_mps = tracking.velocity_error_mps
+        self._kinematic = tracking.kinematic
         self._detections: list[ZenohMessage] = []
         self._pinned_s = 0.0
         self._departed = False
@@ -95,18 +100,43 @@ class Scene:
             self._departed |= truth.ground_speed_mps > _DEPARTED_MPS
         else:
             self._departed = False
-            error.forget()
+            error.forget(*self._own_error_m())
+            self.vehicle.velocity_error_ned_mps = (0.0, 0.0)
             self.vehicle.pin_tracking_error(error.north_m, error.east_m)
         if self._departed and commander.airborne:
             toward = self.world.toward_nearest(truth.position_ned_m)
-            error.advance(toward, truth.time_s - self._pinned_s)
+            passed_s = truth.time_s - self._pinned_s
+            estimated = self.vehicle.autopilot.estimator.error
+            error.advance(
+                toward,
+                passed_s,
+                self.vehicle.wanted_velocity_ned_mps,
+                (estimated.north_m, estimated.east_m),
+            )
+            self.vehicle.pin_tracking_error(error.north_m, error.east_m)
+            self.vehicle.velocity_error_ned_mps = self._velocity_error_ned_mps(toward)
+        elif commander.mode is Mode.OFFBOARD and self._kinematic:
+            error.forget(*self._own_error_m())
             self.vehicle.pin_tracking_error(error.north_m, error.east_m)
         self._pinned_s = truth.time_s
+
+    def _own_error_m(self) -> tuple[float, float]:
+        """Return where the kinematic plant is without any further error: its estimate is exact."""
+        error = self.vehicle.autopilot.estimator.error
+        return (-error.north_m, -error.east_m) if self._kinematic else (0.0, 0.0)
+
+    def _velocity_error_ned_mps(self, toward: tuple[float, float]) -> tuple[float, float]:
+        """Return the velocity error: along the nose, and across it toward an obstacle."""
+        along_mps, across_mps = self._velocity_error_mps
+        yaw_rad = self.vehicle.truth.yaw_rad
+        cosine, sine = math.cos(yaw_rad), math.sin(yaw_rad)
+        across_mps = math.copysign(across_mps, cosine * toward[1] - sine * toward[0])
+        return cosine * along_mps - sine * across_mps, sine * along_mps + cosine * across_mps
 
     def _observe(self) -> None:
         truth, estimate = self.vehicle.truth, self.vehicle.estimate
         self.world.observe(truth.position_ned_m)
-        for detector in self._detectors:
+        for detector in self.detectors:
             for payload in detector.sense(truth.time_s, truth, estimate):
                 self._detections.append(ZenohMessage(detector.config.source, payload))
         for ranging in self._ranging:
@@ -115,5 +145,5 @@ class Scene:
                     self.vehicle.autopilot.send_ranges(message.message)
                 else:
                     self._detections.append(message)
-        due_s = [one.due_s for one in self._detectors] + [one.due_s for one in self._ranging]
+        due_s = [one.due_s for one in self.detectors] + [one.due_s for one in self._ranging]
         self._due_s = min(due_s, default=math.inf)

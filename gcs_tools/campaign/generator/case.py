@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Final
 
+from gcs_tools.campaign.generator.allowances import Adversary
 from gcs_tools.scenario import Outcome, Scenario
 
 NO_FAULT: Final = "none"
@@ -24,6 +25,9 @@ class FlightCase:
         expectation: check the flight against its scenario file's ``expect``, too.
         refusable: the field was drawn without regard to the contract, so that a refusal by the
             pre-flight check is not a finding.
+        time_limit_s: the flight is cut off there, wherever the vehicle is; None: it has to come to
+            rest within a time that follows from its mission.
+        adversary: who uses the contract's allowances; None for a flight without one.
     """
 
     scenario: Scenario
@@ -34,6 +38,8 @@ class FlightCase:
     covered: bool = True
     expectation: bool = False
     refusable: bool = False
+    time_limit_s: float | None = None
+    adversary: Adversary | None = None
 
 
 @dataclass(frozen=True)
