@@ -8,6 +8,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
+from onboard.geometry.frames import FloatArray
 from onboard.perception.line_of_sight import View, seen_free
 from onboard.perception.view_sector import Sectors
 
@@ -29,8 +30,9 @@ def test_no_cell_that_is_shown_is_left_out(
     half = min(math.floor(1.1 * range_m / CELL_M), 27)
     window = slice(27 - half, 28 + half)
     sector = Sectors(CELL_M).around(view, corner, window, window)
-    middles = np.arange(window.start, window.stop) + 0.5
-    xs_m, ys_m = ((middles + low) * CELL_M for low in corner)
+    middles = np.arange(window.start, window.stop, dtype=np.float64) + 0.5
+    xs_m: FloatArray = (middles + corner[0]) * CELL_M
+    ys_m: FloatArray = (middles + corner[1]) * CELL_M
     i, j = np.nonzero(np.ones_like(sector))
     shown = seen_free(view, xs_m[i], ys_m[j], CELL_M)
     assert sector[i[shown], j[shown]].all()
