@@ -52,9 +52,9 @@ class FreeGrid:
         # Compared as floats, so that what is not finite is outside, on every processor.
         inside = (first_i >= 0) & (first_j >= 0) & (x_min_m <= x_max_m) & (y_min_m <= y_max_m)
         inside &= (last_i < table.shape[0]) & (last_j < table.shape[1])
-        indices = (first_i, last_i, first_j, last_j)
+        indices = [first_i, last_i, first_j, last_j]
         if not inside.all():
-            indices = tuple(np.where(inside, index, 0.0) for index in indices)
+            indices = [np.where(inside, index, 0.0) for index in indices]
         i0, i1, j0, j1 = (index.astype(int) for index in indices)
         # A rectangle without extent on the edge of a cell still lies in a cell.
         i1, j1 = np.maximum(i1, i0 + 1), np.maximum(j1, j0 + 1)

@@ -170,11 +170,11 @@ def _shade(depth_m: FloatArray, edges_rad: FloatArray, view: View) -> None:
     # faces lowers its bin too, which is on the safe side.
     np.minimum(depth_m[used[:-1]], np.minimum(ray_m[:-1], ray_m[1:]), out=ray_m[:-1])
     depth_m[used[:-1]] = ray_m[:-1]
-    x_m = np.concatenate((low[:, 0], low[:, 0], high[:, 0], high[:, 0], nearest[:, 0]))
-    y_m = np.concatenate((low[:, 1], high[:, 1], low[:, 1], high[:, 1], nearest[:, 1]))
-    angle_rad = np.arctan2(y_m, x_m) - view.heading_leg_rad
+    xs_m = np.concatenate((low[:, 0], low[:, 0], high[:, 0], high[:, 0], nearest[:, 0]))
+    ys_m = np.concatenate((low[:, 1], high[:, 1], low[:, 1], high[:, 1], nearest[:, 1]))
+    angle_rad = np.arctan2(ys_m, xs_m) - view.heading_leg_rad
     at = np.floor((angle_rad + math.pi) / (2.0 * math.pi) * depth_m.size).astype(int)
-    points_m = np.hypot(x_m, y_m)
+    points_m = np.hypot(xs_m, ys_m)
     for offset in (-1, 0, 1):
         np.minimum.at(depth_m, (at + offset) % depth_m.size, points_m)
 

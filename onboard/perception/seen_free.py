@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from onboard.geometry.free_grid import FreeGrid
 from onboard.perception.line_of_sight import BoolArray, View, seen_free
+from onboard.perception.view_sector import Sectors
 
 if TYPE_CHECKING:
     from onboard.geometry.frames import FloatArray
@@ -58,6 +59,7 @@ class SeenFree:
         self._free = np.zeros((2 * self._half, 2 * self._half), np.bool_)
         # By sensor: how many successive frames of it have shown a cell free so far.
         self._rows: dict[str, Counts] = {}
+        self._sectors = Sectors(cell_m)
         self._half_width_m = math.inf
         # Where the vehicle rested when the frame was turned: (x, y, radius) of what is free there.
         self._rest_disc: tuple[float, float, float] | None = None
@@ -141,7 +143,8 @@ class SeenFree:
         if window is None:
             return
         rows, columns = window
-        i, j = np.nonzero(~self._free[rows, columns])
+        unseen = self._sectors.around(view, self._corner, rows, columns)
+        i, j = np.nonzero(unseen & ~self._free[rows, columns])
         xs_m, ys_m = self._centres(rows, columns)
         seen = seen_free(view, xs_m[i], ys_m[j], self._cell_m)
         i, j = i[seen] + rows.start, j[seen] + columns.start

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import functools
 import json
+import math
 import os
 import tempfile
 import time
@@ -76,7 +77,8 @@ def _share_percent(name: str, *phases: Phase) -> float:
     """Return the processor time in some phases, as a share of one core."""
     figures = flown(name)
     wall_s, processor_s = (
-        sum(figures[key].get(phase, 0.0) for phase in phases) for key in ("wall_s", "processor_s")
+        math.fsum(figures[key].get(phase, 0.0) for phase in phases)
+        for key in ("wall_s", "processor_s")
     )
     return 100.0 * processor_s / wall_s
 
