@@ -236,7 +236,7 @@ def field_case(
         AssertionError: `ATTEMPTS_MAX` draws were all refused, which is a defect of the generator.
     """
     for _ in range(ATTEMPTS_MAX):
-        # Errors of the field leave no contract for the largest obstacles: draw the airframe anew.
+        # Errors of the field leave no contract for the largest obstacles: draw that again, too.
         airframe = drawn_airframe(draw, extent)
         contract = compliant_contract(
             draw, extent, airframe, stop=True, passive_safety=False, size_max_m=size_max_m
