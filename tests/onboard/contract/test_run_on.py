@@ -298,7 +298,7 @@ def test_a_loop_at_the_limit_of_overshooting_swings_nowhere_back() -> None:
     assert len(contract_run_on(beyond).gains) == 3
 
 
-def test_a_measured_run_covers_diagonal_set_points_up_to_its_speed_on_each_axis() -> None:
+def test_a_measured_run_covers_diagonal_setpoints_up_to_its_speed_on_each_axis() -> None:
     def known(fastest_mps: float, **measured: Any) -> bool:
         terms = Terms.of(contract(cruise_speed_mps=2.8, **measured))
         return math.isfinite(contract_run_on(terms, fastest_mps).gains[-1][0])
