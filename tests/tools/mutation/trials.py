@@ -123,7 +123,8 @@ class Trials:
     def _chosen(self, mutant: Mutant) -> list[Test]:
         """Return the tests that reach a mutant, the quickest first, as far as the budget goes."""
         reaching = [test for test in self.tests.values() if test.reaches(mutant)]
-        chosen, total_s = [], 0.0
+        chosen: list[Test] = []
+        total_s = 0.0
         for test in sorted(reaching, key=lambda test: test.took_s):
             total_s += test.took_s
             if chosen and total_s > self.budget_s:

@@ -109,7 +109,7 @@ def chain() -> tuple[Link, ...]:
             tuple(sorted({clause for term in TERMS[each] for clause in clauses_of(term)})),
             tuple(monitors().get(each.name, ())),
             on_a_held_way(each),
-            tuple(sorted(_scenarios_of(each, figures))),
+            tuple(sorted(set(_scenarios_of(each, figures)))),
             tuple(figure for figure in figures if figure.assumption == each.value),
         )
         for each in Assumption
