@@ -14,8 +14,9 @@ import pickle
 import signal
 import sys
 import time
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from types import CodeType, FrameType
 from typing import Any, NoReturn
@@ -89,7 +90,10 @@ class Trials:
         paths = {mutant.path for mutant in self.mutants}
         gc.collect()
         gc.freeze()
-        self.tests = {each.name: each for each in _in_fork(lambda: self._measured(paths))}
+        names = {str(ROOT / path): path for path in paths}
+        for item in session.items:
+            # A fork each: what one test leaves in a module, another would not reach any more.
+            self.tests[item.nodeid] = _in_fork(partial(_measured, item, names))
         for mutant in self.mutants:
             chosen = self._chosen(mutant)
             if not chosen:
@@ -104,21 +108,6 @@ class Trials:
             self._running[child] = (mutant, len(chosen), time.monotonic() + limit_s)
         self._wait(0)
         return True
-
-    def _measured(self, paths: Iterable[str]) -> list[Test]:
-        """Run every test alone; return what each reaches."""
-        names = {str(ROOT / path): path for path in paths}
-        found = []
-        for item in self._items.values():
-            gc.unfreeze()
-            clear_caches()
-            gc.freeze()
-            lines: Lines = {}
-            began_s = time.perf_counter()
-            if not _passes(item, _tracer(names, lines)):
-                sys.exit(f"{item.nodeid} fails without any mutation")
-            found.append(Test(item.nodeid, time.perf_counter() - began_s, lines))
-        return found
 
     def _chosen(self, mutant: Mutant) -> list[Test]:
         """Return the tests that reach a mutant, the quickest first, as far as the budget goes."""
@@ -169,6 +158,15 @@ class Trials:
             time.sleep(0.002)
 
 
+def _measured(item: pytest.Item, names: dict[str, str]) -> Test:
+    """Run a test alone; return what it reaches in some files."""
+    lines: Lines = {}
+    began_s = time.perf_counter()
+    if not _passes(item, _tracer(names, lines)):
+        sys.exit(f"{item.nodeid} fails without any mutation")
+    return Test(item.nodeid, time.perf_counter() - began_s, lines)
+
+
 def _passes(item: pytest.Item, tracer: Callable[..., Any] | None = None) -> bool:
     sys.settrace(tracer)
     try:
@@ -202,7 +200,7 @@ def _tracer(names: dict[str, str], lines: Lines) -> Callable[..., Any]:
     return of_call
 
 
-def _in_fork(work: Callable[[], list[Test]]) -> list[Test]:
+def _in_fork(work: Callable[[], Test]) -> Test:
     """Return what a fork finds, so that this process stays as it is."""
     receiving, sending = os.pipe()
     child = os.fork()
@@ -220,5 +218,5 @@ def _in_fork(work: Callable[[], list[Test]]) -> list[Test]:
     _, status = os.waitpid(child, 0)
     if os.waitstatus_to_exitcode(status) != 0:
         sys.exit("the tests fail without any mutation")
-    found: list[Test] = pickle.loads(received)  # noqa: S301  written by our own fork
+    found: Test = pickle.loads(received)  # noqa: S301  written by our own fork
     return found
