@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
-from functools import cache
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -24,14 +23,14 @@ Write = Callable[[str, float, Mapping[str, Any] | bytes], None]
 
 def made(record_type: type[_T], payload: Mapping[str, Any]) -> _T:
     """Return a record from its JSON values, as a reader would."""
-    adapter: TypeAdapter[_T] = _adapter(record_type)
+    if record_type not in _ADAPTERS:
+        _ADAPTERS[record_type] = TypeAdapter(record_type)
+    adapter: TypeAdapter[_T] = _ADAPTERS[record_type]
     return adapter.validate_json(json.dumps(payload), strict=True)
 
 
-@cache
-def _adapter(record_type: type[_T]) -> TypeAdapter[_T]:
-    """Return the reader of a record's JSON: making one takes longer than a hundred readings."""
-    return TypeAdapter(record_type)
+# Making one takes longer than a hundred readings.
+_ADAPTERS: dict[type, TypeAdapter[Any]] = {}
 
 
 def record(topic: str, payload: Mapping[str, Any]) -> Record:

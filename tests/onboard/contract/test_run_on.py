@@ -11,7 +11,7 @@ import pytest
 from gcs_tools.benchmark.run_on_models import coasting_run_on
 from onboard.contract.arithmetic import ARRAY, SCALAR
 from onboard.contract.assessment import Terms, assess
-from onboard.contract.run_on import contract_run_on, overshoot, run_on_slope_s
+from onboard.contract.run_on import contract_run_on, frozen_run_m, overshoot, run_on_slope_s
 from onboard.files.contract_file import load_contract
 from onboard.geometry.frames import FloatArray
 from tests.gcs_tools.running import CONFIG
@@ -259,3 +259,79 @@ def test_without_passive_safety_nothing_runs_on() -> None:
     terms = Terms.of(contract(passive_safety=False))
     assert contract_run_on(terms).gains == ()
     assert run_on_slope_s(terms, SCALAR) == 0.0
+
+
+# --- by hand, and by other formulas
+
+
+def test_a_coast_by_hand() -> None:
+    """Half a second of coasting, then braking in any direction, from the speed that it ends at."""
+    terms = Terms.of(contract(setpoint_loss_timeout_s=0.5))
+    limits, lag_s = limits_of(terms), terms.attitude_lag_s
+    # The acceleration is taken back within the lag at the jerk limit, or counts whole.
+    gained_s = 0.5 - lag_s + lag_s / 2.0
+    fastest_mps = terms.cruise_speed_mps + float(np.hypot(*limits)) * gained_s
+    stopping_s = lag_s + fastest_mps / (2.0 * float(limits.min()))
+    expected = ((0.5, 0.0), (0.5, 0.125), (0.5 + stopping_s, 0.125 + 0.5 * stopping_s))
+    np.testing.assert_allclose(contract_run_on(terms).gains, expected, rtol=1e-6)
+
+
+@pytest.mark.parametrize(("gain_per_s", "lag_s"), [(1.5, 0.27), (2.0, 0.3), (4.0, 0.5)])
+def test_what_a_loop_takes_back_by_its_step_response(gain_per_s: float, lag_s: float) -> None:
+    """The largest speed of the first trough over its depth, both read off the step response."""
+    terms = Terms.of(contract(setpoint_loss=frozen(gain_per_s), attitude_lag_s=lag_s))
+    decay_per_s, natural2 = 1.0 / (2.0 * lag_s), gain_per_s / lag_s
+    rate = math.sqrt(natural2 - decay_per_s**2)
+    time_s = np.linspace(math.pi, 2.0 * math.pi, 20_001) / rate
+    speed_per_s = np.exp(-decay_per_s * time_s) * natural2 / rate * np.sin(rate * time_s)
+    lowest = 1.0 - math.exp(-decay_per_s * 2.0 * math.pi / rate)
+    share = lag_s * np.abs(speed_per_s).max() / lowest
+    *_, (kappa_s, c_s2), (_, farthest_s2) = contract_run_on(terms).gains
+    assert c_s2 == farthest_s2
+    assert kappa_s == pytest.approx((1.0 - share) * 1.8 * c_s2, rel=1e-6)
+
+
+def test_a_loop_at_the_limit_of_overshooting_swings_nowhere_back() -> None:
+    at_limit = Terms.of(contract(setpoint_loss=frozen(1.0), attitude_lag_s=0.25))
+    assert len(contract_run_on(at_limit).gains) == 2
+    beyond = Terms.of(contract(setpoint_loss=frozen(1.0), attitude_lag_s=0.26))
+    assert len(contract_run_on(beyond).gains) == 3
+
+
+def test_a_measured_run_covers_diagonal_setpoints_up_to_its_speed_on_each_axis() -> None:
+    def known(fastest_mps: float, **measured: Any) -> bool:
+        terms = Terms.of(contract(cruise_speed_mps=2.8, **measured))
+        return math.isfinite(contract_run_on(terms, fastest_mps).gains[-1][0])
+
+    assert known(20.0)  # without a measured run there is nothing to be above
+    own: dict[str, Any] = {"setpoint_loss_run_on_m": 8.4}
+    assert known(math.sqrt(2.0) * 2.8, **own)
+    assert not known(1.001 * math.sqrt(2.0) * 2.8, **own)
+    stated = own | {"setpoint_loss_run_on_speed_mps": 3.5}
+    assert known(math.sqrt(2.0) * 3.5, **stated)
+    assert not known(1.001 * math.sqrt(2.0) * 3.5, **stated)
+
+
+def test_the_slope_of_a_measured_run_by_hand() -> None:
+    longer: dict[str, Any] = {"cruise_speed_mps": 2.8, "setpoint_loss_run_on_m": 8.4}
+    assert run_on_slope_s(Terms.of(contract(**longer)), SCALAR) == pytest.approx(3.0)
+    at_its_speed = longer | {"setpoint_loss_run_on_speed_mps": 2.8}
+    assert run_on_slope_s(Terms.of(contract(**at_its_speed)), SCALAR) == pytest.approx(3.0)
+    faster = longer | {"setpoint_loss_run_on_speed_mps": 3.5}
+    assert run_on_slope_s(Terms.of(contract(**faster)), SCALAR) == pytest.approx(2.4)
+    without = Terms.of(contract(passive_safety=False, **longer))
+    assert run_on_slope_s(without, SCALAR) == 0.0
+
+
+def test_the_longest_modelled_run_by_hand() -> None:
+    """The setpoint either keeps its full acceleration, or as much as can still be taken back."""
+    slow = Terms.of(contract(setpoint_loss=frozen(0.8, 9.0), attitude_lag_s=0.3))
+    kappa_s, c_s2 = 1.0 / 0.8, 1.0 / (0.8 * 9.0)
+    assert kappa_s * 0.3 > c_s2
+    part_m = c_s2**2 / (2.0 * kappa_s * 0.3) * 2.0
+    assert frozen_run_m(slow, 2.8, 2.0, SCALAR) == pytest.approx(kappa_s * 2.8 + part_m)
+    quick = Terms.of(contract(setpoint_loss=frozen(0.8, 1.8), attitude_lag_s=0.05))
+    c_s2 = 1.0 / (0.8 * 1.8)
+    assert kappa_s * 0.05 < c_s2
+    whole_m = (c_s2 - kappa_s * 0.05 / 2.0) * 2.0
+    assert frozen_run_m(quick, 2.8, 2.0, SCALAR) == pytest.approx(kappa_s * 2.8 + whole_m)

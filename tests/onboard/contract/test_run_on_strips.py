@@ -1,5 +1,6 @@
 """The strips of a run cover all of it, and each of them less than the whole."""
 
+import math
 import random
 from itertools import pairwise
 
@@ -53,3 +54,31 @@ def test_a_strip_is_a_small_part_of_the_run_and_meets_the_next(name: str) -> Non
 
 def test_without_a_run_there_is_the_setpoint_alone() -> None:
     assert RunOn().strips == (((0.0, 0.0),),)
+
+
+@pytest.mark.parametrize("turned", [1.0, -1.0])
+def test_a_strip_of_a_triangle_is_as_high_as_the_triangle_there(turned: float) -> None:
+    """Points within the triangle, or on its edges, change nothing."""
+    inner = ((1.0, 0.5), (1.5, 0.0), (1.5, 1.5), (0.5, 0.2))
+    run = RunOn(tuple((turned * k, c) for k, c in ((2.0, 0.0), *inner, (2.0, 2.0))))
+    for strip in run.strips:
+        kappas_s, cs_s2 = zip(*strip, strict=True)
+        assert min(cs_s2) == pytest.approx(0.0, abs=1e-12)
+        assert max(cs_s2) == pytest.approx(max(abs(kappa_s) for kappa_s in kappas_s))
+    widths_s = [max(k for k, _ in strip) - min(k for k, _ in strip) for strip in run.strips]
+    assert widths_s == pytest.approx([2.0 / len(run.strips)] * len(run.strips))
+
+
+def test_strips_of_a_run_to_both_sides_begin_behind() -> None:
+    run = RunOn(((-1.0, 0.5), (1.0, 1.0), (3.0, 0.5)))
+    assert min(kappa_s for kappa_s, _ in run.strips[0]) == -1.0
+    assert max(kappa_s for kappa_s, _ in run.strips[-1]) == pytest.approx(3.0)
+    at_ends = [{c for k, c in s if k in (-1.0, 3.0)} for s in (run.strips[0], run.strips[-1])]
+    assert at_ends == [{0.5}, {0.5}]
+
+
+def test_a_run_that_is_unknown_is_one_strip_with_the_setpoint() -> None:
+    (strip,) = RunOn(((math.nan, 0.0), (1.0, 0.5))).strips
+    assert strip[0] == (0.0, 0.0)
+    assert len(strip) == 3
+    assert math.isnan(strip[1][0])

@@ -1,76 +1,19 @@
-"""Mutate the contract's formulas: ``python -m tests.tools.mutation [--jobs N] [--file FILE]``.
-
-Changes every arithmetic operator, comparison, constant, sign, factor, and choice between minimum
-and maximum in the files, one at a time, and runs the unit tests, which must fail.  Prints the
-mutants that survive and the score.  Not part of the continuous integration: it takes minutes.
-
-Writes the mutants to a copy of the repository in a temporary directory, never to this one.
-"""
+"""Single changes to a source file: operators, comparisons, constants, signs, conditions."""
 
 from __future__ import annotations
 
-import argparse
 import ast
-import copy
-import multiprocessing
-import os
-import shutil
-import signal
-import sys
-import tempfile
 from collections.abc import Iterator
 from dataclasses import dataclass
-from pathlib import Path
-
-import pytest
-
-ROOT = Path(__file__).parents[2]
-_AGILITY, _CLAUSES, _CONTRACT, _DERIVATION, _RECENTRING, _REGION, _TERMS, _RUN_ON, _STOP = (
-    f"tests/onboard/contract/test_{name}.py"
-    for name in (
-        *("agility", "clauses", "assessment", "derivation", "recentring", "region", "terms"),
-        *("run_on", "stop_region"),
-    )
-)
-_BY_HAND = (
-    "test_lane_of_a_worked_example",
-    "test_boundary_of_the_worked_example",
-    "test_border_with_drift_by_hand",
-    "test_the_region_lies_around_its_obstacle",
-    "test_the_lane_covers_an_entry_beside_the_face_that_drifts_on",
-    "test_slow_drift_costs_no_time_and_fast_drift_must_be_outrun",
-)
-
-# The tests that must detect a change to each file, the fastest first.
-TESTS = {
-    "onboard/contract/agility.py": (_AGILITY, _CONTRACT),
-    "onboard/contract/arithmetic.py": (_AGILITY, _CONTRACT, _RECENTRING),
-    "onboard/contract/clauses.py": (_CLAUSES, _CONTRACT, _STOP, _RECENTRING),
-    "onboard/contract/assessment.py": (_CONTRACT, _STOP, _RECENTRING),
-    "onboard/contract/derivation.py": (_DERIVATION, _STOP, _CONTRACT, _RECENTRING),
-    "onboard/contract/terms.py": (_TERMS, _CONTRACT, _RECENTRING),
-    "onboard/contract/recentring.py": (_RECENTRING,),
-    "onboard/contract/run_on.py": (_RUN_ON, _STOP),
-    "onboard/contract/stop_region.py": (_STOP,),
-    "onboard/contract/region.py": (
-        *(f"{_REGION}::{name}" for name in _BY_HAND),
-        *(_REGION, _RECENTRING, _CONTRACT, _STOP),
-    ),
-}
-
-OPTIONS = (
-    *("-x", "-q", "-p", "no:cacheprovider", "--hypothesis-profile", "mutation"),
-    *("-W", "ignore::pytest.PytestAssertRewriteWarning"),  # Hypothesis is loaded beforehand
-)
-
-# A mutant that loops without end counts as detected.
-TIME_LIMIT_S = 300
+from typing import NamedTuple
 
 _OPERATORS: dict[type[ast.operator], tuple[type[ast.operator], ...]] = {
     ast.Add: (ast.Sub,),
     ast.Sub: (ast.Add,),
     ast.Mult: (ast.Div,),
     ast.Div: (ast.Mult,),
+    ast.BitAnd: (ast.BitOr,),
+    ast.BitOr: (ast.BitAnd,),
 }
 _COMPARISONS: dict[type[ast.cmpop], tuple[type[ast.cmpop], ...]] = {
     ast.Lt: (ast.LtE, ast.Gt),
@@ -82,7 +25,17 @@ _COMPARISONS: dict[type[ast.cmpop], tuple[type[ast.cmpop], ...]] = {
     ast.Is: (ast.IsNot,),
     ast.IsNot: (ast.Is,),
 }
-_OPPOSITES = {"minimum": "maximum", "maximum": "minimum", "min": "max", "max": "min"}
+_OPPOSITES = {
+    "minimum": "maximum",
+    "maximum": "minimum",
+    "min": "max",
+    "max": "min",
+    "any": "all",
+    "all": "any",
+    "floor": "ceil",
+    "ceil": "floor",
+}
+_FUNCTIONS = (ast.FunctionDef, ast.AsyncFunctionDef, ast.Lambda)
 
 
 @dataclass(frozen=True)
@@ -91,32 +44,60 @@ class Mutant:
 
     Attributes:
         path: of the file, in the repository.
+        node, choice: which node in the order of `ast.walk`, and which of its replacements.
         line: where.
+        lines: first and last line of the statement, or of its head where others stand in it.
+        in_function: whether a call runs it, and not the import of the file.
+        function: in which it stands.
         change: what, in words.
-        source: the whole changed file.
     """
 
     path: str
+    node: int
+    choice: int
     line: int
+    lines: tuple[int, int]
+    in_function: bool
+    function: str
     change: str
-    source: str
+
+    def __str__(self) -> str:
+        return f"{self.path}:{self.line}: {self.change}"
+
+    @property
+    def key(self) -> tuple[str, str, str]:
+        """What it is, wherever in the file: file, function and change."""
+        return self.path, self.function, self.change
+
+
+class _Place(NamedTuple):
+    lines: tuple[int, int]
+    in_function: bool
+    function: str
 
 
 def mutants_of(path: str, source: str) -> Iterator[Mutant]:
     """Yield every mutant of a file."""
     tree = ast.parse(source)
-    # frozen=True and the like are not formulas.
-    decorators = [d for node in ast.walk(tree) for d in getattr(node, "decorator_list", ())]
-    exempt = {id(part) for decorator in decorators for part in ast.walk(decorator)}
+    places = dict(_places(tree, _Place((0, 0), in_function=False, function="")))
     for number, node in enumerate(ast.walk(tree)):
-        if id(node) in exempt:
+        place = places.get(id(node))
+        if place is None:
             continue
-        for replacement, change in _replacements(node):
-            changed = copy.deepcopy(tree)
-            target = list(ast.walk(changed))[number]
-            _Replace(target, replacement).visit(changed)
-            line = getattr(node, "lineno", 0)
-            yield Mutant(path, line, change, ast.unparse(ast.fix_missing_locations(changed)))
+        line = getattr(node, "lineno", 0)
+        for choice, (_, change) in enumerate(_replacements(node)):
+            yield Mutant(path, number, choice, line, *place, change)
+
+
+def mutated(source: str, mutant: Mutant) -> ast.Module:
+    """Return the syntax tree of a file with the change of a mutant."""
+    tree = ast.parse(source)
+    node = list(ast.walk(tree))[mutant.node]
+    replacement, _ = list(_replacements(node))[mutant.choice]
+    ast.copy_location(replacement, node)
+    changed = _Replace(node, replacement).visit(tree)
+    assert isinstance(changed, ast.Module)
+    return ast.fix_missing_locations(changed)
 
 
 class _Replace(ast.NodeTransformer):
@@ -130,6 +111,35 @@ class _Replace(ast.NodeTransformer):
         return self._replacement if node is self._target else super().visit(node)
 
 
+def _places(node: ast.AST, place: _Place) -> Iterator[tuple[int, _Place]]:
+    """Yield where each node stands; decorators, annotations and assertions are left out."""
+    if isinstance(node, ast.Assert):
+        return
+    if isinstance(node, ast.stmt):
+        place = place._replace(lines=_lines_of(node))
+    yield id(node), place
+    inner = place
+    if isinstance(node, (*_FUNCTIONS, ast.ClassDef)):
+        name = getattr(node, "name", "<lambda>")
+        within = f"{place.function}.{name}".lstrip(".")
+        inner = place._replace(function=within)
+    for field, value in ast.iter_fields(node):
+        if field in ("decorator_list", "annotation", "returns"):
+            continue
+        for child in value if isinstance(value, list) else [value]:
+            if isinstance(child, ast.AST):
+                run = isinstance(node, _FUNCTIONS) and field == "body"
+                yield from _places(child, inner._replace(in_function=inner.in_function or run))
+
+
+def _lines_of(statement: ast.stmt) -> tuple[int, int]:
+    body = getattr(statement, "body", None)
+    last = statement.end_lineno or statement.lineno
+    if body and body[0].lineno > statement.lineno:
+        last = body[0].lineno - 1
+    return statement.lineno, last
+
+
 def _replacements(node: ast.AST) -> Iterator[tuple[ast.AST, str]]:
     """Yield replacements of a node, each with its description."""
     match node:
@@ -138,7 +148,7 @@ def _replacements(node: ast.AST) -> Iterator[tuple[ast.AST, str]]:
                 yield ast.BinOp(left, other(), right), f"{_text(node)}: {other.__name__}"
                 yield left, f"{_text(node)}: only the left"
                 yield right, f"{_text(node)}: only the right"
-        case ast.UnaryOp(op=ast.USub(), operand=operand):
+        case ast.UnaryOp(op=ast.USub() | ast.Not() | ast.Invert(), operand=operand):
             yield operand, f"{_text(node)}: without its sign"
         case ast.Compare() | ast.BoolOp():
             yield from _other_conditions(node)
@@ -148,6 +158,11 @@ def _replacements(node: ast.AST) -> Iterator[tuple[ast.AST, str]]:
             yield ast.Constant(value + 1.0), f"{value}: one more"
         case ast.Call():
             yield from _other_calls(node)
+        case ast.If(test=ast.Name() | ast.Attribute() | ast.Call() as test):
+            negated = ast.UnaryOp(ast.Not(), test)
+            yield ast.If(negated, node.body, node.orelse), f"if {_text(test)}: negated"
+        case ast.IfExp(test=ast.Name() | ast.Attribute() | ast.Call() as test):
+            yield ast.IfExp(test, node.orelse, node.body), f"{_text(node)}: the other way round"
 
 
 def _other_conditions(node: ast.Compare | ast.BoolOp) -> Iterator[tuple[ast.AST, str]]:
@@ -162,79 +177,27 @@ def _other_conditions(node: ast.Compare | ast.BoolOp) -> Iterator[tuple[ast.AST,
 
 
 def _other_calls(node: ast.Call) -> Iterator[tuple[ast.AST, str]]:
-    name = _text(node.func).removeprefix("ops.")
+    """Yield one argument alone, or the opposite function of the same module."""
+    called = node.func
+    name = called.attr if isinstance(called, ast.Attribute) else _text(called)
+    # Of a library or an Arithmetic both arguments stand for themselves; `min(values)` has one.
     choices = {"where": node.args[1:], "sqrt": node.args, "tan": node.args}
-    if name in _OPPOSITES:
-        choices[name] = [argument for argument in node.args if _text(node.func) != name]
+    if name in ("minimum", "maximum"):
+        choices[name] = node.args[:2]
     for argument in choices.get(name, ()):
         yield argument, f"{_text(node)}: only {_text(argument)}"
-    if name in _OPPOSITES and not node.keywords and _text(node.func) == name:
-        yield ast.Call(ast.Name(_OPPOSITES[name]), node.args, []), f"{_text(node)}: opposite"
+    if name in _OPPOSITES and not (isinstance(called, ast.Name) and node.keywords):
+        yield _opposite(node, name), f"{_text(node)}: opposite"
+
+
+def _opposite(node: ast.Call, name: str) -> ast.Call:
+    other = _OPPOSITES[name]
+    called = node.func
+    function: ast.expr = ast.Name(other, ast.Load())
+    if isinstance(called, ast.Attribute):
+        function = ast.Attribute(called.value, other, ast.Load())
+    return ast.Call(function, node.args, node.keywords)
 
 
 def _text(node: ast.AST) -> str:
     return " ".join(ast.unparse(node).split())
-
-
-def is_noticed(mutant: Mutant) -> bool:
-    """Run the tests against a mutant, in a copy of what they need; for a process of its own."""
-    with tempfile.TemporaryDirectory() as directory:
-        for name in ("onboard", "tests/onboard", "config"):
-            ignore = shutil.ignore_patterns("__pycache__")
-            shutil.copytree(ROOT / name, Path(directory) / name, ignore=ignore)
-        for name in ("pyproject.toml", "tests/conftest.py"):
-            shutil.copy(ROOT / name, Path(directory) / name)
-        (Path(directory) / mutant.path).write_text(mutant.source, encoding="utf-8")
-        os.chdir(directory)
-        sys.path.insert(0, directory)
-        silent = os.open(os.devnull, os.O_WRONLY)
-        os.dup2(silent, 1)
-        os.dup2(silent, 2)
-        signal.signal(signal.SIGALRM, _give_up)
-        signal.alarm(TIME_LIMIT_S)
-        try:
-            return pytest.main([*OPTIONS, *TESTS[mutant.path]]) != pytest.ExitCode.OK
-        except TimeoutError:
-            return True
-        finally:
-            signal.alarm(0)
-            os.chdir(ROOT)
-
-
-def _give_up(_signal: int, _frame: object) -> None:
-    raise TimeoutError
-
-
-def run(files: list[str], jobs: int) -> int:
-    """Try every mutant of the files; return how many survive."""
-    mutants = [m for path in files for m in mutants_of(path, (ROOT / path).read_text("utf-8"))]
-    unchanged = Mutant(files[0], 0, "unchanged", (ROOT / files[0]).read_text("utf-8"))
-    # A fresh process for each, forked from one that has the large libraries but none of our code.
-    context = multiprocessing.get_context("forkserver")
-    context.set_forkserver_preload(["hypothesis", "numpy", "pydantic", "pytest", "yaml"])
-    survivors = 0
-    with context.Pool(jobs, maxtasksperchild=1) as pool:
-        if pool.apply(is_noticed, (unchanged,)):
-            sys.exit("the tests fail without any mutation")
-        tried = pool.imap(is_noticed, mutants, chunksize=1)
-        for number, (mutant, noticed) in enumerate(zip(mutants, tried, strict=True), start=1):
-            sys.stderr.write(f"\r{number} of {len(mutants)}")
-            if not noticed:
-                survivors += 1
-                print(f"\rsurvived: {mutant.path}:{mutant.line}: {mutant.change}", flush=True)
-    killed = len(mutants) - survivors
-    print(f"\r{killed} of {len(mutants)} mutants detected: {100.0 * killed / len(mutants):.1f} %")
-    return survivors
-
-
-def main() -> int:
-    """Parse arguments and run."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--file", action="append", choices=list(TESTS), help="default: all")
-    parser.add_argument("--jobs", type=int, default=2)
-    options = parser.parse_args()
-    return 1 if run(options.file or list(TESTS), options.jobs) else 0
-
-
-if __name__ == "__main__":
-    sys.exit(main())
