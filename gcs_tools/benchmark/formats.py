@@ -12,6 +12,7 @@ written where they do not.
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from itertools import pairwise
@@ -104,7 +105,7 @@ def read_box_scenes(path: Path) -> Iterator[BoxScene]:
     Raises:
         FileError: names the file, the row, the column and the value.
     """
-    header = read_text(path).partition("\n")[0].split(",")
+    header = [name.strip() for name in re.split("[,;\t]", read_text(path).partition("\n")[0])]
     names = [
         tuple(name.format(k) for name in _BOX)
         for k in range(1, _BOXES_MAX + 1)

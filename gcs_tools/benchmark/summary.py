@@ -17,7 +17,14 @@ from gcs_tools.campaign.statistics import CONFIDENCE, failure_rate_bounds
 
 HEADER: Final = (
     *("field", "legs", "passable", "arrived", "collisions", "pass", "pass rate"),
-    *("collision rate", "mean speed", "without first look", "pauses a leg", "least clearance"),
+    *(
+        "collision rate",
+        "mean speed",
+        "without first look",
+        "pauses a leg",
+        "least clearance",
+        "least distance",
+    ),
 )
 
 
@@ -91,6 +98,7 @@ class FieldSummary:
             _number(self.moving_mps, "m/s"),
             f"{self.pauses:.1f}",
             _number(self.clearance_min_m, "m"),
+            _number(self.distance_min_m, "m"),
         )
 
 

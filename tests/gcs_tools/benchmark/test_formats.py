@@ -60,6 +60,14 @@ def test_scenes_of_one_box_without_a_peer(text: Written) -> None:
     assert scene.peer_distance_m is None
 
 
+def test_cells_may_be_separated_and_lines_end_otherwise(text: Written) -> None:
+    """A box or a peer's distance that is not recognized in the header would be left out."""
+    other = BOXES.replace(",", ";").replace("\n", "\r\n")
+    first, _ = read_box_scenes(text("two_box_scenes.csv", other))
+    assert first.peer_distance_m == 1.2
+    assert len(first.boxes.radius_m) == 2
+
+
 def test_a_way_of_several_missions_is_flown_once(text: Written) -> None:
     ways = read_ways(text("missions.json", json.dumps(MISSIONS)))
     assert ways == [Way((0.0, 0.0), (0.0, 24.0))]
