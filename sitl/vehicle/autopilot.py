@@ -23,7 +23,7 @@ from sitl.autopilot.protocol.commands import Command, CommandContext, execute
 from sitl.autopilot.protocol.files.file_transfer import FileServer
 from sitl.autopilot.protocol.files.onboard_files import metadata_files, packed_parameter_file
 from sitl.autopilot.protocol.link import MavlinkLink
-from sitl.autopilot.protocol.mission_transfer import MissionTransfer
+from sitl.autopilot.protocol.mission_transfer import ItemStore, MissionTransfer
 from sitl.autopilot.protocol.parameter_protocol import ParameterProtocol
 from sitl.autopilot.protocol.signing import TIMESTAMP_MAX, Signing, key_of_passphrase
 from sitl.autopilot.protocol.snapshot import Snapshot
@@ -40,6 +40,7 @@ logger = logging.getLogger(__name__)
 
 COMPONENT_ID = mavlink.MAV_COMP_ID_AUTOPILOT1
 _TEXT_NUMBER_MAX = 0xFFFF
+_FENCE, _RALLY = mavlink.MAV_MISSION_TYPE_FENCE, mavlink.MAV_MISSION_TYPE_RALLY
 FLAVOURS: dict[str, type[Flavour]] = {"px4": Px4, "ardupilot": Copter}
 
 
@@ -90,14 +91,9 @@ class Autopilot:
         self.commander = self.flavour.commander(
             self.flavour.settings(self.parameters), truth, config.home, self.estimator
         )
-        self._missions = MissionTransfer(
-            self.commander.mission,
-            {
-                mavlink.MAV_MISSION_TYPE_FENCE: self.commander.fence,
-                mavlink.MAV_MISSION_TYPE_RALLY: self.commander.rally,
-            },
-            partial=self.flavour.partial_missions,
-        )
+        places: dict[int, ItemStore] = {_FENCE: self.commander.fence, _RALLY: self.commander.rally}
+        partial = self.flavour.partial_missions
+        self._missions = MissionTransfer(self.commander.mission, places, partial=partial)
         described = metadata_files if self.flavour.describes_itself else packed_parameter_file
         self._files = FileServer(described(self.parameters))
         self._texts = 0

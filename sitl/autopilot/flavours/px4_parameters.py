@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 from sitl.autopilot.flavours.parameters import GainNames, ParameterSpec, ParameterStore
 from sitl.autopilot.settings import FlightSettings, Reaction
@@ -136,11 +137,18 @@ def flight_settings(p: ParameterStore) -> FlightSettings:
         failure_injection=bool(p["SYS_FAILURE_EN"]),
         arm_authorizer=int(p["COM_ARM_AUTH_ID"]) if p["COM_ARM_AUTH_REQ"] else None,
         arm_authorization_timeout_s=p["COM_ARM_AUTH_TO"],
-        hover_thrust=p["MPC_THR_HOVER"],
-        fence_reaction=_FENCE[int(p["GF_ACTION"])],
-        fence_radius_m=p["GF_MAX_HOR_DIST"] or math.inf,
-        fence_height_m=p["GF_MAX_VER_DIST"] or math.inf,
+        **_fence_and_thrust(p),
     )
+
+
+def _fence_and_thrust(p: ParameterStore) -> dict[str, Any]:
+    """Return the settings of the fence, and the thrust at hover."""
+    return {
+        "hover_thrust": p["MPC_THR_HOVER"],
+        "fence_reaction": _FENCE[int(p["GF_ACTION"])],
+        "fence_radius_m": p["GF_MAX_HOR_DIST"] or math.inf,
+        "fence_height_m": p["GF_MAX_VER_DIST"] or math.inf,
+    }
 
 
 def _battery_reactions(action: int) -> tuple[Reaction, Reaction]:

@@ -1,4 +1,4 @@
-"""What PX4's own MAVSDK tests of a multicopter fly, anew against the simulated PX4.
+"""What PX4's own MAVSDK tests of a multicopter fly, against the simulated PX4.
 
 ``docs/conformance.md`` says which test of PX4 is which here.
 """

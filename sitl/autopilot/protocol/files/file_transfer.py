@@ -103,7 +103,7 @@ class FileServer:
     """Answer the requests of any number of clients.
 
     Args:
-        files: content by path, without a leading slash; made anew whenever a file is opened.
+        files: content by path, without a leading slash; made whenever a file is opened.
     """
 
     def __init__(self, files: Mapping[str, Callable[[], bytes]]) -> None:
