@@ -206,7 +206,9 @@ SHIPPED = (ROOT / "config" / "onboard.yaml").read_text(encoding="utf-8")
 def snippets() -> list[str]:
     """What the sensors' page has a user add to the daemon's file, and what the file suggests."""
     page = blocks(ROOT / "docs" / "sensors.md", "yaml")
-    suggested = re.findall(r"^# ((?:sources|outputs):\n(?:#(?: -|   ).*\n)+)", SHIPPED, re.MULTILINE)
+    suggested = re.findall(
+        r"^# ((?:sources|outputs):\n(?:#(?: -|   ).*\n)+)", SHIPPED, re.MULTILINE
+    )
     assert len(suggested) == 2
     return [*page, *(each.replace("\n# ", "\n") for each in suggested)]
 
