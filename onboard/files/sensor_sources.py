@@ -21,6 +21,8 @@ Axes = Literal["flu", "optical"]
 Topic = Annotated[str, Field(pattern=r"^/?[A-Za-z0-9_]+(/[A-Za-z0-9_]+)*$")]
 PointsMin = Annotated[int, Field(ge=1, le=1000)]
 _OFFSET_MAX_M: Final = 3.0
+# Of a vehicle, by REP 105.
+_BASE_FRAME: Final = "base_link"
 Offset = Annotated[float, Field(ge=-_OFFSET_MAX_M, le=_OFFSET_MAX_M)]
 
 
@@ -40,7 +42,7 @@ class Mounting(FileModel):
     tf_topic: Topic | None = Field(
         None, description="static transforms that say it instead, such as /tf_static"
     )
-    base_frame: str = Field("base_link", description="of the vehicle, in these transforms")
+    base_frame: str = Field(_BASE_FRAME, description="of the vehicle, in these transforms")
 
     @model_validator(mode="after")
     def _stated_once(self) -> Mounting:
@@ -48,7 +50,10 @@ class Mounting(FileModel):
         if self.tf_topic is not None and stated:
             key = min(stated)
             raise ValueError(f"tf_topic replaces {key}: leave {key} out")
-        if self.tf_topic is None and "base_frame" in self.model_fields_set:
+        if (
+            self.tf_topic is None
+            and self.base_frame != type(self).model_fields["base_frame"].default
+        ):
             raise ValueError("base_frame needs tf_topic: it is a frame of its transforms")
         return self
 

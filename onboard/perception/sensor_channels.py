@@ -11,7 +11,7 @@ from typing import Final, NamedTuple
 
 from onboard.files.sensor_sources import AnySource
 from onboard.perception.detection import DetectionFrame
-from onboard.perception.intake import MAX_PENDING_FRAMES, DetectionCounters
+from onboard.perception.intake import MAX_PENDING_FRAMES, DetectionCounters, Refusal
 from onboard.perception.ros2.cdr import DecodeError
 from onboard.perception.ros2.keys import check_key
 from onboard.perception.sources.mounted_by_transforms import MountedByTransforms
@@ -25,13 +25,6 @@ from onboard.perception.sources.registry import (
 from onboard.perception.sources.sensor_input import NO_POSE_YET, PastPoses
 
 _TOO_FAST: Final = "comes faster than it is read"
-
-
-class Refusal(NamedTuple):
-    """Why messages of a sensor are dropped."""
-
-    sensor: str
-    reason: str
 
 
 class _Waiting(NamedTuple):

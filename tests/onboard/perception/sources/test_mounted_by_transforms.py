@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
-from onboard.perception.sensor_channels import Refusal
+from onboard.perception.intake import Refusal
 from onboard.perception.sources.mounted_by_transforms import MountedByTransforms
 from onboard.perception.sources.registry import sensor, transforms_key
 from tests.onboard.perception.ros2.encoding import point_cloud, scan_all_round, transforms
