@@ -184,7 +184,8 @@ def _sitl_configuration(scenario: Scenario, endpoints: Endpoints, seed: int) -> 
 
 
 def _plain(model: BaseModel) -> Any:
-    return model.model_dump(mode="json")
+    # Of a sensor's keys some exclude others: what the scenario leaves out is left out.
+    return model.model_dump(mode="json", exclude_unset=isinstance(model, DaemonConfig))
 
 
 class Status:

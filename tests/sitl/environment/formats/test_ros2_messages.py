@@ -38,7 +38,7 @@ def test_a_laser_scan() -> None:
     assert scan.header.stamp_unix_s == STAMP_UNIX_S
     assert (scan.angle_min_rad, scan.angle_increment_rad) == (-0.5, 0.5)
     assert scan.time_increment_s == pytest.approx(1e-4)
-    assert (scan.range_min_m, scan.range_max_m) == (pytest.approx(0.1), 25.0)
+    assert (scan.range_min_m, scan.range_max_m) == pytest.approx((0.1, 25.0))
     assert scan.ranges_m.tolist() == ranges_m.tolist()
 
 
@@ -59,4 +59,4 @@ def test_a_range() -> None:
     reading = decode_range(data)
     assert reading.range_m == 3.5
     assert reading.field_of_view_rad == pytest.approx(0.4)
-    assert (reading.range_min_m, reading.range_max_m) == (pytest.approx(0.2), 6.0)
+    assert (reading.range_min_m, reading.range_max_m) == pytest.approx((0.2, 6.0))
