@@ -42,12 +42,15 @@ def adversary_lines(flown: Sequence[FlightRow]) -> list[str]:
         f"least margin of {promise}: {_margin_m(row):+.4f} m: {replay_command(row)}"
         for promise, row in sorted(worst.items(), key=lambda item: _margin_m(item[1]))
     ]
-    broken = sum(_margin_m(row) < 0.0 for row in flown)
-    lower, upper = failure_rate_bounds(broken, len(flown))
+    drawn = [row for row in flown if not row.genes]
+    broken = sum(_margin_m(row) < 0.0 for row in drawn)
+    lower, upper = failure_rate_bounds(broken, len(drawn))
     rate = f"{lower:.3%} to {upper:.3%}" if broken else f"at most {upper:.3%}"
+    found = sum(_margin_m(row) < 0.0 for row in flown) - broken
     return [
         *lines,
-        f"negative margins: {broken} of {len(flown)} flights; {rate} of draws at {CONFIDENCE:.0%}",
+        f"negative margins: {broken} of {len(drawn)} draws, {rate} at {CONFIDENCE:.0%}; "
+        f"{found} of {len(flown) - len(drawn)} flights of the search",
     ]
 
 
