@@ -47,11 +47,8 @@ def adversary_lines(flown: Sequence[FlightRow]) -> list[str]:
     lower, upper = failure_rate_bounds(broken, len(drawn))
     rate = f"{lower:.3%} to {upper:.3%}" if broken else f"at most {upper:.3%}"
     found = sum(_margin_m(row) < 0.0 for row in flown) - broken
-    return [
-        *lines,
-        f"negative margins: {broken} of {len(drawn)} draws, {rate} at {CONFIDENCE:.0%}; "
-        f"{found} of {len(flown) - len(drawn)} flights of the search",
-    ]
+    bound = f"negative margins: {broken} of {len(drawn)} draws, {rate} at {CONFIDENCE:.0%}"
+    return [*lines, f"{bound}; {found} of {len(flown) - len(drawn)} flights of the search"]
 
 
 def _margin_m(row: FlightRow) -> float:
