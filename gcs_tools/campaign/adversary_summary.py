@@ -42,13 +42,13 @@ def adversary_lines(flown: Sequence[FlightRow]) -> list[str]:
         f"least margin of {promise}: {_margin_m(row):+.4f} m: {replay_command(row)}"
         for promise, row in sorted(worst.items(), key=lambda item: _margin_m(item[1]))
     ]
-    broken = sum(_margin_m(row) < 0.0 for row in flown)
-    lower, upper = failure_rate_bounds(broken, len(flown))
+    drawn = [row for row in flown if not row.genes]
+    broken = sum(_margin_m(row) < 0.0 for row in drawn)
+    lower, upper = failure_rate_bounds(broken, len(drawn))
     rate = f"{lower:.3%} to {upper:.3%}" if broken else f"at most {upper:.3%}"
-    return [
-        *lines,
-        f"negative margins: {broken} of {len(flown)} flights; {rate} of draws at {CONFIDENCE:.0%}",
-    ]
+    found = sum(_margin_m(row) < 0.0 for row in flown) - broken
+    bound = f"negative margins: {broken} of {len(drawn)} draws, {rate} at {CONFIDENCE:.0%}"
+    return [*lines, f"{bound}; {found} of {len(flown) - len(drawn)} flights of the search"]
 
 
 def _margin_m(row: FlightRow) -> float:

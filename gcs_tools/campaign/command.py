@@ -89,7 +89,7 @@ def run_campaign(request: CampaignRequest) -> bool:
         FileError: a scenario cannot be used.
         CommandError: the output cannot be written, a worker died, or no scheduler answers.
     """
-    sources = [_source(name, request) for name in request.scenarios]
+    sources = [_source(name, request.genes) for name in request.scenarios]
     if (request.search or request.genes) and not _attacks(sources):
         raise CommandError(f"--search and --genes: only the scenario {SOURCE} has them")
     directory = _prepared(request)
@@ -131,9 +131,9 @@ def _attacks(sources: Sequence[Source]) -> bool:
     return any(isinstance(source, AdversarySource) for source in sources)
 
 
-def _source(name: str, request: CampaignRequest) -> Source:
+def _source(name: str, genes: str = "") -> Source:
     if name == SOURCE:
-        return AdversarySource(tuple(genes_of(request.genes).items()))
+        return AdversarySource(tuple(genes_of(genes).items()))
     if name in GENERATORS:
         return GeneratedSource(name)
     if Path(name).suffix.lower() == ".csv":

@@ -18,7 +18,7 @@ from gcs_tools.campaign.generator.allowances import Adversary
 from gcs_tools.campaign.generator.case import FlightCase
 from gcs_tools.campaign.generator.scenarios import ATTEMPTS_MAX
 from gcs_tools.preflight.command import check
-from gcs_tools.preflight.tier import start_clear_radius_m
+from gcs_tools.preflight.tier import face_distances_m, start_clear_radius_m
 from gcs_tools.scenario import Expectation, Scenario
 from onboard.contract.assessment import assess
 from onboard.files.contract_file import Contract
@@ -48,7 +48,8 @@ def adversary_case(
         campaign_seed: of the campaign.
         number: of the flight.
         moved: genes that a search has moved; the contract stays what it was drawn as.  Where the
-            field that they give is refused, the flight is, too.
+            field that they give is refused, the flight is, too; where they give none, because it
+            does not fit, the field stays as it was.
 
     Raises:
         AssertionError: `ATTEMPTS_MAX` draws were all refused, which is a defect of this package.
@@ -86,12 +87,15 @@ def _drawn(genes: Genes) -> _Draw | None:
     course = course_of(genes, assessment, kind)
     if course is None or not len(course.obstacles):
         return None
+    # What the operator says of the start must be true.
+    clear_m = start_clear_radius_m(assessment)
+    if face_distances_m(course.obstacles, (0.0, 0.0)).min() < clear_m:
+        return None
     mission = Mission.model_validate(
         {
             "altitude_m": _ALTITUDE_M,
             "heading": genes.choice("nose", ("leg", "path")) if kind != "lane" else "leg",
-            # The operator's word, as far as it is true: walls stand just beyond it.
-            "start_clear_m": start_clear_radius_m(assessment),
+            "start_clear_m": clear_m,
             "legs": [
                 {"end_ned_m": end_m, "target_half_width_m": course.half_width_m}
                 for end_m in course.ends_ned_m

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+from dataclasses import replace
 
 from rich.console import Console
 
@@ -29,8 +30,14 @@ def test_each_promise_has_its_least_margin_and_replay() -> None:
         "clearway campaign adversary --seed 1 --only 4 --genes late=0.5000"
     )
     assert rest.startswith("least margin of rest: +0.0200 m: ")
-    assert bound.startswith("negative margins: 1 of 3 flights; 0.84")
-    assert "at most 77.639% of draws at 95%" in adversary_lines([ROWS[0], ROWS[2]])[-1]
+    # A flight of the search is not a draw.
+    assert bound == (
+        "negative margins: 0 of 2 draws, at most 77.639% at 95%; 1 of 1 flights of the search"
+    )
+    broken = replace(ROWS[1], genes="")
+    assert adversary_lines([ROWS[0], broken])[-1].startswith(
+        "negative margins: 1 of 2 draws, 1.258% to 98.742% at 95%; 0 of 0"
+    )
 
 
 def test_shares_are_a_table_and_other_campaigns_have_none() -> None:

@@ -13,6 +13,7 @@ from gcs_tools.campaign.adversary.genes import Genes
 from gcs_tools.campaign.adversary.plant import USED
 from gcs_tools.campaign.generator.case import FlightCase
 from gcs_tools.preflight.command import check
+from gcs_tools.preflight.tier import face_distances_m
 from onboard.contract.assessment import assess
 from onboard.files.contract_file import FrozenSetpoint
 
@@ -70,6 +71,14 @@ def test_errors_of_the_plant_are_those_of_the_contract(case: FlightCase) -> None
     assert worst_s <= contract.vehicle.reaction_time_s
     if contract.requirements.passive_safety:
         assert isinstance(contract.vehicle.setpoint_loss, FrozenSetpoint)
+
+
+@pytest.mark.parametrize("case", CASES, ids=lambda case: case.scenario.name)
+def test_what_the_operator_says_of_the_start_is_true(case: FlightCase) -> None:
+    scenario = case.scenario
+    distances_m = face_distances_m(scenario.obstacles, scenario.mission.start_ned_m)
+    assert scenario.mission.start_clear_m is not None
+    assert distances_m.min() >= scenario.mission.start_clear_m
 
 
 def test_the_reaction_counts_every_frame_that_may_be_missing() -> None:
