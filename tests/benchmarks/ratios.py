@@ -19,6 +19,9 @@ from typing import Final
 
 import numpy as np
 
+from gcs_tools.benchmark.planner_flight import Flight
+from gcs_tools.benchmark.suites import Selection, benchmark_named
+from gcs_tools.benchmark.vehicles import vehicles
 from gcs_tools.scenario import load_scenario
 from onboard.contract.assessment import assess
 from onboard.files.contract_file import load_contract
@@ -34,9 +37,6 @@ from tests.benchmarks.ipopt_peer import TwoPhase
 from tests.benchmarks.rotorpy_peer import command, rotorpy_state, rotorpy_vehicle
 from tests.gcs_tools.running import CONFIG
 from tests.onboard.planning.avoidance_cases import Variety, draw
-from tests.tools.dense_fields.flight import Flight
-from tests.tools.dense_fields.scenes import scenes_of
-from tests.tools.dense_fields.vehicles import vehicles
 
 STORED: Final = Path(__file__).with_name("ratios.json")
 WORSE_MAX: Final = 1.3
@@ -122,7 +122,8 @@ def _plan() -> Pair:
 
 def _dense_plans() -> Pair:
     """The first plans of a leg through a forest, guide and seen-free set included."""
-    (scene,), vehicle = scenes_of("1000", 1, 1), vehicles()["default"]
+    forest = Selection(("1000",), data=None, legs=1, seed=1)
+    (scene,), vehicle = benchmark_named("forest").scenes(forest), vehicles()["default"]
     return Pair(lambda: Flight(scene, vehicle, 0).fly(2), yardstick(100))
 
 

@@ -109,7 +109,7 @@ def test_rays_of_a_mounted_sensor_meet_what_an_independent_model_says() -> None:
         truths, times_s, 30.0
     )
     poses = [moving(time_s) for time_s in times_s.tolist()]
-    expected_m = measured_ranges(boxes, poses, Mounting(**MOUNTED))
+    expected_m = measured_ranges(boxes, poses, Mounting.model_validate(MOUNTED))
     # The independent model has no ground: it is met where nothing else is.
     of_pillars = np.isfinite(expected_m)
     assert of_pillars.sum() > 5
