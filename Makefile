@@ -28,7 +28,8 @@ lint: $(VENV)/.dev
 	$(BIN)/mypy tests examples docs/hooks.py
 
 bench: $(VENV)/.dev
-	$(BIN)/python -m tests.benchmarks $(if $(ONLY),--only $(ONLY)) --output build/bench.json
+	$(BIN)/python -m tests.benchmarks $(if $(ONLY),--only $(ONLY)) $(if $(PAGE),--page $(PAGE)) \
+	    --output build/bench.json
 
 # The API pages and all of docs/, for a browser, in build/site.
 docs: $(VENV)/.dev

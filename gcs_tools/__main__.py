@@ -15,6 +15,7 @@ from collections.abc import Callable
 from typing import Final
 
 from gcs_tools import schema_arguments
+from gcs_tools.benchmark import arguments as benchmark_arguments
 from gcs_tools.campaign import arguments as campaign_arguments
 from gcs_tools.console.arguments import VersionOption
 from gcs_tools.console.errors import EXIT_BAD_INPUT, CommandError
@@ -27,7 +28,9 @@ from gcs_tools.fly import arguments as fly_arguments
 from gcs_tools.identify import arguments as identify_arguments
 from gcs_tools.missions import arguments as mission_arguments
 from gcs_tools.preflight import arguments as preflight_arguments
+from gcs_tools.replay import arguments as replay_arguments
 from gcs_tools.resume import arguments as resume_arguments
+from gcs_tools.sensors import arguments as sensor_arguments
 from gcs_tools.service import arguments as service_arguments
 from gcs_tools.setup import arguments as init_arguments
 from gcs_tools.watch import arguments as watch_arguments
@@ -44,8 +47,11 @@ COMMANDS: Final = (
     watch_arguments,
     resume_arguments,
     doctor_arguments,
+    sensor_arguments,
+    replay_arguments,
     identify_arguments,
     campaign_arguments,
+    benchmark_arguments,
     service_arguments,
     schema_arguments,
 )

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 from types import MappingProxyType
-from typing import Annotated, Any, Final, Literal, TypeVar
+from typing import Annotated, Any, Final, Literal, TypeVar, get_args
 
 import numpy as np
 from pydantic import BaseModel, Discriminator, Field, Tag
@@ -14,13 +14,15 @@ from onboard.files.contract_file import Contract, FrozenSetpoint
 from onboard.files.daemon_config import FilePath
 from onboard.files.mission_file import Mission
 from onboard.files.obstacle_field import Obstacle, ObstacleField, ObstacleList, load_field
+from onboard.files.sensor_sources import AnySource
 from onboard.files.yaml_file import FileError, FileModel, load_yaml, read_mapping, validate
 from onboard.mavlink.profiles.registry import profile_named
 from sitl.autopilot.flavours.parameters import ideal_gains
 from sitl.autopilot.flavours.px4_parameters import GAINS, PARAMETERS
 from sitl.config import SitlConfig, VehicleConfig
-from sitl.environment.sensor import SensorConfig
-from sitl.virtual.faults.schema import Fault
+from sitl.environment.sensor import OVER_MAVLINK, Format, SensorConfig
+from sitl.virtual.faults.detections import CHANGES_JSON, KINDS
+from sitl.virtual.faults.schema import FAULTS, Fault, Target
 
 # Keys of an earlier version, with the keys that replaced them.
 _RENAMED_KEYS: Final = MappingProxyType({"force": "fly_outside_contract"})
@@ -76,6 +78,9 @@ class ScenarioFile(FileModel):
     faults: Annotated[tuple[Fault, ...], Field(strict=False)] = Field(
         (), description="faults to inject, in virtual time"
     )
+    sources: Annotated[tuple[AnySource, ...], Field(strict=False)] = Field(
+        (), description="of the daemon: its sensors besides those that publish detections as JSON"
+    )
     field_known: bool = Field(True, description="the pre-flight check knows the field")
     fly_outside_contract: bool = Field(
         False, description="fly even if the pre-flight check refuses; for tests"
@@ -96,6 +101,7 @@ class Scenario:
         field_known: whether the pre-flight check knows the field.
         fly_outside_contract: fly even if the pre-flight check refuses.
         expect: the expected outcome.
+        sources: sensors of the daemon besides those that publish JSON.
     """
 
     name: str
@@ -107,6 +113,7 @@ class Scenario:
     field_known: bool
     fly_outside_contract: bool
     expect: Expectation
+    sources: tuple[AnySource, ...] = ()
 
     def sitl_config(self, **live: Any) -> SitlConfig:
         """Return the SITL's configuration; ``live`` are the keys that the plant does not have.
@@ -151,8 +158,10 @@ def load_scenario(path: Path) -> Scenario:
         field_known=written.field_known,
         fly_outside_contract=written.fly_outside_contract,
         expect=written.expect,
+        sources=written.sources,
     )
     _require_mission_start(scenario, path)
+    _require_frames_to_change(scenario, path)
     return scenario
 
 
@@ -191,6 +200,20 @@ def _require_mission_start(scenario: Scenario, path: Path) -> None:
             f"ground, or at mission.altitude_m = {scenario.mission.altitude_m:g} m above it, at "
             f"mission.start_ned_m = {list(scenario.mission.start_ned_m)} m"
         )
+
+
+def _require_frames_to_change(scenario: Scenario, path: Path) -> None:
+    """Refuse faults of detections that no sensor sends."""
+    sent = {sensor.publishes for sensor in scenario.plant.sensors}
+    for index, fault in enumerate(scenario.faults):
+        if fault.kind not in KINDS or FAULTS[fault.kind].targets != (Target.DETECTIONS,):
+            continue
+        needs = {"json"} if fault.kind in CHANGES_JSON else set(get_args(Format)) - OVER_MAVLINK
+        if not sent & needs:
+            raise FileError(
+                f"{path}: faults[{index}].kind = {fault.kind} changes what sensors publish as "
+                f"{', '.join(sorted(needs))}; sitl.sensors publish {', '.join(sorted(sent))}"
+            )
 
 
 def _loaded(written: Path | ModelT, base: Path, model: type[ModelT]) -> ModelT:

@@ -236,7 +236,7 @@ class Autonomy:
             self.authority.follow_reset(pose)
         frames = chain(self._intake.take(now_unix_s), self.sensors.take(self.epoch_unix_s))
         self.supervisor.take_frames(frames, now_s, self.epoch_unix_s)
-        for name, reason in self.sensors.take_news():
+        for name, reason in (*self.sensors.take_news(), *self._intake.take_news()):
             text = f"sensor {name}: messages dropped: {reason}"
             self.emit(Event(now_s, EventName.SENSOR_REFUSED, Severity.WARNING, text))
         self._take_mission(now_s)

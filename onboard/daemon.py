@@ -20,24 +20,29 @@ import zenoh
 from onboard.autonomy import Autonomy
 from onboard.contract.assessment import TICK_S
 from onboard.files.contract_file import Contract
-from onboard.files.daemon_config import DaemonConfig
+from onboard.files.daemon_config import DaemonConfig, MarkerOutput
 from onboard.files.json_payload import MalformedPayloadError, parse
 from onboard.files.mission_file import Mission
 from onboard.files.resume_payload import ResumeAnswer, ResumeCommand, ResumeReason
 from onboard.guidance.departure import Refusal, reason_of
 from onboard.mavlink.connections import Link, open_link
+from onboard.obstacle_outputs.markers import attachment, markers_key
+from onboard.obstacle_outputs.outputs import ObstaclePublisher
+from onboard.perception.ros2.graph import node_token, publisher_token
 from onboard.perception.sensor_channels import SensorChannels
-from onboard.perception.sources.registry import zenoh_key
+from onboard.perception.sources.registry import transforms_key, zenoh_key
 from onboard.recording.event_log import EventLog
 from onboard.recording.journal import Journal
 from onboard.recording.messages import LASTING, ZENOH_KEYS, Record, StateRecord, as_json
 from onboard.recording.recorder import FlightRecorder, LogPlace
 from onboard.service_manager import ServiceManager
 from onboard.timing import Clock, freeze_gc_heap, request_realtime_priority
-from onboard.zenoh_session import open_session
+from onboard.zenoh_session import open_session, subscribe_with_history
 
 log = logging.getLogger(__name__)
 
+# Our name in the graph of ROS 2.
+_NODE: Final = "clearway"
 STATUS_PERIOD_S: Final = 0.2
 # Records that last are published again this often, for subscribers that have joined since.
 REPEAT_PERIOD_S: Final = 1.0
@@ -73,6 +78,7 @@ async def run(config: DaemonConfig, contract: Contract, mission: Mission, place:
         bus = Bus(session, config.vehicle, contract)
         bus.subscribe(autonomy, clock, accept_mission_updates=config.accept_mission_updates)
         bus.answer_resumes(autonomy, config.zenoh.remote_access)
+        shown = await _shown(config, autonomy, bus, stack)
         manager = stack.enter_context(ServiceManager.of_environment(os.environ))
         stop = _stop_on_signals()
         freeze_gc_heap()
@@ -83,7 +89,7 @@ async def run(config: DaemonConfig, contract: Contract, mission: Mission, place:
             recorder.path,
         )
         manager.ready()
-        await _serve(autonomy, link, recorder, bus, clock, stop, manager)
+        await _serve(autonomy, link, recorder, bus, clock, stop, manager, shown)
     log.info("stopped")
 
 
@@ -100,6 +106,33 @@ def _service(config: DaemonConfig, contract: Contract, mission: Mission, clock: 
         stopwatch=time.perf_counter,
         sensors=config.sources,
     )
+
+
+async def _shown(
+    config: DaemonConfig, autonomy: Autonomy, bus: Bus, stack: contextlib.ExitStack
+) -> Callable[[list[Record], float], None]:
+    """Open what the obstacles are shown to; return what takes the records of each tick.
+
+    Raises:
+        LinkError: the link to the ground station cannot be opened.
+    """
+    outputs, system_id = config.outputs, config.mavlink.system_id
+    publisher = ObstaclePublisher(outputs, system_id, autonomy.link.transmitter)
+    ground: Link | None = None
+    if outputs.obstacle_distance is not None and outputs.obstacle_distance.url is not None:
+        ground = await open_link(outputs.obstacle_distance.url, lambda _: None, system_id)
+        stack.callback(ground.close)
+    if outputs.markers is not None:
+        bus.announce_markers(outputs.markers)
+
+    def show(records: list[Record], now_s: float) -> None:
+        shown = publisher.collect(records, now_s)
+        if ground is not None and shown.to_ground:
+            ground.send(shown.to_ground)
+        if shown.markers is not None:
+            bus.publish_markers(shown.markers, autonomy.epoch_unix_s + now_s)
+
+    return show
 
 
 def _stop_on_signals() -> asyncio.Event:
@@ -120,6 +153,7 @@ async def _serve(
     clock: Clock,
     stop: asyncio.Event,
     manager: ServiceManager,
+    show: Callable[[list[Record], float], None],
 ) -> None:
     journal, event_log = Journal(autonomy, timed=True), EventLog()
     due_s = clock.now_s()
@@ -139,6 +173,7 @@ async def _serve(
         event_log.write(records, now_s)
         recorder.write(records)
         bus.publish(records, now_s)
+        show(records, now_s)
         manager.tick(now_s, autonomy.navigator.phase.value)
         due_s += TICK_S
         with contextlib.suppress(TimeoutError):
@@ -172,6 +207,10 @@ class Bus:
         }
         self._status_due_s = self._repeat_due_s = 0.0
         self._lasting: dict[type[Record], Record] = {}
+        self._markers: zenoh.Publisher | None = None
+        self._markers_sent, self._markers_bridged = 0, False
+        self._publisher_id = os.urandom(16)
+        self._tokens: list[zenoh.LivelinessToken] = []
         answer = {"contract": contract.model_dump(mode="json"), "sha256": contract.sha256}
         payload = json.dumps(answer).encode()
         key = f"{self._prefix}/contract"
@@ -186,6 +225,8 @@ class Bus:
         for name, sensor in autonomy.sensors.sensors.items():
             if key := zenoh_key(sensor.config):
                 self._listen_to(name, key, autonomy.sensors, clock)
+            if key := transforms_key(sensor.config):
+                self._listen_to_transforms(name, key, autonomy.sensors)
 
     def _listen_to(self, name: str, key: str, sensors: SensorChannels, clock: Clock) -> None:
         """Subscribe to a sensor's own key."""
@@ -201,6 +242,20 @@ class Bus:
                 loop.call_soon_threadsafe(deliver, payload, from_key, attachment)
 
         self._session.declare_subscriber(key, receive)
+
+    def _listen_to_transforms(self, name: str, key: str, sensors: SensorChannels) -> None:
+        """Subscribe to the transforms that mount a sensor, which may have been sent long ago."""
+        loop = asyncio.get_running_loop()
+
+        def deliver(payload: bytes, key: str) -> None:
+            sensors.receive_transforms(name, payload, key=key)
+
+        def receive(sample: zenoh.Sample) -> None:
+            payload, from_key = sample.payload.to_bytes(), str(sample.key_expr)
+            with contextlib.suppress(RuntimeError):  # the loop has closed: we are stopping
+                loop.call_soon_threadsafe(deliver, payload, from_key)
+
+        subscribe_with_history(self._session, key, receive)
 
     def answer_resumes(self, autonomy: Autonomy, remote_access: str | None) -> None:
         """Pass on the command to end a hold, and answer it; only processes of this computer may.
@@ -248,6 +303,29 @@ class Bus:
                 loop.call_soon_threadsafe(deliver, payload)
 
         self._session.declare_subscriber(f"{self._prefix}/{key}", receive)
+
+    def announce_markers(self, config: MarkerOutput) -> None:
+        """Declare a publisher of markers, as ROS 2 sees one."""
+        bridged = config.middleware != "rmw_zenoh"
+        key = markers_key(config.topic, bridged=bridged, domain=config.domain_id)
+        self._markers, self._markers_bridged = self._session.declare_publisher(key), bridged
+        if not bridged:
+            session = str(self._session.info.zid())
+            liveliness = self._session.liveliness()
+            self._tokens = [
+                liveliness.declare_token(node_token(session, _NODE, config.domain_id)),
+                liveliness.declare_token(publisher_token(session, _NODE, key)),
+            ]
+
+    def publish_markers(self, payload: bytes, now_unix_s: float) -> None:
+        """Publish markers; what they are announced as says whom the sample names."""
+        if self._markers is None:
+            return
+        self._markers_sent += 1
+        own = None
+        if not self._markers_bridged:
+            own = attachment(self._markers_sent, now_unix_s, self._publisher_id)
+        self._markers.put(payload, attachment=own)
 
     def publish(self, records: list[Record], now_s: float) -> None:
         """Publish the records of a tick; the state at a rate for people."""

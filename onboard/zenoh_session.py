@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import contextlib
 import json
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import Final
 
 import zenoh
+import zenoh.ext
 
 from onboard.files.yaml_file import FileError
 from onboard.files.zenoh_endpoints import ZenohEndpoints
@@ -17,6 +18,8 @@ from onboard.files.zenoh_endpoints import ZenohEndpoints
 _LOOPBACK: Final = "tcp/127.0.0.1:0"
 # How long a client waits for its router; a peer waits in the background, without limit.
 _CLIENT_PATIENCE_MS: Final = 5000
+# Of each publisher of static transforms: it repeats all that it has, or has one message for each.
+_HISTORY_SAMPLES: Final = 100
 
 
 @contextlib.contextmanager
@@ -35,6 +38,23 @@ def open_session(endpoints: ZenohEndpoints) -> Iterator[zenoh.Session]:
         yield session
     finally:
         session.close()  # type: ignore[no-untyped-call]  # untyped in its own stubs
+
+
+def subscribe_with_history(
+    session: zenoh.Session, key: str, receive: Callable[[zenoh.Sample], None]
+) -> None:
+    """Subscribe to what is published, and to the last that was published before.
+
+    ROS 2 publishes static transforms once, and keeps them for those who come later (durability
+    "transient local"), which rmw_zenoh and zenoh-bridge-ros2dds do by Zenoh's advanced publisher.
+
+    Args:
+        session: an open session.
+        key: key expression.
+        receive: called in Zenoh's thread.
+    """
+    history = zenoh.ext.HistoryConfig(detect_late_publishers=True, max_samples=_HISTORY_SAMPLES)
+    zenoh.ext.declare_advanced_subscriber(session, key, receive, history=history)
 
 
 def _configuration(endpoints: ZenohEndpoints) -> zenoh.Config:

@@ -84,10 +84,18 @@ class TrackingConfig(FileModel):
     Attributes:
         toward_obstacle: pin the tracking error toward the nearest obstacle.
         error_m: its size; null in a scenario: the contract's tracking error.
+        kinematic: fly the adversary's plant in place of rotors and controller
+            (`sitl.plant.kinematic`).
+        velocity_error_mps: of that plant, along the nose, and across it toward the obstacle.
+        seen_late_s: the service judges the position by telemetry that is this much older than it
+            takes it for; the pinned error leaves room for that, so that none is reported.
     """
 
     toward_obstacle: bool = False
     error_m: Annotated[float, Field(ge=0.0)] | None = None
+    kinematic: bool = False
+    velocity_error_mps: Annotated[tuple[float, float], Field(strict=False)] = (0.0, 0.0)
+    seen_late_s: Annotated[float, Field(ge=0.0, le=1.0)] = 0.0
 
 
 class EstimatorConfig(FileModel):
@@ -97,12 +105,14 @@ class EstimatorConfig(FileModel):
         position_m, velocity_mps: along each horizontal axis.
         height_m: of the height.
         heading_deg: of the heading.
+        at_bound: errors reach their bounds (`sitl.plant.estimator.EstimatorProfile`).
     """
 
     position_m: Annotated[float, Field(ge=0.0)] | None = None
     velocity_mps: Annotated[float, Field(ge=0.0)] | None = None
     height_m: Annotated[float, Field(ge=0.0)] | None = None
     heading_deg: Annotated[float, Field(ge=0.0, le=180.0)] | None = None
+    at_bound: bool | None = None
 
     def applied_to(self, profile: EstimatorProfile) -> EstimatorProfile:
         """Return a profile with what is stated here."""

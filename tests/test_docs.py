@@ -8,6 +8,7 @@ import shlex
 import socket
 import subprocess
 import sys
+import time
 from functools import partial
 from pathlib import Path
 
@@ -22,14 +23,20 @@ from onboard.contract.assessment import assess
 from onboard.files.contract_file import load_contract
 from onboard.files.daemon_config import DaemonConfig
 from onboard.files.mission_file import Mission
-from onboard.files.yaml_file import load_yaml
+from onboard.files.yaml_file import load_yaml, parse_document, validate
 from onboard.files.zenoh_endpoints import ZenohEndpoints
 from onboard.mavlink.profiles.parameter_rules import ReportedParameters
 from onboard.mavlink.profiles.registry import profile_named
+from onboard.perception.intake import DetectionCounters
+from onboard.perception.ros2.keys import TYPE_HASHES
+from onboard.perception.sensor_channels import SensorChannels
 from onboard.perception.sources.json_v1 import parse_frame
+from onboard.perception.sources.registry import zenoh_key
 from onboard.zenoh_session import open_session
 from sitl.config import load_sitl_config
 from sitl.vehicle.vehicle import SimulatedVehicle
+from tests.onboard.perception.ros2.encoding import attachment, scan_all_round
+from tests.onboard.perception.sources.scenes import EPOCH_UNIX_S, pose_at, poses_of
 from tests.sitl.autopilot.protocol.test_mavproxy import mavproxy
 from tests.sitl.process import configured, free_port, running
 from tests.tools.transcripts import with_answers
@@ -187,6 +194,72 @@ def test_the_sensor_of_the_vehicle_page_meets_the_shipped_daemon_and_its_operato
         finally:
             sensor.terminate()
             sensor.wait()
+
+
+SHIPPED = (ROOT / "config" / "onboard.yaml").read_text(encoding="utf-8")
+
+
+def snippets() -> list[str]:
+    """What the sensors' page has a user add to the daemon's file, and what the file suggests."""
+    page = blocks(ROOT / "docs" / "sensors.md", "yaml")
+    suggested = re.findall(
+        r"^# ((?:sources|outputs):\n(?:#(?: -|   ).*\n)+)", SHIPPED, re.MULTILINE
+    )
+    assert len(suggested) == 2
+    return [*page, *(each.replace("\n# ", "\n") for each in suggested)]
+
+
+@pytest.mark.parametrize("snippet", snippets())
+def test_what_the_sensors_page_states_is_read_by_the_shipped_daemon(
+    snippet: str, tmp_path: Path
+) -> None:
+    path = tmp_path / "onboard.yaml"
+    path.write_text(SHIPPED + snippet, encoding="utf-8")
+    config = load_yaml(path, DaemonConfig)
+    shown = config.outputs.obstacle_distance is not None and config.outputs.markers is not None
+    assert config.sources or shown
+
+
+def test_the_lidar_of_the_sensors_page_meets_the_shipped_daemon() -> None:
+    """A scan on the page's topic, from a node that connects to the daemon as the page says."""
+    config = validate(
+        parse_document(SHIPPED + snippets()[0], source="the page"), DaemonConfig, source="the page"
+    )
+    address = f"tcp/127.0.0.1:{free_port(socket.SOCK_STREAM)}"
+    (router,) = config.zenoh.connect  # the port of rmw_zenohd is the one that is shipped
+    assert router.endswith(":7447")
+    (lidar,) = (each for each in config.sources if each.kind == "laserscan")
+    key = zenoh_key(lidar)
+    assert key is not None
+    heard: queue.Queue[tuple[str, bytes, bytes]] = queue.Queue()
+
+    def receive(sample: zenoh.Sample) -> None:
+        assert sample.attachment is not None
+        heard.put((str(sample.key_expr), sample.payload.to_bytes(), sample.attachment.to_bytes()))
+
+    with (
+        open_session(ZenohEndpoints(listen=(address,))) as ros,
+        open_session(ZenohEndpoints(connect=(address,))) as daemon,
+    ):
+        daemon.declare_subscriber(key, receive)
+        published = key.replace("**", "RIHS01_" + TYPE_HASHES["sensor_msgs/LaserScan"][0])
+        scan = scan_all_round([5.0] * 360, stamp_unix_s=EPOCH_UNIX_S)
+        while heard.empty():
+            ros.put(published, scan, attachment=attachment())
+            time.sleep(0.02)
+        found, payload, attached = heard.get()
+    channels = SensorChannels(config.sources, poses_of(pose_at()), DetectionCounters())
+    channels.receive(lidar.name, payload, 0.0, key=found, attachment=attached)
+    (frame,) = channels.take(EPOCH_UNIX_S)
+    assert (frame.source, len(frame.obstacles) > 0) == (lidar.name, True)
+
+
+def test_the_example_publisher_connects_where_the_shipped_daemon_listens() -> None:
+    program = (ROOT / "examples" / "detection_publisher.py").read_text(encoding="utf-8")
+    shipped = load_yaml(ROOT / "config" / "onboard.yaml", DaemonConfig)
+    (address,) = shipped.zenoh.listen
+    assert f'"--connect", default="{address}"' in program
+    assert f'"--vehicle", default="{shipped.vehicle}"' in program
 
 
 FINDINGS = (ROOT / "docs" / "field_findings.md").read_text(encoding="utf-8")

@@ -189,6 +189,22 @@ def test_a_package_starts_from_the_wheel_without_extras(
     assert "--config" in done.stdout
 
 
+def test_sensors_are_checked_without_any_package_of_the_ground(
+    companion: dict[str, str], tmp_path: Path
+) -> None:
+    settings = {
+        "contract": "c.yaml",
+        "mission": "m.yaml",
+        "mavlink": {"url": "udpout://127.0.0.1:9"},
+        "zenoh": {"listen": [f"tcp/127.0.0.1:{free_port()}"]},
+    }
+    path = tmp_path / "onboard.yaml"
+    path.write_text(yaml.safe_dump(settings), encoding="utf-8")
+    done = python(companion, "-m", "gcs_tools", "sensor", "check", str(path), "--for", "0.1")
+    assert (done.returncode, done.stderr) == (1, "")
+    assert "NOTHING  JSON detections" in done.stdout
+
+
 def test_the_daemon_serves_without_any_package_of_the_ground(
     companion: dict[str, str], tmp_path: Path
 ) -> None:

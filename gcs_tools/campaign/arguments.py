@@ -18,7 +18,7 @@ def add_parser(commands: Any) -> None:
         nargs="+",
         metavar="SCENARIO",
         help="nominal, violating, faults, outside, competition, best-effort, best-effort-faults, "
-        "quick, quick-faults; scenario files; stem maps (CSV)",
+        "quick, quick-faults, adversary; scenario files; stem maps (CSV)",
     )
     parser.add_argument(
         "--flights", type=natural, default=100, metavar="N", help="in all; default: 100"
@@ -40,6 +40,16 @@ def add_parser(commands: Any) -> None:
         metavar="N",
         help="reduce N of the failing flights to minimal scenarios; default: 3",
     )
+    parser.add_argument(
+        "--search",
+        type=natural,
+        default=0,
+        metavar="N",
+        help="adversary: so many more flights near those with the least margins; default: 0",
+    )
+    parser.add_argument(
+        "--genes", default="", metavar="G", help="adversary: replay what a search has moved"
+    )
     parser.set_defaults(run=_run)
 
 
@@ -58,5 +68,7 @@ def _run(options: argparse.Namespace) -> int:
         dask=options.dask,
         out=options.out,
         shrink=options.shrink,
+        search=options.search,
+        genes=options.genes,
     )
     return 0 if run_campaign(request) else EXIT_NO

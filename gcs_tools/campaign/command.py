@@ -20,12 +20,17 @@ from rich.markup import escape
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
+from gcs_tools.campaign.adversary.draw import SOURCE
+from gcs_tools.campaign.adversary.genes import genes_of
+from gcs_tools.campaign.adversary_summary import print_adversary
 from gcs_tools.campaign.flight import FlightRow, replay_command
 from gcs_tools.campaign.forest import ForestSource
+from gcs_tools.campaign.generator.case import FlightCase
 from gcs_tools.campaign.generator.generators import GENERATORS
 from gcs_tools.campaign.report import write_report
+from gcs_tools.campaign.search import search_jobs, search_locally
 from gcs_tools.campaign.shrink import shrink
-from gcs_tools.campaign.sources import FileSource, GeneratedSource, Source
+from gcs_tools.campaign.sources import AdversarySource, FileSource, GeneratedSource, Source
 from gcs_tools.campaign.statistics import CONFIDENCE, ClassSummary, summarize, total
 from gcs_tools.campaign.table import read_table, write_table
 from gcs_tools.campaign.workers import FlightJob, fly_locally, fly_on_cluster
@@ -58,6 +63,8 @@ class CampaignRequest:
         dask: address of a Dask scheduler.
         out: directory for the results.
         shrink: reduce this many of the failing flights to minimal scenarios.
+        search: so many more flights search near the worst ones of an adversary.
+        genes: of an adversary's flight that a search has found.
     """
 
     scenarios: tuple[str, ...]
@@ -68,6 +75,8 @@ class CampaignRequest:
     dask: str | None = None
     out: Path | None = None
     shrink: int = 3
+    search: int = 0
+    genes: str = ""
 
 
 def run_campaign(request: CampaignRequest) -> bool:
@@ -80,7 +89,9 @@ def run_campaign(request: CampaignRequest) -> bool:
         FileError: a scenario cannot be used.
         CommandError: the output cannot be written, a worker died, or no scheduler answers.
     """
-    sources = [_source(name) for name in request.scenarios]
+    sources = [_source(name, request.genes) for name in request.scenarios]
+    if (request.search or request.genes) and not _attacks(sources):
+        raise CommandError(f"--search and --genes: only the scenario {SOURCE} has them")
     directory = _prepared(request)
     jobs = _jobs(sources, request)
     table = directory / "flights.parquet"
@@ -100,10 +111,13 @@ def run_campaign(request: CampaignRequest) -> bool:
                     console.print(f"{len(rows)} of {len(jobs)} flights, {bad} failed")
     finally:
         write_table(rows, table)
+    rows += _searched(rows, request, console)
+    write_table(rows, table)
     write_report(rows, directory / "summary.html")
     failed = [row for row in rows if not row.good]
     _keep_scenarios(failed, sources, directory / "failed")
     _print_summary(rows, console)
+    print_adversary(rows, console)
     _print_failures(failed, console)
     _shrink_failures(failed[: request.shrink], sources, directory / "failed", console)
     console.print(f"table, report, scenarios of failed flights: {directory}", soft_wrap=True)
@@ -113,7 +127,13 @@ def run_campaign(request: CampaignRequest) -> bool:
 # ------------------------------------------------------------------ the flights
 
 
-def _source(name: str) -> Source:
+def _attacks(sources: Sequence[Source]) -> bool:
+    return any(isinstance(source, AdversarySource) for source in sources)
+
+
+def _source(name: str, genes: str = "") -> Source:
+    if name == SOURCE:
+        return AdversarySource(tuple(genes_of(genes).items()))
     if name in GENERATORS:
         return GeneratedSource(name)
     if Path(name).suffix.lower() == ".csv":
@@ -122,7 +142,7 @@ def _source(name: str) -> Source:
     if not Path(name).suffix:
         raise CommandError(
             f"{name}: unknown scenario; expected a scenario file, a stem map (CSV) or one of "
-            f"{', '.join(GENERATORS)}"
+            f"{', '.join((*GENERATORS, SOURCE))}"
         )
     return FileSource(name, load_scenario(Path(name)))
 
@@ -156,13 +176,25 @@ def _flown_before(table: Path, jobs: Sequence[FlightJob]) -> list[FlightRow]:
     rows = [row for row in before if (row.source, row.campaign_seed, row.number) in requested]
     if len(rows) < len(before):
         raise CommandError(f"{table}: has flights of another campaign: use another --out")
-    return rows
+    return [row for row in rows if not row.genes]  # searches are repeated
 
 
 def _flown(jobs: Iterable[FlightJob], request: CampaignRequest) -> Iterator[FlightRow]:
     if request.dask is not None:
         return fly_on_cluster(jobs, request.dask)
     return fly_locally(jobs, request.processes or os.cpu_count() or 1)
+
+
+def _searched(
+    rows: Sequence[FlightRow], request: CampaignRequest, console: Console
+) -> list[FlightRow]:
+    jobs = search_jobs(rows, request.search)
+    found: list[FlightRow] = []
+    if jobs:
+        console.print(f"searching near the {len(jobs)} flights with the least margins")
+    for part in search_locally(jobs, request.processes or os.cpu_count() or 1):
+        found += part
+    return found
 
 
 def _with_progress(rows: Iterator[FlightRow], count: int, console: Console) -> Iterator[FlightRow]:
@@ -187,9 +219,10 @@ def _with_progress(rows: Iterator[FlightRow], count: int, console: Console) -> I
 
 def _keep_scenarios(failed: Iterable[FlightRow], sources: Sequence[Source], place: Path) -> None:
     named = {source.name: source for source in sources}
-    for row in failed:
-        case = named[row.source].case(row.campaign_seed, row.number)
-        path = place / f"{Path(row.source).stem}-{row.campaign_seed}-{row.number}.yaml"
+    for number, row in enumerate(failed):
+        case = _case(named[row.source], row)
+        suffix = f"-search-{number}" if row.genes else ""
+        path = place / f"{Path(row.source).stem}-{row.campaign_seed}-{row.number}{suffix}.yaml"
         heading = f"# {replay_command(row)}\n" + "".join(
             f"# {line}\n" for line in row.findings.splitlines()
         )
@@ -204,7 +237,7 @@ def _shrink_failures(
 ) -> None:
     named = {source.name: source for source in sources}
     for row in failed:
-        case = named[row.source].case(row.campaign_seed, row.number)
+        case = _case(named[row.source], row)
         oracles = frozenset(line.split(":", 1)[0] for line in row.findings.splitlines())
         document = scenario_document(case.scenario)
         shrunk = shrink(document, oracles, case.seed, _FLIGHTS_PER_SHRINKING)
@@ -216,6 +249,12 @@ def _shrink_failures(
         found = "".join(f"# {line}\n" for line in shrunk.findings.splitlines())
         write_text(f"# {replay}\n{found}{text}", path)
         console.print(f"shrunk in {shrunk.flights} flights: {replay}", markup=False, soft_wrap=True)
+
+
+def _case(source: Source, row: FlightRow) -> FlightCase:
+    """Return the case of a row, where a search has moved it, too."""
+    moved = AdversarySource(tuple(genes_of(row.genes).items())) if row.genes else source
+    return moved.case(row.campaign_seed, row.number)
 
 
 def scenario_document(scenario: Scenario) -> dict[str, Any]:

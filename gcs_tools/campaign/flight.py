@@ -9,9 +9,12 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Final
 
+from gcs_tools.campaign.adversary.genes import genes_text
+from gcs_tools.campaign.adversary.margins import Margin, least_margin
+from gcs_tools.campaign.adversary.shares import ErrorMeter, shares_text, used_shares
 from gcs_tools.campaign.generator.case import FlightCase
 from gcs_tools.campaign.held_ways import HeldWays
-from gcs_tools.campaign.oracles.evidence import Evidence
+from gcs_tools.campaign.oracles.evidence import ROUND_OFF, Evidence
 from gcs_tools.campaign.oracles.registry import findings
 from gcs_tools.campaign.sources import Source
 from gcs_tools.logs.flight_log import Log, log_of
@@ -64,6 +67,9 @@ class FlightRow:
         pauses: how often the vehicle stopped to look for another way.
         rest_margin_min_m: least margin of the way to rest that was held; null where none was.
         csb_shape: of the collision set boundary, ``flat`` or ``pointed``.
+        genes: that a search has moved, as the argument ``--genes``; adversary only, as are:
+        least_margin_m, least_margin_of: least margin of a promise, and which one.
+        shares: used of each allowance, JSON.
         cruise_speed_mps ... passive_safety: of the drawn contract.
         virtual_s, wall_s: simulated time, and the processor time that it took.
     """
@@ -93,6 +99,10 @@ class FlightRow:
     threaded: bool
     pauses: int
     rest_margin_min_m: float | None
+    genes: str
+    least_margin_m: float | None
+    least_margin_of: str
+    shares: str
     csb_shape: str
     cruise_speed_mps: float
     roll_max_deg: float
@@ -118,7 +128,7 @@ def replay_command(row: FlightRow) -> str:
     """Return the command that repeats one flight of a campaign exactly."""
     return (
         f"clearway campaign {shlex.quote(row.source)} --seed {row.campaign_seed} "
-        f"--only {row.number}"
+        f"--only {row.number}" + (f" --genes {row.genes}" if row.genes else "")
     )
 
 
@@ -132,8 +142,10 @@ def fly_numbered(source: Source, campaign_seed: int, number: int) -> FlightRow:
     if not (checked.may_fly or case.scenario.fly_outside_contract):
         return _row(which, case, checked.assessment, _refused(case, checked), time_s=(0.0, 0.0))
     try:
-        evidence = fly_case(case)
-        found = findings(evidence)
+        meter = ErrorMeter()
+        evidence = fly_case(case, meter)
+        margin = None if case.adversary is None else least_margin(evidence)
+        found = findings(evidence) | _broken(margin)
     except Exception:  # noqa: BLE001  campaigns exist to find exceptions of any kind
         crashed = _aborted(case, traceback.format_exc().strip().splitlines()[-1])
         found = {"exception": "\n".join(traceback.format_exc().strip().splitlines()[-5:])}
@@ -146,12 +158,26 @@ def fly_numbered(source: Source, campaign_seed: int, number: int) -> FlightRow:
         evidence.result,
         found=found,
         tracking_m=evidence.true_tracking_error_m,
+        margin=margin,
+        shares={} if case.adversary is None else used_shares(evidence, meter),
         time_s=(virtual_s, time.process_time() - began_s),
     )
 
 
-def fly_case(case: FlightCase) -> Evidence:
-    """Fly until the vehicle is at rest after its mission and landing, or the time limit."""
+def _broken(margin: Margin | None) -> dict[str, str]:
+    """Return the finding that a negative margin is."""
+    if margin is None or margin.metres >= -ROUND_OFF:
+        return {}
+    return {"margin": f"{margin.promise} is broken by {-margin.metres:.4f} m"}
+
+
+def fly_case(case: FlightCase, meter: ErrorMeter | None = None) -> Evidence:
+    """Fly until the vehicle is at rest after its mission and landing, or the time limit.
+
+    Args:
+        case: to fly.
+        meter: observes every tick.
+    """
     scenario = case.scenario
     simulation = Simulation(
         SimulatedFlight(
@@ -161,8 +187,9 @@ def fly_case(case: FlightCase) -> Evidence:
             obstacles=scenario.obstacles,
             seed=case.seed,
             faults=scenario.faults,
+            sources=scenario.sources,
             fly_outside_contract=scenario.fly_outside_contract,
-            time_limit_s=_time_limit_s(scenario),
+            time_limit_s=case.time_limit_s or _time_limit_s(scenario),
         )
     )
     vehicle, world = simulation.scene.vehicle, simulation.scene.world
@@ -174,6 +201,8 @@ def fly_case(case: FlightCase) -> Evidence:
         flown += [record for record in records if isinstance(record, _USED)]
         truths.append(truth_record(vehicle.truth, world, EPOCH_UNIX_S))
         held.follow(simulation.autonomy.navigator, simulation.now_s)
+        if meter is not None:
+            meter.observe(simulation)
         landing = simulation.operator.step in (Step.LAND, Step.DONE)
         at_rest = landing and vehicle.truth.ground_speed_mps < _AT_REST_MPS
         if at_rest:
@@ -223,6 +252,8 @@ def _row(
     time_s: tuple[float, float],
     found: Mapping[str, str] | None = None,
     tracking_m: float = 0.0,
+    margin: Margin | None = None,
+    shares: Mapping[str, float] | None = None,
 ) -> FlightRow:
     declared_m = case.scenario.contract.vehicle.tracking_error_m
     refused = result.outcome == "aborted" and result.reason.startswith("refused: ")
@@ -251,10 +282,23 @@ def _row(
         threaded=result.threaded,
         pauses=result.pauses,
         rest_margin_min_m=result.rest_margin_min_m,
+        **_adversary_columns(case, margin, shares or {}),
         **_contract_columns(case, assessment),
         virtual_s=time_s[0],
         wall_s=time_s[1],
     )
+
+
+def _adversary_columns(
+    case: FlightCase, margin: Margin | None, shares: Mapping[str, float]
+) -> dict[str, Any]:
+    """Return the columns about an adversary; empty without one."""
+    return {
+        "genes": "" if case.adversary is None else genes_text(case.adversary.genes),
+        "least_margin_m": None if margin is None else margin.metres,
+        "least_margin_of": "" if margin is None else margin.promise,
+        "shares": shares_text(shares) if shares else "",
+    }
 
 
 def _contract_columns(case: FlightCase, assessment: Assessment) -> dict[str, Any]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Protocol
 
+from gcs_tools.campaign.adversary.draw import SOURCE, adversary_case
 from gcs_tools.campaign.generator.case import NO_FAULT, FlightCase
 from gcs_tools.campaign.generator.generators import generated
 from gcs_tools.scenario import Scenario
@@ -35,6 +36,26 @@ class GeneratedSource:
     def case(self, campaign_seed: int, number: int) -> FlightCase:
         """Draw flight ``number``."""
         return generated(self.name, campaign_seed, number)
+
+
+@dataclass(frozen=True)
+class AdversarySource:
+    """Flights of an adversary inside the contract.
+
+    Attributes:
+        moved: genes that replace the drawn ones, name and value.
+    """
+
+    moved: tuple[tuple[str, float], ...] = ()
+
+    @property
+    def name(self) -> str:
+        """Name on the command line."""
+        return SOURCE
+
+    def case(self, campaign_seed: int, number: int) -> FlightCase:
+        """Draw flight ``number``, with the moved genes."""
+        return adversary_case(campaign_seed, number, dict(self.moved))
 
 
 @dataclass(frozen=True)

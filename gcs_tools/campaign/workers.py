@@ -8,12 +8,12 @@ from __future__ import annotations
 
 import os
 import threading
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import FIRST_COMPLETED, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from itertools import islice
 from multiprocessing import get_context, parent_process
-from typing import Final, NamedTuple
+from typing import Any, Final, NamedTuple, TypeVar
 
 from gcs_tools.campaign.flight import FlightRow, fly_numbered
 from gcs_tools.campaign.sources import Source
@@ -22,6 +22,8 @@ from gcs_tools.console.errors import CommandError
 # Queued flights per worker: enough that none is ever idle.
 _WAITING_PER_WORKER: Final = 4
 _CONNECT_TIMEOUT_S: Final = 20.0
+
+_Result = TypeVar("_Result")
 
 
 class FlightJob(NamedTuple):
@@ -38,22 +40,37 @@ def fly_locally(jobs: Iterable[FlightJob], processes: int) -> Iterator[FlightRow
     Raises:
         CommandError: a process died.
     """
+    return run_locally(fly_numbered, jobs, processes)
+
+
+def run_locally(
+    work: Callable[..., _Result], jobs: Iterable[tuple[Any, ...]], processes: int
+) -> Iterator[_Result]:
+    """Yield the result of each job as one of ``processes`` finishes it.
+
+    Args:
+        work: a module's function; its arguments are a job's items.
+        jobs: any number; only a few are queued at a time.
+        processes: with one, the jobs are done in this process.
+
+    Raises:
+        CommandError: a process died.
+    """
     if processes == 1:
         for job in jobs:
-            yield fly_numbered(*job)
+            yield work(*job)
         return
     remaining = iter(jobs)
     # A forked interpreter would inherit locks of threads that it does not have.
     spawn = get_context("spawn")
     with ProcessPoolExecutor(processes, mp_context=spawn, initializer=_end_with_parent) as pool:
         waiting = {
-            pool.submit(fly_numbered, *job)
-            for job in islice(remaining, processes * _WAITING_PER_WORKER)
+            pool.submit(work, *job) for job in islice(remaining, processes * _WAITING_PER_WORKER)
         }
         try:
             while waiting:
                 done, waiting = wait(waiting, return_when=FIRST_COMPLETED)
-                waiting |= {pool.submit(fly_numbered, *job) for job in islice(remaining, len(done))}
+                waiting |= {pool.submit(work, *job) for job in islice(remaining, len(done))}
                 for future in done:
                     yield future.result()
         except BrokenProcessPool as error:

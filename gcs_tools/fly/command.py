@@ -166,8 +166,7 @@ def _fly_virtual(
 ) -> tuple[Result, tuple[Log, Log]]:
     # A live flight runs the simulation in another process; only a virtual one loads it here.
     from sitl.autopilot.flavours.parameters import ParameterError  # noqa: PLC0415
-    from sitl.virtual.simulation import SimulatedFlight, Simulation  # noqa: PLC0415
-    from sitl.virtual.simulation import fly as simulate  # noqa: PLC0415
+    from sitl.virtual.simulation import SimulatedFlight, Simulation, fly  # noqa: PLC0415
 
     planned = SimulatedFlight(
         contract=scenario.contract,
@@ -176,6 +175,7 @@ def _fly_virtual(
         obstacles=scenario.obstacles,
         seed=seed,
         faults=scenario.faults,
+        sources=scenario.sources,
         fly_outside_contract=fly_outside_contract,
     )
     try:
@@ -185,7 +185,7 @@ def _fly_virtual(
                 vehicle, phase = simulation.scene.vehicle, simulation.autonomy.navigator.phase
                 show(f"{phase.value:<7} {simulation.now_s:5.0f} s", vehicle.truth.position_ned_m)
 
-            report = simulate(planned, directory, watch)
+            report = fly(planned, directory, watch)
     except (OSError, ParameterError) as error:
         raise CommandError(f"{directory}: {error}") from error
     console.print(

@@ -34,7 +34,8 @@ async def check_before_flight(
     """
     assessment = assess(scenario.contract)
     endurance_s = hover_endurance_s(scenario.plant)
-    listening = asyncio.create_task(asyncio.to_thread(bus.run, assessment))
+    sensors = tuple(source.name for source in scenario.sources)
+    listening = asyncio.create_task(asyncio.to_thread(bus.run, assessment, sensors))
     try:
         found = await check_vehicle(vehicle, assessment, scenario.mission, endurance_s)
     finally:

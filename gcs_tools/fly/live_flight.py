@@ -157,6 +157,7 @@ def _onboard_configuration(
             telemetry_timeout_s=TELEMETRY_TIMEOUT_S,
         ),
         zenoh=ZenohEndpoints(connect=(endpoints.sitl_zenoh,), listen=(endpoints.daemon_zenoh,)),
+        sources=scenario.sources,
         log_directory=Path(),
         log_file=Path("flight.mcap"),
         fly_outside_contract=fly_outside_contract,
@@ -183,7 +184,8 @@ def _sitl_configuration(scenario: Scenario, endpoints: Endpoints, seed: int) -> 
 
 
 def _plain(model: BaseModel) -> Any:
-    return model.model_dump(mode="json")
+    # Of a sensor's keys some exclude others: what the scenario leaves out is left out.
+    return model.model_dump(mode="json", exclude_unset=isinstance(model, DaemonConfig))
 
 
 class Status:

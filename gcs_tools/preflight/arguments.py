@@ -28,6 +28,9 @@ def add_parser(commands: Any) -> None:
     parser.add_argument(
         "--parameters", type=Path, metavar="F", help="saved parameters, .params or .param"
     )
+    parser.add_argument(
+        "--daemon-config", type=Path, metavar="F", help="onboard.yaml, whose sensors are checked"
+    )
     parser.add_argument("--vehicle", metavar="URL", help="MAVSDK connection URL of a live vehicle")
     parser.add_argument(
         "--zenoh-config", type=Path, metavar="F", help="how to reach live detections and the daemon"
@@ -58,10 +61,8 @@ def add_acceptance(parser: argparse.ArgumentParser) -> None:
 
 
 def _run(options: argparse.Namespace) -> int:
-    from gcs_tools.preflight.command import (  # noqa: PLC0415  loads rich, NumPy and SciPy
-        PreflightFiles,
-        run_preflight,
-    )
+    from gcs_tools.preflight.command import run_preflight  # noqa: PLC0415  loads rich, NumPy, SciPy
+    from gcs_tools.preflight.files import PreflightFiles  # noqa: PLC0415
 
     verdict = run_preflight(
         PreflightFiles(
@@ -72,6 +73,7 @@ def _run(options: argparse.Namespace) -> int:
             picture=options.picture,
             geofence=options.geofence,
             parameters=options.parameters,
+            daemon=options.daemon_config,
         ),
         vehicle_url=options.vehicle,
         system_id=options.system_id,

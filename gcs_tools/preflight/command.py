@@ -17,13 +17,16 @@ from gcs_tools.contract.document import contract_document
 from gcs_tools.preflight import report as preflight_report
 from gcs_tools.preflight.field_check import check_field, legs_of
 from gcs_tools.preflight.field_placement import check_placement
+from gcs_tools.preflight.files import PreflightFiles
 from gcs_tools.preflight.finding import VEHICLE_IDENTITY, Finding, Verdict
+from gcs_tools.preflight.offline.sensors import check_sources
 from gcs_tools.preflight.remedy import Remedy, remedies
 from gcs_tools.preflight.rule import Rule
 from gcs_tools.preflight.speed import fastest_speed_mps
 from gcs_tools.preflight.tier import Tier, seen_free_rules
 from onboard.contract.assessment import Assessment, assess
 from onboard.files.contract_file import Contract, InputSet, load_contract
+from onboard.files.daemon_config import DaemonConfig
 from onboard.files.geofence_file import Geofence
 from onboard.files.mission_file import Mission
 from onboard.files.obstacle_field import ObstacleField, load_field
@@ -46,7 +49,8 @@ class Preflight:
         fence_rules: the geofence's, where one was given.
         fastest_mps: fastest cruise that contract and field allow; None without a field, or if no
             speed complies.
-        findings: of the live check.
+        findings: of the live check, and of what is read in its place.
+        sensors: names of those of the daemon's file.
         accept_no_progress: accept for this run that arrival is not guaranteed.
         rehearsal: of the mission in the known field, where arrival is not guaranteed; a prediction,
             which no verdict depends on.
@@ -58,6 +62,7 @@ class Preflight:
     fence_rules: tuple[Rule, ...] = ()
     fastest_mps: float | None = None
     findings: tuple[Finding, ...] = ()
+    sensors: tuple[str, ...] = ()
     accept_no_progress: bool = False
     rehearsal: Rehearsal | None = None
 
@@ -189,25 +194,6 @@ def check(
     return Preflight(assessment, rules, safety_rules, accept_no_progress=accept_no_progress)
 
 
-@dataclass(frozen=True)
-class PreflightFiles:
-    """Files that a check reads.
-
-    Attributes:
-        contract, field, mission, geofence, parameters: all but the first may be None.
-        overrides: of the contract, as given to ``--set``.
-        picture: to draw the field to; None for no picture.
-    """
-
-    contract: Path
-    field: Path | None
-    mission: Path | None
-    overrides: tuple[str, ...]
-    picture: Path | None
-    geofence: Path | None = None
-    parameters: Path | None = None
-
-
 def run_preflight(
     files: PreflightFiles,
     *,
@@ -254,15 +240,19 @@ def run_preflight(
 
 
 def _with_files(result: Preflight, mission: Mission | None, files: PreflightFiles) -> Preflight:
-    """Add what a geofence and a file of parameters say."""
+    """Add what geofence, daemon's file and saved parameters say."""
     result = replace(result, fence_rules=_fence_rules(result, mission, files.geofence))
+    if files.daemon is not None:
+        sources = load_yaml(files.daemon, DaemonConfig).sources
+        findings = check_sources(sources, result.assessment, mission)
+        result = replace(result, findings=findings, sensors=tuple(each.name for each in sources))
     if files.parameters is None:
         return result
     # Loads the profiles of the autopilots.
     from gcs_tools.preflight.offline.parameter_file import check_parameter_file  # noqa: PLC0415  on use
 
-    findings = check_parameter_file(files.parameters, result.assessment, mission)
-    return replace(result, findings=findings)
+    found = check_parameter_file(files.parameters, result.assessment, mission)
+    return replace(result, findings=(*result.findings, *found))
 
 
 def _fence_rules(result: Preflight, mission: Mission | None, path: Path | None) -> tuple[Rule, ...]:
@@ -331,6 +321,7 @@ def _check_live(
         None if path is None else load_bus(path),
         targets.endurance_s,
         system_id=targets.system_id,
+        sensors=result.sensors,
         # Where the contract complies, nothing has to be accepted.
         accept_no_progress=result.accept_no_progress and not result.compliant,
     )

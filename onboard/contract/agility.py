@@ -68,8 +68,12 @@ def thrust_to_weight_at_corner(terms: Terms[Q], ops: Arithmetic[Q]) -> Q:
 
 def reserved_trim_mps2(terms: Terms[Q], ops: Arithmetic[Q]) -> Q:
     """Return the acceleration set aside for the wind [m/s²]; 0 where that would leave nothing."""
+    return _reserved_of(tilt_limits(terms, ops), terms, ops)
+
+
+def _reserved_of(tilt_mps2: tuple[Q, Q], terms: Terms[Q], ops: Arithmetic[Q]) -> Q:
     trim_mps2 = terms.trim_mps2
-    enough = trim_mps2 < ops.minimum(*tilt_limits(terms, ops))
+    enough = trim_mps2 < ops.minimum(*tilt_mps2)
     return ops.where(enough, trim_mps2, trim_mps2 * 0.0)
 
 
@@ -79,5 +83,5 @@ def available_limits(terms: Terms[Q], ops: Arithmetic[Q]) -> tuple[Q, Q]:
     Where it leaves nothing the clause ``wind`` is violated, and the others are read in still air.
     """
     x_mps2, y_mps2 = tilt_limits(terms, ops)
-    reserved_mps2 = reserved_trim_mps2(terms, ops)
+    reserved_mps2 = _reserved_of((x_mps2, y_mps2), terms, ops)
     return x_mps2 - reserved_mps2, y_mps2 - reserved_mps2

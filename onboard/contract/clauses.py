@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any, Final, Generic, Literal
 
 from onboard.contract.agility import thrust_to_weight_at_corner, tilt_limits
@@ -96,7 +96,8 @@ def _concerning(clause: Clause[Q], terms: Terms[Q]) -> Clause[Q]:
     """Return a clause with what it concerns (`PROGRESS_CLAUSES`)."""
     if not terms.stop or clause.name not in PROGRESS_CLAUSES:
         return clause
-    return replace(clause, concerns="progress")
+    text = (clause.unit, clause.reason)
+    return Clause(clause.name, clause.required, clause.declared, *text, concerns="progress")
 
 
 def _agility_clauses(terms: Terms[Q], ops: Arithmetic[Q]) -> tuple[Clause[Q], ...]:

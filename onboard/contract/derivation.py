@@ -6,7 +6,7 @@ Proofs: THEORY.md; the formulas run on floats and on arrays alike.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Generic
 
 from onboard.contract.agility import available_limits
@@ -84,12 +84,25 @@ def stop_encounter(
     Speeds are those of the reference: its tracking error is part of the inflation (theory L).
     """
     swerving = worst_encounter(terms, size_along_m, size_across_m, ops)
-    slope_s = run_on_slope_s(terms, ops)
+    return _stopping(terms, swerving, run_on_slope_s(terms, ops), ops)
+
+
+def _stopping(
+    terms: Terms[Q], swerving: Encounter[Q], slope_s: Q, ops: Arithmetic[Q]
+) -> Encounter[Q]:
+    """Return the encounter of stopping from that of swerving, with the run-on's slope κ."""
     zero = slope_s * 0.0
-    return replace(
-        swerving,
+    return Encounter(
+        brake_mps2=swerving.brake_mps2,
+        forward_mps2=swerving.forward_mps2,
+        left_mps2=swerving.left_mps2,
+        right_mps2=swerving.right_mps2,
         speed_mps=terms.cruise_speed_mps,
         lateral_speed_mps=terms.recentring_speed_mps,
+        size_along_m=swerving.size_along_m,
+        size_across_m=swerving.size_across_m,
+        attitude_lag_s=swerving.attitude_lag_s,
+        reaction_time_s=swerving.reaction_time_s,
         run_on_m=run_on_ahead_m(terms.cruise_speed_mps, swerving.brake_mps2, slope_s, ops),
         coast_time_s=zero,
         coast_drift_m=zero,
@@ -100,12 +113,17 @@ def stop_region(
     terms: Terms[Q], size_along_m: Q, size_across_m: Q, ops: Arithmetic[Q]
 ) -> Dimensions[Q]:
     """Return the region of stopping and sidestepping an obstacle of this (inflated) size."""
-    return stop_dimensions(
-        stop_encounter(terms, size_along_m, size_across_m, ops),
-        run_on_slope_s(terms, ops),
-        passive_safety=terms.passive_safety,
-        ops=ops,
-    )
+    swerving = worst_encounter(terms, size_along_m, size_across_m, ops)
+    return _stop_region(terms, swerving, ops)[1]
+
+
+def _stop_region(
+    terms: Terms[Q], swerving: Encounter[Q], ops: Arithmetic[Q]
+) -> tuple[Encounter[Q], Dimensions[Q]]:
+    """Return the encounter of stopping and its region, from that of swerving."""
+    slope_s = run_on_slope_s(terms, ops)
+    e = _stopping(terms, swerving, slope_s, ops)
+    return e, stop_dimensions(e, slope_s, passive_safety=terms.passive_safety, ops=ops)
 
 
 def face_error_m(terms: Terms[Q], ops: Arithmetic[Q]) -> Q:
@@ -172,10 +190,7 @@ def derive(terms: Terms[Q], ops: Arithmetic[Q]) -> Derived[Q]:
     manoeuvre = dimensions(swerving, ops)
     beside_m = _beside(manoeuvre)
     if terms.stops:
-        e, region = (
-            stop_encounter(terms, size_m, size_m, ops),
-            stop_region(terms, size_m, size_m, ops),
-        )
+        e, region = _stop_region(terms, swerving, ops)
         length_m, width_m = region.front_m + size_m, size_m + _beside(region)
         apart_m = (length_m, size_m + ops.maximum(region.overhang_left_m, region.overhang_right_m))
         # The nearest edge of an obstacle that the vehicle would only just meet.

@@ -174,7 +174,6 @@ def frozen_run_m(terms: Terms[Q], speed_mps: Q, forward_mps2: Q, ops: Arithmetic
 
 def _model(terms: Terms[Q], speed_max_mps: Q, ops: Arithmetic[Q]) -> tuple[Q, Q]:
     """Return kappa [s] and c [s²] of the farthest point of the model."""
-    x_mps2, y_mps2 = available_limits(terms, ops)
     gain_per_s, velocity_gain_per_s = terms.setpoint_gain_per_s, terms.setpoint_velocity_gain_per_s
     if gain_per_s is not None and velocity_gain_per_s is not None:
         moving, resting = _overshoots(gain_per_s, terms.attitude_lag_s, ops)
@@ -185,6 +184,7 @@ def _model(terms: Terms[Q], speed_max_mps: Q, ops: Arithmetic[Q]) -> tuple[Q, Q]
     taken_back_s = ops.maximum(lag_s, lag_s * 0.0 + 1e-9)
     shorter_s = ops.minimum(taken_back_s, timeout_s)
     gained_s = timeout_s - shorter_s + shorter_s * shorter_s / (2.0 * taken_back_s)
+    x_mps2, y_mps2 = available_limits(terms, ops)
     fastest_mps = speed_max_mps + ops.sqrt(x_mps2 * x_mps2 + y_mps2 * y_mps2) * gained_s
     # It may fly in any direction when it has to brake.
     return _braking_gains(timeout_s, lag_s, ops.minimum(x_mps2, y_mps2), fastest_mps)

@@ -9,11 +9,56 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, field_validator, model_validator
 
 from onboard.files.contract_file import InputSet, Positive
-from onboard.files.sensor_sources import AnySource
+from onboard.files.sensor_sources import AnySource, MavlinkSource, Topic
 from onboard.files.yaml_file import FileModel, refuse_renamed_keys
 from onboard.files.zenoh_endpoints import ZenohEndpoints
 
 FilePath = Annotated[Path, Field(strict=False)]
+
+
+Rate = Annotated[float, Field(gt=0.0, le=10.0)]
+
+
+class ObstacleDistanceOutput(FileModel):
+    """MAVLink OBSTACLE_DISTANCE, which ground stations draw.
+
+    An autopilot takes it for a sensor: see docs/sensors.md before it goes through one.
+    """
+
+    url: str | None = Field(
+        None, description="link to a ground station, such as udpout://192.168.1.20:14550"
+    )
+    through_autopilot: bool = Field(
+        False, description="send it on the vehicle's link instead; its own avoidance may act on it"
+    )
+    rate_hz: Rate = 2.0
+
+    @model_validator(mode="after")
+    def _goes_one_way(self) -> ObstacleDistanceOutput:
+        if (self.url is None) is not self.through_autopilot:
+            raise ValueError("expected either url or through_autopilot: true")
+        return self
+
+
+class MarkerOutput(FileModel):
+    """visualization_msgs/MarkerArray for RViz and Foxglove, over Zenoh.
+
+    Attributes:
+        frame_id: of the boxes: east, north, up from the origin of the autopilot's local frame.
+    """
+
+    topic: Topic = "/clearway/obstacles"
+    middleware: Literal["rmw_zenoh", "zenoh-bridge-ros2dds"] = "rmw_zenoh"
+    domain_id: Annotated[int, Field(ge=0, le=232)] = 0
+    frame_id: Annotated[str, Field(min_length=1, max_length=64)] = "map"
+    rate_hz: Rate = 2.0
+
+
+class ObstacleOutputs(FileModel):
+    """Both are off unless stated."""
+
+    obstacle_distance: ObstacleDistanceOutput | None = None
+    markers: MarkerOutput | None = None
 
 
 class MavlinkLink(FileModel):
@@ -42,6 +87,10 @@ class DaemonConfig(FileModel):
     zenoh: ZenohEndpoints = ZenohEndpoints(connect=(), listen=())
     sources: Annotated[tuple[AnySource, ...], Field(strict=False)] = Field(
         (), description="sensors besides those that publish detections as JSON"
+    )
+    outputs: ObstacleOutputs = Field(
+        ObstacleOutputs(obstacle_distance=None, markers=None),
+        description="where the obstacles in use are shown besides",
     )
     log_directory: FilePath | None = Field(
         None,
@@ -85,6 +134,17 @@ class DaemonConfig(FileModel):
             if names.count(name) > 1:
                 raise ValueError(f"{names.count(name)} sensors are called '{name}'")
         return sources
+
+    @model_validator(mode="after")
+    def _reads_no_output_of_its_own(self) -> DaemonConfig:
+        shown = self.outputs.obstacle_distance
+        reading = [each.name for each in self.sources if isinstance(each, MavlinkSource)]
+        if shown is not None and shown.through_autopilot and reading:
+            raise ValueError(
+                "outputs.obstacle_distance.through_autopilot: the sensor "
+                f"'{reading[0]}' would read it back"
+            )
+        return self
 
 
 def log_directory(base: Path, config: DaemonConfig, environment: Mapping[str, str]) -> Path:

@@ -18,13 +18,20 @@ Sector = Annotated[tuple[Bearing, Bearing], Field(strict=False)]
 View = Annotated[float, Field(gt=0.0, le=360.0)]
 # Forward, left, up, or, of cameras, right, down, forward.
 Axes = Literal["flu", "optical"]
+Topic = Annotated[str, Field(pattern=r"^/?[A-Za-z0-9_]+(/[A-Za-z0-9_]+)*$")]
 PointsMin = Annotated[int, Field(ge=1, le=1000)]
 _OFFSET_MAX_M: Final = 3.0
+# Of a vehicle, by REP 105.
+_BASE_FRAME: Final = "base_link"
 Offset = Annotated[float, Field(ge=-_OFFSET_MAX_M, le=_OFFSET_MAX_M)]
 
 
 class Mounting(FileModel):
-    """Where a sensor is in the body, and how it is turned: by yaw, then pitch, then roll."""
+    """Where a sensor is in the body, and how it is turned: by yaw, then pitch, then roll.
+
+    Of a ROS 2 source, static transforms may say so instead: the pose of the frame that its messages
+    name in ``base_frame``, which is forward, left, up from the vehicle's centre.
+    """
 
     x_m: Offset = Field(0.0, description="forward of the vehicle's centre")
     y_m: Offset = Field(0.0, description="to its right")
@@ -32,6 +39,23 @@ class Mounting(FileModel):
     roll_deg: Bearing = 0.0
     pitch_deg: Bearing = Field(0.0, description="nose up")
     yaw_deg: Bearing = Field(0.0, description="clockwise, seen from above")
+    tf_topic: Topic | None = Field(
+        None, description="static transforms that say it instead, such as /tf_static"
+    )
+    base_frame: str = Field(_BASE_FRAME, description="of the vehicle, in these transforms")
+
+    @model_validator(mode="after")
+    def _stated_once(self) -> Mounting:
+        stated = self.model_fields_set - {"tf_topic", "base_frame"}
+        if self.tf_topic is not None and stated:
+            key = min(stated)
+            raise ValueError(f"tf_topic replaces {key}: leave {key} out")
+        if (
+            self.tf_topic is None
+            and self.base_frame != type(self).model_fields["base_frame"].default
+        ):
+            raise ValueError("base_frame needs tf_topic: it is a frame of its transforms")
+        return self
 
 
 class SensorSource(FileModel):
@@ -53,6 +77,9 @@ class SensorSource(FileModel):
     )
     height_band_m: Annotated[tuple[Metres, Metres], Field(strict=False)] = Field(
         (1.0, 1.0), description="above, below the vehicle: the heights that every obstacle spans"
+    )
+    ground_margin_m: Annotated[float, Field(ge=0.0, le=10.0)] = Field(
+        0.5, description="what is lower than this above the point of take-off is the ground"
     )
     own_radius_m: Annotated[float, Field(ge=0.0, le=5.0)] = Field(
         0.3, description="what is nearer than this is the vehicle itself"
@@ -83,7 +110,7 @@ class SensorSource(FileModel):
 class Ros2Source(SensorSource):
     """A ROS 2 topic over Zenoh."""
 
-    topic: Annotated[str, Field(pattern=r"^/?[A-Za-z0-9_]+(/[A-Za-z0-9_]+)*$")]
+    topic: Topic
     middleware: Literal["rmw_zenoh", "zenoh-bridge-ros2dds"] = "rmw_zenoh"
     domain_id: Annotated[int, Field(ge=0, le=232)] = Field(0, description="of rmw_zenoh")
     frame_id: str | None = Field(
@@ -146,6 +173,12 @@ class OccupancyGridSource(Ros2Source):
     occupied_min: Annotated[int, Field(ge=1, le=100)] = 50
     free_max: Annotated[int, Field(ge=0, le=99)] = 20
 
+    @model_validator(mode="after")
+    def _placed_by_its_frame(self) -> OccupancyGridSource:
+        if self.mounting.tf_topic is not None:
+            raise ValueError("mounting.tf_topic: grid_frame says where a grid is")
+        return self
+
 
 class MavlinkSource(SensorSource):
     """A message on the vehicle's MAVLink link, whose stamps belong to no known clock."""
@@ -153,6 +186,12 @@ class MavlinkSource(SensorSource):
     latency_s: Annotated[float, Field(ge=0.0, le=1.0)] = Field(
         0.05, description="from measurement to arrival"
     )
+
+    @model_validator(mode="after")
+    def _names_no_frame(self) -> MavlinkSource:
+        if self.mounting.tf_topic is not None:
+            raise ValueError("mounting.tf_topic: messages of MAVLink name no frame of transforms")
+        return self
 
 
 class ObstacleDistanceSource(MavlinkSource):

@@ -52,13 +52,15 @@ class FreeGrid:
         # Compared as floats, so that what is not finite is outside, on every processor.
         inside = (first_i >= 0) & (first_j >= 0) & (x_min_m <= x_max_m) & (y_min_m <= y_max_m)
         inside &= (last_i < table.shape[0]) & (last_j < table.shape[1])
-        i0, i1, j0, j1 = (
-            np.where(inside, index, 0.0).astype(int) for index in (first_i, last_i, first_j, last_j)
-        )
+        indices = [first_i, last_i, first_j, last_j]
+        if not inside.all():
+            indices = [np.where(inside, index, 0.0) for index in indices]
+        i0, i1, j0, j1 = (index.astype(int) for index in indices)
         # A rectangle without extent on the edge of a cell still lies in a cell.
         i1, j1 = np.maximum(i1, i0 + 1), np.maximum(j1, j0 + 1)
         inside &= (i1 < table.shape[0]) & (j1 < table.shape[1])
-        i0, i1, j0, j1 = (np.where(inside, index, 0) for index in (i0, i1, j0, j1))
+        if not inside.all():
+            i0, i1, j0, j1 = (np.where(inside, index, 0) for index in (i0, i1, j0, j1))
         unknown = table[i1, j1] - table[i0, j1] - table[i1, j0] + table[i0, j0]
         free: BoolArray = inside & (unknown == 0)
         return free

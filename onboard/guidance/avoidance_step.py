@@ -16,7 +16,7 @@ from onboard.guidance.induction_planner import InductionPlanner
 from onboard.guidance.phases import Condition, Trigger, post_condition, pre_condition
 from onboard.guidance.situation import RETRY_S, Avoidance, Situation
 from onboard.monitoring.assumptions import Assumption, Violation
-from onboard.motion.trajectory import State, X
+from onboard.motion.trajectory import State, X, Y
 from onboard.perception.obstacle_map import Obstacle
 from onboard.planning.planner import Plan
 
@@ -131,7 +131,10 @@ class AvoidanceStep:
         assessment = self._situation.assessment
         allowed_m = (
             assessment.inflated.manoeuvre_encounter.speed_mps * assessment.terms.reaction_time_s
+            + self._out_of_sight_m(obstacle, start.position_leg_m[Y])
         )
+        if self._may_have_grown_into_way(obstacle, start.position_leg_m[Y]):
+            allowed_m = math.inf
         condition: Condition = pre_condition(
             start,
             obstacle.region,
@@ -144,6 +147,28 @@ class AvoidanceStep:
         late = Violation(Assumption.LATE_FIRST_SIGHT, late_m, allowed_m, "m", obstacle.id)
         other = Event(now_s, EventName.PRE_CONDITION, Severity.ERROR, "; ".join(condition.failures))
         self._situation.emit(late.event(now_s) if late_m > allowed_m else other)
+
+    def _out_of_sight_m(self, obstacle: Obstacle, y_m: float) -> float:
+        """Return how far into an obstacle's region the vehicle flies before the range shows it.
+
+        A contract that requires to be able to stop asks for the range of a stop, which may be less
+        than that of its avoidance: there no obstacle is late that is seen where the range begins.
+        """
+        if self._shield is None:
+            return 0.0
+        box, range_m = obstacle.measured, self._situation.assessment.terms.detection_range_m
+        beside_m = max(box.y_min_m - y_m, y_m - box.y_max_m, 0.0)
+        ahead_m = math.sqrt(max(range_m**2 - beside_m**2, 0.0))
+        return max(box.x_min_m - ahead_m - obstacle.region.approach_x_m, 0.0)
+
+    def _may_have_grown_into_way(self, obstacle: Obstacle, y_m: float) -> bool:
+        """Tell whether an obstacle seen before may have come into the way only by faces' errors.
+
+        The box of all measurements grows by up to an error of each, beside what is flown past it.
+        """
+        low_m, high_m = obstacle.region.conflict_band_y_m
+        error_m = max(obstacle.position_error_m, self._situation.assessment.face_error_m)
+        return min(y_m - low_m, high_m - y_m) <= 2.0 * error_m
 
     def _fly(self, avoidance: Avoidance, now_s: float) -> None:
         situation = self._situation

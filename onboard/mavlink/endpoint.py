@@ -101,6 +101,7 @@ class MavlinkEndpoint:
             to go, and which ("system id/component id").
         target_heard_s, target: when the autopilot last said where it is going, and where.
         compass_ratio: innovation ratio of the magnetometer; None until known.
+        transmitter: queues what is sent.
         heading_drift: of the estimated heading against the gyros.
         range_messages: ids of the messages of ranges that are wanted, to be taken by `take_ranges`.
     """
@@ -122,7 +123,7 @@ class MavlinkEndpoint:
         self._system_id = system_id
         self._attitude_rad: tuple[float, float, float] | None = None
         self._attitude_s = -math.inf
-        self._transmitter = Transmitter(system_id)
+        self.transmitter = Transmitter(system_id)
         self._requests = MessageRequests()
         self._handlers: dict[int, Callable[[Any, float], None]] = {
             mavlink.MAVLINK_MSG_ID_HEARTBEAT: self._on_heartbeat,
@@ -146,15 +147,15 @@ class MavlinkEndpoint:
 
     def bytes_to_send(self) -> bytes:
         """Return and forget what is to be sent."""
-        return self._transmitter.bytes_to_send()
+        return self.transmitter.bytes_to_send()
 
     def keep_alive(self, now_s: float, *, active: bool) -> None:
         """Send the heartbeat and a text that waits; request telemetry that is missing or slow."""
-        self._transmitter.keep_alive(now_s, active=active)
+        self.transmitter.keep_alive(now_s, active=active)
         if math.isfinite(self.status.heard_s):
             ranges_hz = ((message_id, _RANGES_HZ) for message_id in self.range_messages)
             wanted_hz = (*self.profile.requested_hz, *ranges_hz)
-            self._transmitter.request(self._requests.due(wanted_hz, now_s))
+            self.transmitter.request(self._requests.due(wanted_hz, now_s))
 
     def take_ranges(self) -> list[tuple[int, bytes]]:
         """Return and forget the messages of ranges that have arrived: id, and the whole frame."""
@@ -164,11 +165,11 @@ class MavlinkEndpoint:
 
     def send_setpoint(self, setpoint: Setpoint, now_s: float) -> None:
         """Queue one SET_POSITION_TARGET_LOCAL_NED."""
-        self._transmitter.send_setpoint(setpoint, now_s)
+        self.transmitter.send_setpoint(setpoint, now_s)
 
     def send_text(self, severity: int, text: str) -> None:
         """Queue a text for the operator; ``severity`` is a MAV_SEVERITY."""
-        self._transmitter.send_text(severity, text)
+        self.transmitter.send_text(severity, text)
 
     def _handle(self, message: Any, now_s: float) -> None:
         sender = (message.get_srcSystem(), message.get_srcComponent())

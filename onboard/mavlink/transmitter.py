@@ -17,6 +17,10 @@ HEARTBEAT_PERIOD_S: Final = 1.0
 
 # Every field of the setpoint is meant except the yaw rate.
 _TYPE_MASK: Final = mavlink.POSITION_TARGET_TYPEMASK_YAW_RATE_IGNORE
+# Of OBSTACLE_DISTANCE: 72 sectors.
+SECTOR_DEG: Final = 5
+SECTOR_MIN_CM: Final = 10
+SECTOR_MAX_CM: Final = 6_000
 # Of STATUSTEXT: together a tenth of what a serial line at 57,600 baud carries.
 _TEXT_PERIOD_S: Final = 0.1
 _TEXTS_MAX: Final = 100
@@ -90,6 +94,25 @@ class Transmitter:
             *setpoint.acceleration_ned_mps2,
             setpoint.yaw_ned_rad,
             0.0,
+        )
+
+    def send_obstacle_distance(self, sectors_cm: list[int], time_unix_s: float) -> None:
+        """Queue one OBSTACLE_DISTANCE around the body.
+
+        Args:
+            sectors_cm: 72 distances clockwise from the nose; 65535 where nothing is known.
+            time_unix_s: of the map.
+        """
+        self._mavlink.obstacle_distance_send(
+            round(time_unix_s * 1e6),
+            mavlink.MAV_DISTANCE_SENSOR_UNKNOWN,
+            sectors_cm,
+            SECTOR_DEG,
+            SECTOR_MIN_CM,
+            SECTOR_MAX_CM,
+            float(SECTOR_DEG),
+            0.0,
+            mavlink.MAV_FRAME_BODY_FRD,
         )
 
     def send_text(self, severity: int, text: str) -> None:

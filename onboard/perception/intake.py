@@ -5,13 +5,14 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Final
+from typing import Final, NamedTuple
 
 from onboard.perception.detection import DetectionFrame
 from onboard.perception.sources.detection_source import DetectionSource
 
 # At 20 Hz a tick sees one frame; a burst beyond this is a fault: the oldest are dropped.
 MAX_PENDING_FRAMES: Final = 32
+NAME_TAKEN: Final = "detections as JSON come under its name"
 
 
 @dataclass
@@ -29,6 +30,13 @@ class DetectionCounters:
     dropped_frames: int = 0
 
 
+class Refusal(NamedTuple):
+    """Why messages of a sensor are dropped."""
+
+    sensor: str
+    reason: str
+
+
 class DetectionIntake:
     """Latches messages and decodes them.
 
@@ -44,6 +52,9 @@ class DetectionIntake:
         self.names_taken: frozenset[str] = frozenset()
         self._source = source
         self._pending: deque[bytes] = deque()
+        # No more of them than names are taken.
+        self._said: set[Refusal] = set()
+        self._news: list[Refusal] = []
 
     def receive(self, payload: bytes) -> None:
         """Latch one message."""
@@ -65,5 +76,16 @@ class DetectionIntake:
             for frame in frames:
                 if frame.source in self.names_taken:
                     self.counters.malformed_frames += 1
+                    self._say(Refusal(frame.source, NAME_TAKEN))
                 else:
                     yield frame
+
+    def take_news(self) -> list[Refusal]:
+        """Return and forget the refusals that have come for the first time."""
+        news, self._news = self._news, []
+        return news
+
+    def _say(self, refusal: Refusal) -> None:
+        if refusal not in self._said:
+            self._said.add(refusal)
+            self._news.append(refusal)

@@ -27,6 +27,10 @@ BOXES_MAX: Final = 256
 # Of single precision at the distances of a sensor.
 _ROUND_OFF_M: Final = 1e-4
 _BIN_RAD: Final = math.radians(0.5)
+_BINS: Final = math.ceil(2.0 * math.pi / _BIN_RAD)
+_EDGES_RAD: Final = np.linspace(-math.pi, math.pi, _BINS + 1)
+# Of a number of bins, the power of two that it holds.
+_LEVEL_OF_WIDTH: Final = np.array([max(width, 1).bit_length() - 1 for width in range(_BINS + 1)])
 
 
 @dataclass(frozen=True)
@@ -112,38 +116,34 @@ class _Profile:
     """Least open distance over intervals of bearing; bins over the full circle, wrapped."""
 
     def __init__(self, depth_m: FloatArray) -> None:
-        self._count = depth_m.size
-        levels = [np.concatenate((depth_m, depth_m, depth_m))]
-        width = 1
-        while 2 * width <= self._count:
-            last = levels[-1]
-            level = last.copy()
-            level[:-width] = np.minimum(last[:-width], last[width:])
-            levels.append(level)
-            width *= 2
-        self._levels = np.stack(levels)
+        self._count = count = depth_m.size
+        self._levels = levels = np.empty((count.bit_length(), 3 * count))
+        levels[0].reshape(3, count)[:] = depth_m
+        for number in range(1, len(levels)):
+            width, last, level = 1 << number - 1, levels[number - 1], levels[number]
+            np.minimum(last[:-width], last[width:], out=level[:-width])
+            level[-width:] = last[-width:]
 
     def least(self, from_rad: FloatArray, to_rad: FloatArray) -> FloatArray:
         """Return the least depth between bearings, both within [-2 pi, 2 pi]."""
         scale = self._count / (2.0 * math.pi)
         first = np.floor((from_rad + math.pi) * scale).astype(int) + self._count
         last = np.floor((to_rad + math.pi) * scale).astype(int) + self._count
-        level = np.log2(np.maximum(last - first + 1, 1)).astype(int)
-        level = np.minimum(level, len(self._levels) - 1)
-        one, other = self._levels[level, first], self._levels[level, last - (1 << level) + 1]
+        width = np.clip(last - first + 1, 1, self._count)
+        level = _LEVEL_OF_WIDTH[width]
+        table, row = self._levels.ravel(), level * self._levels.shape[1]
+        one, other = table[row + first], table[row + (last - (1 << level) + 1)]
         least: FloatArray = np.minimum(one, other)
         return least
 
 
 def _depth_profile(view: View) -> _Profile:
     """How far the line of sight is open at least, per bin of bearing from the sensor's axis."""
-    count = math.ceil(2.0 * math.pi / _BIN_RAD)
-    edges_rad = np.linspace(-math.pi, math.pi, count + 1)
-    depth_m = np.full(count, math.inf)
+    depth_m = np.full(_BINS, math.inf)
     if view.boxes:
-        _shade(depth_m, edges_rad, view)
+        _shade(depth_m, _EDGES_RAD, view)
     if view.free_range_m:
-        _limit_to_scan(depth_m, edges_rad, view)
+        _limit_to_scan(depth_m, _EDGES_RAD, view)
     return _Profile(depth_m)
 
 
@@ -170,13 +170,11 @@ def _shade(depth_m: FloatArray, edges_rad: FloatArray, view: View) -> None:
     # faces lowers its bin too, which is on the safe side.
     np.minimum(depth_m[used[:-1]], np.minimum(ray_m[:-1], ray_m[1:]), out=ray_m[:-1])
     depth_m[used[:-1]] = ray_m[:-1]
-    corners = [
-        np.stack((x, y), axis=1) for x in (low[:, 0], high[:, 0]) for y in (low[:, 1], high[:, 1])
-    ]
-    points = np.concatenate((*corners, nearest))
-    angle_rad = np.arctan2(points[:, 1], points[:, 0]) - view.heading_leg_rad
+    xs_m = np.concatenate((low[:, 0], low[:, 0], high[:, 0], high[:, 0], nearest[:, 0]))
+    ys_m = np.concatenate((low[:, 1], high[:, 1], low[:, 1], high[:, 1], nearest[:, 1]))
+    angle_rad = np.arctan2(ys_m, xs_m) - view.heading_leg_rad
     at = np.floor((angle_rad + math.pi) / (2.0 * math.pi) * depth_m.size).astype(int)
-    points_m = np.hypot(points[:, 0], points[:, 1])
+    points_m = np.hypot(xs_m, ys_m)
     for offset in (-1, 0, 1):
         np.minimum.at(depth_m, (at + offset) % depth_m.size, points_m)
 

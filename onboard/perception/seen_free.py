@@ -9,6 +9,7 @@ has shown is not free.
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import TYPE_CHECKING, Final, TypeVar
 
 import numpy as np
@@ -16,12 +17,14 @@ from numpy.typing import NDArray
 
 from onboard.geometry.free_grid import FreeGrid
 from onboard.perception.line_of_sight import BoolArray, View, seen_free
+from onboard.perception.view_sector import Sectors
 
 if TYPE_CHECKING:
     from onboard.geometry.frames import FloatArray
 
 Counts = NDArray[np.uint8]
 IntArray = NDArray[np.int32]
+IndexArray = NDArray[np.int64]
 Cell = TypeVar("Cell", np.bool_, np.uint8)
 
 CELL_M: Final = 0.1
@@ -56,10 +59,15 @@ class SeenFree:
         self._free = np.zeros((2 * self._half, 2 * self._half), np.bool_)
         # By sensor: how many successive frames of it have shown a cell free so far.
         self._rows: dict[str, Counts] = {}
+        self._sectors = Sectors(cell_m)
         self._half_width_m = math.inf
         # Where the vehicle rested when the frame was turned: (x, y, radius) of what is free there.
         self._rest_disc: tuple[float, float, float] | None = None
         self._snapshot: FreeGrid | None = None
+        # The newest snapshot, and the cells freed since; none after any other change.
+        self._base: FreeGrid | None = None
+        self._fresh: list[tuple[IndexArray, IndexArray]] = []
+        self._size: int | None = 0
         self.version = 0
 
     @property
@@ -76,7 +84,9 @@ class SeenFree:
     @property
     def size(self) -> int:
         """Number of free cells."""
-        return int(np.count_nonzero(self._free))
+        if self._size is None:
+            self._size = int(np.count_nonzero(self._free))
+        return self._size
 
     def limit(self, half_width_m: float) -> None:
         """Call nothing free that is farther than this from the leg line: the mission's corridor."""
@@ -133,15 +143,19 @@ class SeenFree:
         if window is None:
             return
         rows, columns = window
-        i, j = np.nonzero(~self._free[rows, columns])
+        unseen = self._sectors.around(view, self._corner, rows, columns)
+        i, j = np.nonzero(unseen & ~self._free[rows, columns])
         xs_m, ys_m = self._centres(rows, columns)
         seen = seen_free(view, xs_m[i], ys_m[j], self._cell_m)
         i, j = i[seen] + rows.start, j[seen] + columns.start
         row[i, j] = 1 if before is None else before[i, j] + 1
         new = row[i, j] >= self._needed
         if new.any():
-            self._free[i[new], j[new]] = True
+            i, j = i[new], j[new]
+            self._free[i, j] = True
+            base, fresh = self._base, self._fresh
             self._has_changed()
+            self._base, self._fresh = base, [*fresh, (i, j)]
 
     def holds(self, x_m: FloatArray, y_m: FloatArray) -> BoolArray:
         """Tell of each point whether the cell around it has been seen free."""
@@ -168,7 +182,10 @@ class SeenFree:
     def grid(self) -> FreeGrid:
         """Return a snapshot for the certifier and the planner; the same until the set changes."""
         if self._snapshot is None:
-            self._snapshot = self._grid(self._half_width_m)
+            base = self._base
+            more = None if base is None else self._grid_with_fresh(base)
+            self._snapshot = self._base = more or self._grid(self._half_width_m)
+            self._fresh = []
         return self._snapshot
 
     def turned(self, origin_leg_m: tuple[float, float], turn_rad: float) -> SeenFree:
@@ -186,7 +203,6 @@ class SeenFree:
             reach_m=(self._half - _STEP_CELLS) * self._cell_m,
             cell_m=self._cell_m,
         )
-        new.version = self.version + 1
         cosine, sine = math.cos(turn_rad), math.sin(turn_rad)
         xs_m, ys_m = new._centres(slice(None), slice(None))
         x_m = origin_leg_m[0] + cosine * xs_m[:, None] - sine * ys_m[None, :]
@@ -196,10 +212,12 @@ class SeenFree:
         half_m = self._cell_m / 2.0 * (abs(cosine) + abs(sine)) + _ROUND_OFF_M
         free = self._grid(math.inf).are_free(x_m - half_m, x_m + half_m, y_m - half_m, y_m + half_m)
         new._free[i[free], j[free]] = True
+        new._has_changed()
         radius_m = self.free_radius_m(*origin_leg_m)
         if radius_m > 0.0:
             new._rest_disc = (0.0, 0.0, radius_m)
             new.confirm(0.0, 0.0, radius_m)
+        new.version = self.version + 1
         return new
 
     def free_radius_m(self, x_m: float, y_m: float) -> float:
@@ -241,8 +259,30 @@ class SeenFree:
             disc = (disc[0], disc[1], inside_m) if inside_m > 0.0 else None
         return FreeGrid(corner_m, self._cell_m, table, disc)
 
+    def _grid_with_fresh(self, base: FreeGrid) -> FreeGrid:
+        """Return a snapshot by what has been freed since another; a fifth of the work."""
+        i, j = (np.concatenate(each) for each in zip(*self._fresh, strict=True))
+        if math.isfinite(self._half_width_m):
+            _, ys_m = self._centres(slice(None), slice(None))
+            inside = np.abs(ys_m[j]) + self._cell_m / 2.0 <= self._half_width_m
+            i, j = i[inside], j[inside]
+        if not i.size:
+            return base
+        i0, i1, j0, j1 = int(i.min()), int(i.max()) + 1, int(j.min()), int(j.max()) + 1
+        freed: IntArray = np.zeros((i1 - i0, j1 - j0), np.int32)
+        freed[i - i0, j - j0] = 1
+        np.cumsum(freed, axis=0, out=freed)
+        np.cumsum(freed, axis=1, out=freed)
+        table = base.unknown_sum.copy()
+        table[i0 + 1 : i1 + 1, j0 + 1 : j1 + 1] -= freed
+        table[i0 + 1 : i1 + 1, j1 + 1 :] -= freed[:, -1:]
+        table[i1 + 1 :, j0 + 1 : j1 + 1] -= freed[-1:]
+        table[i1 + 1 :, j1 + 1 :] -= freed[-1, -1]
+        return replace(base, unknown_sum=table)
+
     def _has_changed(self) -> None:
-        self._snapshot = None
+        self._snapshot = self._base = self._size = None
+        self._fresh = []
         self.version += 1
 
     def _centres(self, rows: slice, columns: slice) -> tuple[FloatArray, FloatArray]:

@@ -5,25 +5,26 @@ What cannot be used is counted by sensor and reason, and said once: the first ti
 
 from __future__ import annotations
 
-from collections import deque
+from collections import Counter, deque
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Final, NamedTuple
 
 from onboard.files.sensor_sources import AnySource
 from onboard.perception.detection import DetectionFrame
-from onboard.perception.intake import MAX_PENDING_FRAMES, DetectionCounters
+from onboard.perception.intake import MAX_PENDING_FRAMES, DetectionCounters, Refusal
 from onboard.perception.ros2.cdr import DecodeError
-from onboard.perception.sources.registry import LARGE_PENDING_MAX, MAVLINK_IDS, Sensor, sensor
+from onboard.perception.ros2.keys import check_key
+from onboard.perception.sources.mounted_by_transforms import MountedByTransforms
+from onboard.perception.sources.registry import (
+    LARGE_PENDING_MAX,
+    MAVLINK_IDS,
+    TRANSFORMS,
+    Sensor,
+    sensor,
+)
 from onboard.perception.sources.sensor_input import NO_POSE_YET, PastPoses
 
 _TOO_FAST: Final = "comes faster than it is read"
-
-
-class Refusal(NamedTuple):
-    """Why messages of a sensor are dropped."""
-
-    sensor: str
-    reason: str
 
 
 class _Waiting(NamedTuple):
@@ -38,6 +39,10 @@ class SensorChannels:
         configs: of the sensors, each with a name of its own.
         poses: of the body.
         counters: count what is dropped.
+
+    Attributes:
+        frames_read: number of frames of each sensor, by name.
+        newest: the newest of them.
     """
 
     def __init__(
@@ -45,7 +50,10 @@ class SensorChannels:
     ) -> None:
         self._sensors = {config.name: sensor(config, poses) for config in configs}
         self._pending: dict[str, deque[_Waiting]] = {name: deque() for name in self._sensors}
+        self._transforms: dict[str, deque[bytes]] = {name: deque() for name in self._sensors}
         self._counters = counters
+        self.frames_read: Counter[str] = Counter()
+        self.newest: dict[str, DetectionFrame] = {}
         self._said: set[Refusal] = set()
         self._news: list[Refusal] = []
 
@@ -76,15 +84,34 @@ class SensorChannels:
         try:
             sensor.check_sample(key, attachment, now_s)
         except DecodeError as error:
-            sensor.input.refuse(error.reason)
-            self._counters.malformed_frames += 1
-            self._say(name, error.reason)
+            self._refuse(name, error.reason)
             return
         if len(pending) == (LARGE_PENDING_MAX if sensor.is_large else MAX_PENDING_FRAMES):
             pending.popleft()
             self._counters.dropped_frames += 1
             self._say(name, _TOO_FAST)
         pending.append(_Waiting(payload, now_s))
+
+    def receive_transforms(self, name: str, payload: bytes, *, key: str = "") -> None:
+        """Latch one message of the transforms that mount a sensor.
+
+        Args:
+            name: of the sensor.
+            payload: as it arrived.
+            key: of its Zenoh sample.
+        """
+        sensor, pending = self._sensors[name], self._transforms[name]
+        try:
+            if getattr(sensor.config, "middleware", "") == "rmw_zenoh":
+                check_key(key, TRANSFORMS)
+        except DecodeError as error:
+            self._refuse(name, f"transforms: {error.reason}")
+            return
+        if len(pending) == MAX_PENDING_FRAMES:
+            pending.popleft()
+            self._counters.dropped_frames += 1
+            self._say(name, f"transforms: {_TOO_FAST}")
+        pending.append(payload)
 
     def receive_mavlink(self, message_id: int, payload: bytes, now_s: float) -> None:
         """Latch one MAVLink frame for every sensor that reads its kind."""
@@ -100,18 +127,41 @@ class SensorChannels:
         """
         for name, pending in self._pending.items():
             sensor = self._sensors[name]
+            self._take_transforms(name)
             for _ in range(min(len(pending), 1) if sensor.is_large else len(pending)):
                 waiting, before = pending.popleft(), sensor.input.refused.copy()
                 frames = sensor.input.read(waiting.payload, epoch_unix_s + waiting.arrived_s)
-                for reason, count in (sensor.input.refused - before).items():
-                    self._counters.malformed_frames += count
-                    self._say(name, reason)
+                self._count(name, before)
+                self.frames_read[name] += len(frames)
+                if frames:
+                    self.newest[name] = frames[-1]
                 yield from frames
 
     def take_news(self) -> list[Refusal]:
         """Return and forget the refusals that have come for the first time."""
         news, self._news = self._news, []
         return news
+
+    def _take_transforms(self, name: str) -> None:
+        """Have the transforms that arrived for a sensor read, before its own messages."""
+        reader, pending = self._sensors[name].input, self._transforms[name]
+        if isinstance(reader, MountedByTransforms):
+            before = reader.refused.copy()
+            while pending:
+                reader.take_transforms(pending.popleft())
+            self._count(name, before)
+
+    def _count(self, name: str, before: Counter[str]) -> None:
+        """Count and say what a sensor has refused since."""
+        for reason, count in (self._sensors[name].input.refused - before).items():
+            self._counters.malformed_frames += count
+            self._say(name, reason)
+
+    def _refuse(self, name: str, reason: str) -> None:
+        """Count and say a message that is dropped before it is read."""
+        self._sensors[name].input.refuse(reason)
+        self._counters.malformed_frames += 1
+        self._say(name, reason)
 
     def _say(self, name: str, reason: str) -> None:
         refusal = Refusal(name, reason)

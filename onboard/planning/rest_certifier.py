@@ -173,21 +173,22 @@ def velocity_points_mps(trajectory: Trajectory) -> FloatArray:
     """Bernstein points of velocity (n, 3, 3): quadratics, degree 2."""
     _, v, a, _ = trajectory.motion
     t = trajectory.durations_s[:, None]
-    return np.stack((v, v + a * t / 2.0, trajectory.ends[1]), axis=1)
+    points_mps = np.empty((len(v), 3, 3))
+    points_mps[:, 0], points_mps[:, 1], points_mps[:, 2] = v, v + a * t / 2.0, trajectory.ends[1]
+    return points_mps
 
 
 def _motion_points(trajectory: Trajectory) -> FloatArray:
     """Bernstein points (3, n, 4, 2) of position, velocity and acceleration, all of degree 3."""
-    position = trajectory.control_points_m[:, :, :2]
     first, middle, last = np.moveaxis(velocity_points_mps(trajectory)[:, :, :2], 1, 0)
-    velocity = np.stack(
-        (first, (first + 2.0 * middle) / 3.0, (2.0 * middle + last) / 3.0, last), axis=1
-    )
     begin, end = trajectory.acceleration_leg_mps2[:, :2], trajectory.ends[2][:, :2]
-    acceleration = np.stack(
-        (begin, (2.0 * begin + end) / 3.0, (begin + 2.0 * end) / 3.0, end), axis=1
-    )
-    return np.stack((position, velocity, acceleration))
+    points = np.empty((3, len(begin), 4, 2))
+    points[0] = trajectory.control_points_m[:, :, :2]
+    points[1, :, 0], points[1, :, 1] = first, (first + 2.0 * middle) / 3.0
+    points[1, :, 2], points[1, :, 3] = (2.0 * middle + last) / 3.0, last
+    points[2, :, 0], points[2, :, 1] = begin, (2.0 * begin + end) / 3.0
+    points[2, :, 2], points[2, :, 3] = (begin + 2.0 * end) / 3.0, end
+    return points
 
 
 def _space_failures(trajectory: Trajectory, limits: RestLimits, grid: FreeGrid) -> list[str]:
@@ -214,9 +215,11 @@ def _are_free(
     points: FloatArray, gains: Sequence[tuple[float, float]], grown_m: float, grid: FreeGrid
 ) -> NDArray[np.bool_]:
     """Tell for each piece whether the box of its points, grown by a disc, is seen free."""
-    position, velocity, acceleration = points
-    swept = np.stack([position + kappa * velocity + c * acceleration for kappa, c in gains])
-    low, high = swept.min(axis=(0, 2)), swept.max(axis=(0, 2))
+    # The points of a piece come first, along with the gains, so that one axis is reduced.
+    position, velocity, acceleration = points.transpose(0, 2, 1, 3)[:, None]
+    kappa, c = np.array(gains).T[:, :, None, None, None]
+    swept = (position + kappa * velocity + c * acceleration).reshape(-1, *position.shape[2:])
+    low, high = swept.min(axis=0), swept.max(axis=0)
     free = grid.are_free(
         low[:, 0] - grown_m, high[:, 0] + grown_m, low[:, 1] - grown_m, high[:, 1] + grown_m
     )

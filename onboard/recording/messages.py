@@ -36,11 +36,13 @@ class SensorRecord:
         age_s: since the newest stamp; None before the first frame.
         heard_age_s: since the last frame arrived.
         stamp_ahead_s: by how much its stamps are ahead of the service's clock.
+        refused: messages of a sensor of the daemon's file that were dropped, by reason.
     """
 
     age_s: Number | None = None
     heard_age_s: Number | None = None
     stamp_ahead_s: Number | None = None
+    refused: dict[str, int] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -58,14 +58,19 @@ def unix_time_s(autonomy: Autonomy, now_s: float) -> float:
 
 
 def _sensors(autonomy: Autonomy, now_s: float) -> dict[str, SensorRecord]:
-    return {
-        source: SensorRecord(
+    """Return every sensor that was heard, and those of the daemon's file that were not."""
+    declared = autonomy.sensors.sensors
+    records = {
+        name: SensorRecord(refused=dict(each.input.refused)) for name, each in declared.items()
+    }
+    for source, sensor in autonomy.supervisor.detections.monitor.sensors.items():
+        records[source] = SensorRecord(
             age_s=finite(now_s - sensor.newest_stamp_s),
             heard_age_s=now_s - sensor.heard_s,
             stamp_ahead_s=sensor.ahead_s,
+            refused=records[source].refused if source in records else {},
         )
-        for source, sensor in autonomy.supervisor.detections.monitor.sensors.items()
-    }
+    return records
 
 
 def _dropped(autonomy: Autonomy) -> DropCounters:

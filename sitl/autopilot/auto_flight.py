@@ -8,11 +8,13 @@ from sitl.autopilot.manual_control import ManualControl
 from sitl.autopilot.mission import MissionItem, MissionStore, target_ned_m
 from sitl.autopilot.modes import Mode
 from sitl.autopilot.motion_reference import MotionLimits, MotionReference
+from sitl.autopilot.plan.rally import RallyStore
 from sitl.autopilot.settings import FlightSettings
 from sitl.plant.setpoint import Setpoint
 from sitl.plant.truth import Vector, VehicleTruth
 
 _LANDING_NEAR_GROUND_M = 5.0
+_STRAIGHT = 0.95  # cosine of the widest turn that is flown through without slowing down
 _TURN_DISTANCE_M = 1.0  # closer to its target than this the vehicle keeps its heading
 
 
@@ -26,11 +28,16 @@ class AutoFlight:
         target_ned_m: where the present mode goes; None to stop here.
         cruise_speed_mps: chosen by command or mission; None for the parameter's.
         mission: what MISSION flies.
+        rally: where a return may end.
         landing: whether a mission has come to its landing.
     """
 
     def __init__(
-        self, settings: FlightSettings, truth: VehicleTruth, mission: MissionStore
+        self,
+        settings: FlightSettings,
+        truth: VehicleTruth,
+        mission: MissionStore,
+        rally: RallyStore,
     ) -> None:
         self.settings = settings
         self.reference = MotionReference(truth)
@@ -38,6 +45,8 @@ class AutoFlight:
         self.target_ned_m: Vector | None = None
         self.cruise_speed_mps: float | None = None
         self.mission = mission
+        self.rally = rally
+        self._destination_m = self.home_ned_m[:2]
         self.landing = False
         self._dwelling_since_s: float | None = None
         self._item_number = mission.current
@@ -107,8 +116,8 @@ class AutoFlight:
         """Change the reference's velocity towards a wanted one."""
         self.reference.steer(velocity_ned_mps, self._limits(), self._period_s)
 
-    def go_to(self, target_ned_m: Vector, climb_mps: float) -> None:
-        """Fly straight to a position and stop there."""
+    def go_to(self, target_ned_m: Vector, climb_mps: float, ahead_m: float = 0.0) -> None:
+        """Fly straight to a position and stop there, or as much as ``ahead_m`` behind it."""
         settings = self.settings
         climbs = target_ned_m[2] < self.reference.position_ned_m[2]
         self.reference.go_to(
@@ -117,6 +126,7 @@ class AutoFlight:
             climb_mps if climbs else settings.sink_speed_mps,
             self._limits(),
             self._period_s,
+            ahead_m,
         )
 
     def _limits(self) -> MotionLimits:
@@ -131,15 +141,19 @@ class AutoFlight:
         return self.settings.sink_speed_mps if far else self.settings.landing_speed_mps
 
     def _return_home(self) -> Mode | None:
-        """Climb, fly home, land: the return mode's three legs."""
-        north_m, east_m, down_m = self.reference.position_ned_m
+        """Climb, fly home or to a rally point, land: the return mode's three legs."""
+        north_m, east_m, down_m = here_m = self.reference.position_ned_m
         if self.target_ned_m is None:
-            height_m = self.settings.return_height_m
+            settings = self.settings
+            self._destination_m = self.rally.destination_m(
+                here_m, self.home_ned_m, settings.rally_limit_m, or_home=settings.rally_or_home
+            )
+            height_m = settings.return_height_m
             self.target_ned_m = (north_m, east_m, min(down_m, self.home_ned_m[2] - height_m))
         self.go_to(self.target_ned_m, self.settings.climb_speed_mps)
         if not self.reference.is_at(self.target_ned_m):
             return None
-        above_home = (self.home_ned_m[0], self.home_ned_m[1], self.target_ned_m[2])
+        above_home = (*self._destination_m, self.target_ned_m[2])
         if self.target_ned_m == above_home:
             return Mode.LAND
         self.target_ned_m = above_home
@@ -169,6 +183,8 @@ class AutoFlight:
         if (speed_mps := item.speed_mps) is not None:
             self.cruise_speed_mps = speed_mps
             self.mission.item_done()
+        elif (jump := item.jump) is not None:
+            self.mission.jump(*jump)
         elif self.landing:
             self.steer((0.0, 0.0, self._landing_speed_mps(truth)))
         else:
@@ -189,7 +205,7 @@ class AutoFlight:
         climb_mps = (
             self.settings.take_off_speed_mps if item.takes_off else self.settings.climb_speed_mps
         )
-        self.go_to(target, climb_mps)
+        self.go_to(target, climb_mps, self._straight_on_m(item, target))
         if not self._reached(item, target):
             return
         if item.lands:
@@ -207,9 +223,24 @@ class AutoFlight:
         elif math.hypot(north_m, east_m) > _TURN_DISTANCE_M:
             self.reference.yaw_rad = math.atan2(east_m, north_m)
 
+    def _stops_at(self, item: MissionItem) -> bool:
+        return item.dwell_s > 0.0 or item.lands or item.takes_off or self.mission.stops_here
+
+    def _straight_on_m(self, item: MissionItem, target: Vector) -> float:
+        """Length of the next leg if the flight goes straight on past the item, else 0."""
+        following = self.mission.following
+        if following is None or not following.has_place or self._stops_at(item):
+            return 0.0
+        there = target_ned_m(following, self.mission.origin, self.home_ned_m, target)
+        here = self.reference.position_ned_m
+        way = (target[0] - here[0], target[1] - here[1])
+        leg = (there[0] - target[0], there[1] - target[1])
+        along = way[0] * leg[0] + way[1] * leg[1]
+        straight = along > _STRAIGHT * math.hypot(*way) * math.hypot(*leg)
+        return math.hypot(*leg) if straight else 0.0
+
     def _reached(self, item: MissionItem, target: Vector) -> bool:
-        stops = item.dwell_s > 0.0 or item.lands or item.takes_off or self.mission.stops_here
-        if stops:
+        if self._stops_at(item):
             return self.reference.is_at(target)
         radius_m = item.acceptance_radius_m or self.settings.acceptance_radius_m
         return math.dist(self.reference.position_ned_m, target) < radius_m

@@ -20,6 +20,8 @@ from sitl.autopilot.land_detector import LandDetector
 from sitl.autopilot.manual_control import ManualControl
 from sitl.autopilot.mission import MissionStore
 from sitl.autopilot.modes import LandedState, Mode
+from sitl.autopilot.plan.fence import FenceStore
+from sitl.autopilot.plan.rally import RallyStore
 from sitl.autopilot.settings import FlightSettings, Reaction
 from sitl.config import HomeConfig
 from sitl.plant.battery import BatteryReading
@@ -42,6 +44,7 @@ class Commander(ABC):
         mode: the mode flown, as HEARTBEAT shows it.
         failsafe: whether a failsafe chose the mode.
         mission: the items on board.
+        fence, rally: the other places on board.
         failures: which failures are present.
         sticks: the pilot's manual control.
         announcements: (MAV_SEVERITY, text) not yet sent to the operators.
@@ -70,7 +73,8 @@ class Commander(ABC):
         self._estimator = estimator
         self.sticks = ManualControl()
         self.announcements: list[tuple[int, str]] = []
-        self._auto = AutoFlight(settings, truth, self.mission)
+        self.fence, self.rally = FenceStore(origin), RallyStore(origin)
+        self._auto = AutoFlight(settings, truth, self.mission, self.rally)
         self._failsafes = Failsafes()
         self._truth = truth
         self._battery_remaining = 1.0
@@ -121,6 +125,10 @@ class Commander(ABC):
         """Where return goes; set on arming."""
         return self._auto.home_ned_m
 
+    @home_ned_m.setter
+    def home_ned_m(self, position_ned_m: Vector) -> None:
+        self._auto.home_ned_m = position_ned_m
+
     @property
     def estimator_ready(self) -> bool:
         """Whether position and attitude are known."""
@@ -158,13 +166,13 @@ class Commander(ABC):
         self.say(mavlink.MAV_SEVERITY_INFO, "Armed")
         return Verdict.ACCEPTED
 
-    def disarm(self, *, force: bool) -> Verdict:
+    def disarm(self, *, force: bool, reason: str = "by command") -> Verdict:
         """Disarm on the ground; in flight only by ``force``."""
         if self.airborne and not force:
             self.say(mavlink.MAV_SEVERITY_CRITICAL, "Disarming denied: not landed")
             return self.refusal
         if self.armed:
-            self._disarm("by command")
+            self._disarm(reason)
         return Verdict.ACCEPTED
 
     def set_mode(self, mode: Mode) -> Verdict:
@@ -215,22 +223,9 @@ class Commander(ABC):
             return Verdict.DENIED
         return self.set_mode(Mode.MISSION)
 
-    def terminate(self) -> Verdict:
-        """Stop the rotors at once, wherever the vehicle is."""
-        if self.armed:
-            self._disarm("flight terminated")
-        return Verdict.ACCEPTED
-
-    def inject_failure(self, unit: float, kind: float, instance: float) -> Verdict:
-        """Begin a failure, or end it."""
-        if not self.settings.failure_injection:
-            return Verdict.DENIED
-        known = self.failures.inject(unit, kind, instance, self._truth.time_s)
-        return Verdict.ACCEPTED if known else Verdict.UNSUPPORTED
-
     @abstractmethod
     def receive_setpoint(self, message: Any, now_s: float) -> None:
-        """Take a SET_POSITION_TARGET_LOCAL_NED or _GLOBAL_INT addressed to this vehicle."""
+        """Take a setpoint addressed to this vehicle: position, velocity, ... or an attitude."""
 
     def receive_sticks(self, message: Any, now_s: float) -> None:
         """Take a MANUAL_CONTROL."""
@@ -289,6 +284,8 @@ class Commander(ABC):
             return self._setpoints_lift(wanted)
         if self.mode is Mode.MISSION:
             return not (self._auto.landing or self.mission.finished)
+        if self.mode.needs_sticks:
+            return self.sticks_alive and self.sticks.climbs
         return self.mode is Mode.TAKEOFF
 
     def _wanted(self, period_s: float) -> Setpoint:
@@ -334,15 +331,17 @@ class Commander(ABC):
         if self.failures.attitude_lost:
             self._disarm("attitude lost")
             return
-        now_s = self._truth.time_s
+        now_s, settings = self._truth.time_s, self.settings
+        self.fence.watch(self._truth.position_ned_m, self.home_ned_m, settings)
         inputs = FailsafeInputs(
             battery_remaining=self._battery_remaining,
             ground_silence_s=now_s - self._ground_heard_s,
             sticks_silence_s=self.sticks.age_s(now_s),
             sticks_needed=self.mode.needs_sticks,
             position_valid=self.position_valid,
+            fence_breached=self.fence.breached,
         )
-        for trigger in self._failsafes.check(inputs, self.settings):
+        for trigger in self._failsafes.check(inputs, settings):
             own = ((trigger.severity, trigger.text),)
             self.announcements.extend(own if trigger.text else self.position_lost_texts)
             self.react(trigger.reaction)

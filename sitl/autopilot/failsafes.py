@@ -1,4 +1,4 @@
-"""Failsafe conditions, each reported once: battery, ground station, sticks, position."""
+"""Failsafe conditions, each reported once: fence, battery, ground station, sticks, position."""
 
 from __future__ import annotations
 
@@ -28,6 +28,7 @@ class FailsafeInputs:
         sticks_silence_s: since the last manual control.
         sticks_needed: whether the mode is flown by stick.
         position_valid: whether the estimate of the position is valid.
+        fence_breached: whether the vehicle is outside of the geofence.
     """
 
     battery_remaining: float
@@ -35,6 +36,7 @@ class FailsafeInputs:
     sticks_silence_s: float
     sticks_needed: bool
     position_valid: bool
+    fence_breached: bool = False
 
 
 @dataclass(frozen=True)
@@ -54,9 +56,14 @@ class Failsafes:
         self._ground_lost = False
         self._sticks_lost = False
         self._position_lost = False
+        self._fence_breached = False
 
     def check(self, inputs: FailsafeInputs, settings: FlightSettings) -> Iterator[Trigger]:
         """Yield what has begun since the last call, the gravest last."""
+        if inputs.fence_breached and not self._fence_breached:
+            reaction = settings.fence_reaction or Reaction.NONE
+            yield Trigger(reaction, mavlink.MAV_SEVERITY_WARNING, "Geofence breached")
+        self._fence_breached = inputs.fence_breached
         ground_lost = settings.ground_timeout_s < inputs.ground_silence_s < float("inf")
         if ground_lost and not self._ground_lost and settings.ground_loss is not Reaction.NONE:
             yield Trigger(settings.ground_loss, mavlink.MAV_SEVERITY_WARNING, "Ground station lost")

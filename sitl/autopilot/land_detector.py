@@ -69,6 +69,8 @@ class LandDetector:
 
 
 def _sinks(setpoint: Setpoint, truth: VehicleTruth) -> bool:
+    if math.isnan(setpoint.down_m) and math.isnan(setpoint.velocity_down_mps):
+        return setpoint.acceleration_down_mps2 > 0.1
     return setpoint.velocity_down_mps > 0.1 or setpoint.down_m > truth.position_ned_m[2] + 0.1
 
 

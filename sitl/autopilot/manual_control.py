@@ -48,6 +48,11 @@ class ManualControl:
         )
 
     @property
+    def climbs(self) -> bool:
+        """Whether the throttle stick asks to climb."""
+        return self._up > 0.0
+
+    @property
     def yaw_rate_radps(self) -> float:
         """Commanded yaw rate, clockwise seen from above."""
         return self._clockwise * _YAW_RATE_MAX_RADPS

@@ -26,6 +26,7 @@ _SUPPORTED = _POSITIONED | {
     mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH,
     mavlink.MAV_CMD_NAV_DELAY,
     mavlink.MAV_CMD_DO_CHANGE_SPEED,
+    mavlink.MAV_CMD_DO_JUMP,
 }
 ABSOLUTE_FRAMES = {mavlink.MAV_FRAME_GLOBAL, mavlink.MAV_FRAME_GLOBAL_INT}
 RELATIVE_FRAMES = {
@@ -73,7 +74,16 @@ class MissionItem(NamedTuple):
             return int(mavlink.MAV_MISSION_UNSUPPORTED)
         if self.command == mavlink.MAV_CMD_DO_CHANGE_SPEED and math.isnan(self.param2):
             return int(mavlink.MAV_MISSION_INVALID_PARAM2)
+        if self.command == mavlink.MAV_CMD_DO_JUMP:
+            return self._jump_refusal()
         return self._place_refusal(origin) if self.command in _POSITIONED else None
+
+    def _jump_refusal(self) -> int | None:
+        if not (self.param1 >= 0.0 and float(self.param1).is_integer()):
+            return int(mavlink.MAV_MISSION_INVALID_PARAM1)
+        if not float(self.param2).is_integer():
+            return int(mavlink.MAV_MISSION_INVALID_PARAM2)
+        return None
 
     def _place_refusal(self, origin: HomeConfig) -> int | None:
         if self.frame not in ABSOLUTE_FRAMES | RELATIVE_FRAMES:
@@ -93,7 +103,7 @@ class MissionItem(NamedTuple):
     @property
     def moves(self) -> bool:
         """Whether flying the item takes the vehicle somewhere."""
-        return self.command in _POSITIONED or self.returns_home
+        return self.command in _POSITIONED or self.returns_home or self.jump is not None
 
     @property
     def has_height(self) -> bool:
@@ -114,6 +124,13 @@ class MissionItem(NamedTuple):
     def returns_home(self) -> bool:
         """Whether the item hands over to the return mode."""
         return bool(self.command == mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH)
+
+    @property
+    def jump(self) -> tuple[int, float] | None:
+        """Number of the item to jump to, and how often; a negative number means for ever."""
+        if self.command != mavlink.MAV_CMD_DO_JUMP:
+            return None
+        return int(self.param1), self.param2 if self.param2 >= 0.0 else math.inf
 
     @property
     def speed_mps(self) -> float | None:
@@ -181,6 +198,7 @@ class MissionStore:
     finished: bool = False
     reached: list[int] = field(default_factory=list)
     announce_current: bool = False
+    _jumped: dict[int, int] = field(default_factory=dict)
 
     @property
     def flyable(self) -> bool:
@@ -203,6 +221,12 @@ class MissionStore:
         return not any(item.moves for item in self.items[self.current + 1 :])
 
     @property
+    def following(self) -> MissionItem | None:
+        """The next item that goes somewhere."""
+        rest = self.items[self.current + 1 :]
+        return next((item for item in rest if item.moves), None)
+
+    @property
     def starts_without_take_off(self) -> bool:
         """Whether a vehicle on the ground has to climb before it can fly the current item."""
         item = self.current_item
@@ -220,6 +244,7 @@ class MissionStore:
         """Take a new mission, or none."""
         self.items = items
         self.finished = False
+        self._jumped.clear()
         self._go_to(self.first if self.flyable else 0)
 
     def select(self, number: int) -> bool:
@@ -234,7 +259,17 @@ class MissionStore:
         """Get ready to fly: from the start if the mission was finished."""
         if self.finished or self.current < self.first:
             self.finished = False
+            self._jumped.clear()
             self._go_to(self.first)
+
+    def jump(self, number: int, times: float) -> None:
+        """Go on at another item, or at the next one after so many times."""
+        done = self._jumped.get(self.current, 0)
+        if done >= times or not self.first <= number < len(self.items):
+            self.item_done()
+            return
+        self._jumped[self.current] = done + 1
+        self._go_to(number)
 
     def item_done(self) -> None:
         """Note that the current item has been flown."""

@@ -80,13 +80,17 @@ class MotionReference:
         vertical_speed_mps: float,
         limits: MotionLimits,
         time_s: float,
+        ahead_m: float = 0.0,
     ) -> None:
-        """Move on for ``time_s`` straight to the target, slowing down to stop there."""
+        """Move on for ``time_s`` straight to the target, slowing down to stop there.
+
+        Horizontally, the stop is as much as ``ahead_m`` behind the target.
+        """
         north = target_ned_m[0] - self.position_ned_m[0]
         east = target_ned_m[1] - self.position_ned_m[1]
         down = target_ned_m[2] - self.position_ned_m[2]
         distance = math.hypot(north, east)
-        speed = _stopping_speed(distance, speed_mps, limits.acceleration_horizontal_mps2)
+        speed = _stopping_speed(distance + ahead_m, speed_mps, limits.acceleration_horizontal_mps2)
         scale = speed / distance if distance > 0.0 else 0.0
         sink = _stopping_speed(abs(down), vertical_speed_mps, limits.acceleration_vertical_mps2)
         self.steer((scale * north, scale * east, math.copysign(sink, down)), limits, time_s)

@@ -6,6 +6,7 @@ Each flavour fills these in from its own parameters; only the flavours read para
 from __future__ import annotations
 
 import enum
+import math
 from dataclasses import dataclass
 
 
@@ -47,6 +48,11 @@ class FlightSettings:
         failure_injection: whether MAV_CMD_INJECT_FAILURE is accepted.
         arm_authorizer: system id that must authorize arming; None if arming needs no authorization.
         arm_authorization_timeout_s: how long its answer may take.
+        hover_thrust: share of full thrust that carries the vehicle, in attitude setpoints.
+        fence_reaction: what follows a breach of the geofence; None if the fence is not watched.
+        fence_radius_m, fence_height_m: limits from home, besides the polygons and circles.
+        rally_limit_m: a return ends only at rally points within this distance.
+        rally_or_home: whether a return prefers home to a rally point that is farther away.
     """
 
     tilt_max_rad: float
@@ -88,3 +94,9 @@ class FlightSettings:
     failure_injection: bool
     arm_authorizer: int | None = None
     arm_authorization_timeout_s: float = 0.0
+    hover_thrust: float = 0.5
+    fence_reaction: Reaction | None = None
+    fence_radius_m: float = math.inf
+    fence_height_m: float = math.inf
+    rally_limit_m: float = math.inf
+    rally_or_home: bool = True

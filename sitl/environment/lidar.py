@@ -39,6 +39,11 @@ class ScannerConfig(FileModel):
         blind_sectors_deg: (from, to) about the sensor's axis, clockwise, without rays.
         cluster_gap_m: hits farther apart belong to different objects.
         points_min: clusters of fewer hits count as noise.
+        scan_time_s: from the first ray to the last, while the vehicle moves on; for formats other
+            than ``json``, whose scans take no time.
+        range_min_m: nearer than this nothing is measured; for the same formats.
+        lines: above one another, of a ``pointcloud2``.
+        lines_view_deg: from the lowest line to the highest.
     """
 
     resolution_deg: Annotated[float, Field(ge=0.05, le=10.0)] = 0.5
@@ -49,6 +54,10 @@ class ScannerConfig(FileModel):
     ] = ()
     cluster_gap_m: Annotated[float, Field(gt=0.0)] = 0.5
     points_min: Annotated[int, Field(ge=1)] = 2
+    scan_time_s: Annotated[float, Field(ge=0.0, le=1.0)] = 0.0
+    range_min_m: Annotated[float, Field(gt=0.0, le=2.0)] = 0.1
+    lines: Annotated[int, Field(ge=1, le=128)] = 8
+    lines_view_deg: Annotated[float, Field(ge=0.0, le=120.0)] = 40.0
 
 
 class View(NamedTuple):
@@ -159,31 +168,57 @@ def _nearest(boxes: list[SeenBox], point: Point) -> SeenBox | None:
 
 
 def ray_ranges_m(
-    origin_ned_m: Point, bearings_rad: FloatArray, field: ObstacleField, candidates: IndexArray
+    origin_ned_m: Point | FloatArray,
+    bearings_rad: FloatArray,
+    field: ObstacleField,
+    candidates: IndexArray,
 ) -> FloatArray:
     """Return the distance at which each ray first meets one of the boxes; ``inf`` if it does not.
 
     The slab method in each box's own axes; (R,) bearings and N boxes -> (R,).  A ray from inside a
     box meets it at once.
+
+    Args:
+        origin_ned_m: north and east of all rays, or (R, 2) of each.
+        bearings_rad: of the rays.
+        field: the boxes.
+        candidates: indices of those that a ray may meet.
     """
-    yaw_rad = field.yaw_rad[candidates]
+    starts_m = np.atleast_2d(np.asarray(origin_ned_m))
+    ray, box = _pairs_that_may_meet(starts_m, bearings_rad, field, candidates)
+    yaw_rad = field.yaw_rad[box]
     cosine, sine = np.cos(yaw_rad), np.sin(yaw_rad)
-    offset = np.asarray(origin_ned_m) - field.center_ned_m[candidates]
-    start = np.stack(
-        (cosine * offset[:, 0] + sine * offset[:, 1], cosine * offset[:, 1] - sine * offset[:, 0])
-    )
-    relative = bearings_rad[:, None] - yaw_rad
+    north_m, east_m = (starts_m[ray % len(starts_m)] - field.center_ned_m[box]).T
+    start = np.stack((cosine * north_m + sine * east_m, cosine * east_m - sine * north_m))
+    relative = bearings_rad[ray] - yaw_rad
     direction = np.stack((np.cos(relative), np.sin(relative)))
-    half = field.half_size_m[candidates].T
+    half = field.half_size_m[box].T
     with np.errstate(divide="ignore", over="ignore", invalid="ignore"):
-        one = (-half[:, None, :] - start[:, None, :]) / direction
-        other = (half[:, None, :] - start[:, None, :]) / direction
+        one = (-half - start) / direction
+        other = (half - start) / direction
     enter = np.nan_to_num(np.minimum(one, other), nan=-np.inf).max(axis=0)
     leave = np.nan_to_num(np.maximum(one, other), nan=np.inf).min(axis=0)
     meets = (enter <= leave) & (leave >= 0.0)
-    distance = np.where(meets, np.maximum(enter, 0.0), np.inf)
-    nearest: FloatArray = distance.min(axis=1, initial=np.inf)
+    nearest: FloatArray = np.full(len(bearings_rad), np.inf)
+    np.minimum.at(nearest, ray[meets], np.maximum(enter[meets], 0.0))
     return nearest
+
+
+def _pairs_that_may_meet(
+    starts_m: FloatArray, bearings_rad: FloatArray, field: ObstacleField, candidates: IndexArray
+) -> tuple[IndexArray, IndexArray]:
+    """Return each ray with each box whose circumscribed circle it may meet; few of them do."""
+    offset_m = field.center_ned_m[candidates] - starts_m[0]
+    away_m = np.hypot(offset_m[:, 0], offset_m[:, 1])
+    spread_m = float(np.hypot(*(starts_m - starts_m[0]).T).max())
+    reach_m = np.hypot(*field.half_size_m[candidates].T) + spread_m + _CLOSE_M
+    aside = np.minimum(reach_m / np.maximum(away_m, 1e-9), 1.0)
+    # Within this angle of the middle; from within the circle, in any direction.
+    least = np.where(aside < 1.0, np.sqrt(1.0 - aside**2), -2.0)
+    rays = np.column_stack((np.cos(bearings_rad), np.sin(bearings_rad)))
+    toward = offset_m / np.maximum(away_m, 1e-9)[:, None]
+    ray, among = np.nonzero(rays @ toward.T >= least)
+    return ray, candidates[among]
 
 
 def enclosing_box(points_m: FloatArray) -> tuple[Point, Point, float]:

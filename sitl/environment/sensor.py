@@ -10,18 +10,30 @@ from __future__ import annotations
 import math
 import random
 from collections import deque
-from typing import Annotated, Any, Literal, NamedTuple
+from typing import Annotated, Any, Final, Literal, NamedTuple
 
-from pydantic import Field
+from pydantic import Field, model_validator
 from pydantic_core import to_json
 
 from onboard.files.obstacle_field import ObstacleField
 from onboard.files.yaml_file import FileModel
+from sitl.environment.detector_errors import (
+    EXACT,
+    Confirmation,
+    DetectorErrorConfig,
+    face_errors,
+)
+from sitl.environment.formats.ros2_topics import Ros2Topic
 from sitl.environment.lidar import RangeScanner, ScannerConfig, SeenBox, View
+from sitl.environment.mounted_beams import SensorMounting
 from sitl.environment.world import Neighbourhood
 from sitl.plant.truth import VehicleTruth
 
 Point = tuple[float, float]
+Format = Literal[
+    "json", "laserscan", "pointcloud2", "range", "obstacle_distance", "distance_sensor"
+]
+OVER_MAVLINK: Final[frozenset[Format]] = frozenset(("obstacle_distance", "distance_sensor"))
 
 
 class SensorFault(FileModel):
@@ -49,6 +61,11 @@ class SensorConfig(FileModel):
 
     Attributes:
         source: name of the sensor in its frames.
+        publishes: ``json``: boxes; ``laserscan``, ``pointcloud2``, ``range``: what its rays meet,
+            as ROS 2; ``obstacle_distance``, ``distance_sensor``: over MAVLink, by the autopilot.
+            These come from a ``scanner``, by default one without errors.
+        ros2: where a sensor that speaks ROS 2 publishes.
+        mounting: of a sensor that speaks another format than ``json``, which is levelled.
         scanner: configuration of a scanning range finder; null for the ideal detector.
         yaw_deg: direction of its axis in the body, clockwise from forward.
         noise_m: greatest error of centres along each axis (uniform); ideal model only.
@@ -59,9 +76,13 @@ class SensorConfig(FileModel):
         frame: frame of the reported boxes; ``body_frd`` is levelled, turned by yaw only.
         placed_by: what of the autopilot's estimate places boxes in ``local_ned``: its ``pose``, as
             a bridge on the vehicle does, or its ``position``, where bearings are known otherwise.
+        errors: how faces err by face_noise_m, and which boxes are missing; ideal model only.
     """
 
     source: Annotated[str, Field(pattern=r"^[A-Za-z0-9_-]+$")] = "front"
+    publishes: Format = "json"
+    ros2: Ros2Topic = Ros2Topic()
+    mounting: SensorMounting = SensorMounting()
     range_m: Annotated[float, Field(gt=0.0)] = 12.0
     field_of_view_deg: Annotated[float, Field(gt=0.0, le=360.0)] = 120.0
     yaw_deg: float = 0.0
@@ -72,8 +93,27 @@ class SensorConfig(FileModel):
     uncertainty_m: Annotated[float, Field(ge=0.0)] = 0.05
     frame: Literal["local_ned", "body_frd"] = "local_ned"
     placed_by: Literal["pose", "position"] = "pose"
+    errors: DetectorErrorConfig = EXACT
     scanner: ScannerConfig | None = None
     faults: Annotated[tuple[SensorFault, ...], Field(strict=False)] = ()
+
+    @model_validator(mode="after")
+    def _mounted_one_way(self) -> SensorConfig:
+        if self.publishes == "json" and self.mounting != SensorMounting():
+            raise ValueError("mounting is for other formats than publishes: json; see yaw_deg")
+        if self.publishes != "json" and self.yaw_deg:
+            raise ValueError(f"publishes: {self.publishes} is turned by mounting.yaw_deg")
+        if self.publishes in ("range", "distance_sensor") and self.field_of_view_deg >= 180.0:
+            raise ValueError(
+                f"field_of_view_deg [deg] = {self.field_of_view_deg:g} of publishes: "
+                f"{self.publishes} must be less than 180: it is one cone"
+            )
+        return self
+
+    @property
+    def beams(self) -> ScannerConfig:
+        """Its rays, where it does not publish boxes."""
+        return self.scanner or ScannerConfig()
 
 
 class _Known(NamedTuple):
@@ -108,7 +148,13 @@ class _Known(NamedTuple):
 
 
 class ObstacleSensor:
-    """Measure at its rate and hand out each frame after its latency; no clock, no I/O."""
+    """Measure at its rate and hand out each frame after its latency; no clock, no I/O.
+
+    Attributes:
+        config: as given.
+        face_error_max_m: greatest error of a face so far, ideal model only.
+        confirmation: which obstacles in view were not reported.
+    """
 
     def __init__(
         self,
@@ -121,9 +167,10 @@ class ObstacleSensor:
     ) -> None:
         """Set up; ``ideal`` selects the meaning of a null ``face_noise_m``."""
         self.config = config
-        self._face_noise_m = config.face_noise_m
-        if self._face_noise_m is None:
-            self._face_noise_m = 0.0 if ideal else max(config.uncertainty_m - config.noise_m, 0.0)
+        self.face_error_max_m = 0.0
+        self.confirmation = Confirmation(config.errors)
+        rest_m = 0.0 if ideal else max(config.uncertainty_m - config.noise_m, 0.0)
+        self._face_noise_m = rest_m if config.face_noise_m is None else config.face_noise_m
         self._field = field
         self._neighbourhood = Neighbourhood(field)
         self._known: dict[int, _Known] = {}
@@ -191,7 +238,8 @@ class ObstacleSensor:
     def _boxes(self, truth: VehicleTruth, range_m: float) -> list[SeenBox]:
         """What is seen now, in local NED."""
         if self._scanner is None:
-            return [self._ideal(index) for index in self._visible(truth, range_m)]
+            visible = self.confirmation.reported(self._visible(truth, range_m), self._sequence)
+            return [self._ideal(index, truth) for index in visible]
         here = (truth.position_ned_m[0], truth.position_ned_m[1])
         view = View(
             here,
@@ -225,7 +273,7 @@ class ObstacleSensor:
             self._known[index] = _Known(box, _corners_ned_m(box), math.hypot(*box.size_m) / 2.0)
         return self._known[index]
 
-    def _ideal(self, index: int) -> SeenBox:
+    def _ideal(self, index: int, truth: VehicleTruth) -> SeenBox:
         box, noise_m = self._of_field(index).box, self.config.noise_m
         north_m, east_m = (
             coordinate_m + self._noise.uniform(-noise_m, noise_m)
@@ -233,13 +281,16 @@ class ObstacleSensor:
         )
         if not self._face_noise_m:
             return SeenBox(box.id, (north_m, east_m), box.size_m, box.yaw_rad)
-        return self._with_faces_off(box, (north_m, east_m), self._face_noise_m)
+        distance_m = math.dist(box.center_ned_m, truth.position_ned_m[:2])
+        return self._with_faces_off(box, (north_m, east_m), distance_m)
 
-    def _with_faces_off(self, box: SeenBox, center_ned_m: Point, noise_m: float) -> SeenBox:
+    def _with_faces_off(self, box: SeenBox, center_ned_m: Point, distance_m: float) -> SeenBox:
         """Move each of the four faces outwards or inwards."""
-        front_m, back_m, right_m, left_m = (
-            self._noise.uniform(-noise_m, noise_m) for _ in range(4)
+        off = face_errors(
+            self.config.errors, self._face_noise_m, self._sequence, distance_m, self._noise
         )
+        self.face_error_max_m = max(self.face_error_max_m, *map(abs, off))
+        front_m, back_m, right_m, left_m = off
         shift = _turned(((front_m - back_m) / 2.0, (right_m - left_m) / 2.0), box.yaw_rad)
         length_m, width_m = box.size_m
         size_m = (max(length_m + front_m + back_m, 0.0), max(width_m + right_m + left_m, 0.0))

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import asyncio
+import gc
 import logging
 import signal
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 
 import zenoh
@@ -16,6 +17,8 @@ from onboard.files.obstacle_field import ObstacleField, load_field
 from onboard.files.zenoh_endpoints import ZenohEndpoints
 from onboard.zenoh_session import open_session
 from sitl.config import SitlConfig
+from sitl.environment.formats.ros2_topics import Ros2Publisher
+from sitl.environment.sensor_message import ZenohMessage
 from sitl.environment.truth_log import TRUTH_LOG_RATE_HZ, TruthLog
 from sitl.live.transport import Send, Transport
 from sitl.vehicle.scene import Scene
@@ -73,7 +76,7 @@ class LiveSimulator:
                 truth_log = stack.enter_context(
                     TruthLog(config.truth_log, self._scene.start_unix_s)
                 )
-            bus = Bus(session, config)
+            bus = Bus(session, config, self._scene.publishers)
             self._origin_s = time.monotonic()
             log.info("ready: %s on %s", config.vehicle, ", ".join(config.mavlink))
             await self._serve(stop, bus, truth_log)
@@ -87,7 +90,7 @@ class LiveSimulator:
                 if data := scene.vehicle.bytes_to_send(link):
                     send(data)
             for detection in scene.take_detections():
-                bus.publish_obstacles(detection.payload)
+                bus.publish(detection)
             time_s = scene.vehicle.truth.time_s
             if (due := int(time_s * _TRUTH_RATE_HZ + 1e-6)) > published:
                 published = due
@@ -111,23 +114,37 @@ class LiveSimulator:
 class Bus:
     """The simulator's keys on Zenoh.
 
-    ``clearway/<vehicle>/obstacles`` carries the frames of every sensor, ``.../truth`` ground truth;
-    a liveliness token ``clearway/<vehicle>/obstacles/<source>`` stands for each sensor.
+    ``clearway/<vehicle>/obstacles`` carries the frames of every sensor that speaks JSON, for which
+    a liveliness token ``clearway/<vehicle>/obstacles/<source>`` stands, and ``.../truth`` ground
+    truth.  A sensor that speaks ROS 2 has the key and the token of its topic.
+
+    Args:
+        session: an open session.
+        config: vehicle and sensors.
+        publishers: of the sensors that speak ROS 2.
     """
 
-    def __init__(self, session: zenoh.Session, config: SitlConfig) -> None:
+    def __init__(
+        self, session: zenoh.Session, config: SitlConfig, publishers: Sequence[Ros2Publisher] = ()
+    ) -> None:
         prefix = f"clearway/{config.vehicle}"
         self._obstacles = session.declare_publisher(f"{prefix}/obstacles")
+        self._topics = {one.key: session.declare_publisher(one.key) for one in publishers}
         self._truth = session.declare_publisher(f"{prefix}/truth")
+        sources = [one.source for one in config.sensors if one.publishes == "json"]
+        keys = [f"{prefix}/obstacles/{source}" for source in sources]
+        session_id = str(session.info.zid())
+        keys += [token for one in publishers if (token := one.token(session_id)) is not None]
         # Dropping a token withdraws it.
-        self._tokens = [
-            session.liveliness().declare_token(f"{prefix}/obstacles/{sensor.source}")
-            for sensor in config.sensors
-        ]
+        self._tokens = [session.liveliness().declare_token(key) for key in keys]
 
-    def publish_obstacles(self, payload: bytes) -> None:
-        """Publish a detection frame."""
-        self._obstacles.put(payload)
+    def publish(self, message: ZenohMessage) -> None:
+        """Publish what has left a sensor."""
+        if message.key is None:
+            self._obstacles.put(message.payload)
+        else:
+            attachment = message.attachment or None
+            self._topics[message.key].put(message.payload, attachment=attachment)
 
     def publish_truth(self, payload: bytes) -> None:
         """Publish ground truth."""
@@ -169,6 +186,9 @@ async def serve(config: SitlConfig) -> None:
     # Closing the terminal must not end a flight.
     loop.add_signal_handler(signal.SIGHUP, lambda: log.info("SIGHUP ignored"))
     simulators = [LiveSimulator(one, field) for one in config.each()]
+    # What stays for good need not be looked through again and again, which takes 0.1 s.
+    gc.collect()
+    gc.freeze()
     with _session(config.zenoh) as session:
         await _run_all(simulators, stop, session)
     log.info("stopped")

@@ -31,6 +31,7 @@ from sitl.plant.truth import VehicleTruth
 # Share of each sine in the greatest error.
 _EVEN_SHARES: Final = (1.0 / 3.0, 1.0 / 3.0, 1.0 / 3.0)
 _HEADING_SHARES: Final = (0.8, 0.1, 0.1)
+_ONE_SINE: Final = (1.0, 0.0, 0.0)
 _SHARE_AT_REST: Final = 0.1
 _SHARE_TIME_S: Final = 3.0  # of the wander's growth after the take-off
 _REST_MPS: Final = 0.02
@@ -48,6 +49,8 @@ class EstimatorProfile:
         drift_mps2, drift_max_mps: growth and bound of the velocity's error without GPS.
         dead_reckoning_s: how long the position stays valid without GPS.
         aiding_stops_s: how long the filter integrates without GPS.
+        at_bound: the worst that the bounds allow in place of a wander: the heading is off by its
+            bound at all times, the position swings by one sine from bound to bound.
     """
 
     position_m: float = 0.0
@@ -59,6 +62,7 @@ class EstimatorProfile:
     drift_max_mps: float = 0.0
     dead_reckoning_s: float = 5.0
     aiding_stops_s: float = 5.0
+    at_bound: bool = False
 
 
 IDEAL: Final = EstimatorProfile()
@@ -132,8 +136,9 @@ class Estimator:
         self.error = EstimateError()
         self.resets = 0
         self.lost_for_s = 0.0
+        shares = _ONE_SINE if profile.at_bound else _EVEN_SHARES
         self._wanders = [
-            _Wander(bound, periods_s, chance)
+            _Wander(bound, periods_s, chance, shares)
             for bound, periods_s in (
                 (profile.position_m, _POSITION_PERIODS_S),
                 (profile.position_m, _POSITION_PERIODS_S),
@@ -224,11 +229,13 @@ class Estimator:
         north_m += self._gps_wrong_m
         north_mps = east_mps = down_mps = yaw_rad = 0.0
         if self._wanders_at_all:
-            share = self._share
+            share = 1.0 if self.profile.at_bound else self._share
             wandered = [share * wander.at(now_s) for wander in self._wanders]
             north_m, east_m = north_m + wandered[0], east_m + wandered[1]
             down_m += wandered[2]
             north_mps, east_mps, down_mps, yaw_rad = wandered[3:]
+            if self.profile.at_bound:
+                yaw_rad = math.copysign(self.profile.heading_rad, self._drift_direction[0])
         if self.lost_for_s > 0.0:
             drift_mps, drift_m = self._drift(self.lost_for_s)
             north, east = self._drift_direction

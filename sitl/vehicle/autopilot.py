@@ -14,18 +14,20 @@ from typing import Any
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sitl.autopilot.decisions import Actuation, Verdict
-from sitl.autopilot.fence import FenceStore
 from sitl.autopilot.flavours.ardupilot import Copter
 from sitl.autopilot.flavours.flavour import Flavour
 from sitl.autopilot.flavours.parameters import ParameterStore
 from sitl.autopilot.flavours.px4 import Px4
 from sitl.autopilot.protocol.arm_authorization import ArmAuthorization
 from sitl.autopilot.protocol.commands import Command, CommandContext, execute
+from sitl.autopilot.protocol.files.file_transfer import FileServer
+from sitl.autopilot.protocol.files.onboard_files import metadata_files, packed_parameter_file
 from sitl.autopilot.protocol.link import MavlinkLink
-from sitl.autopilot.protocol.mission_transfer import MissionTransfer
+from sitl.autopilot.protocol.mission_transfer import ItemStore, MissionTransfer
 from sitl.autopilot.protocol.parameter_protocol import ParameterProtocol
 from sitl.autopilot.protocol.signing import TIMESTAMP_MAX, Signing, key_of_passphrase
 from sitl.autopilot.protocol.snapshot import Snapshot
+from sitl.autopilot.protocol.status_messages import status_texts
 from sitl.autopilot.protocol.streams import StreamSchedule, messages_of_data_stream
 from sitl.autopilot.protocol.telemetry import BUILDERS
 from sitl.autopilot.protocol.timesync import MisaddressedTimesync
@@ -37,9 +39,9 @@ from sitl.plant.truth import VehicleTruth
 logger = logging.getLogger(__name__)
 
 COMPONENT_ID = mavlink.MAV_COMP_ID_AUTOPILOT1
+_TEXT_NUMBER_MAX = 0xFFFF
+_FENCE, _RALLY = mavlink.MAV_MISSION_TYPE_FENCE, mavlink.MAV_MISSION_TYPE_RALLY
 FLAVOURS: dict[str, type[Flavour]] = {"px4": Px4, "ardupilot": Copter}
-_STATUSTEXT_LENGTH = 50
-_FTP_PAYLOAD, _FTP_NAK, _FTP_FILE_NOT_FOUND = 251, 129, 10
 
 
 class _Peer:
@@ -89,7 +91,12 @@ class Autopilot:
         self.commander = self.flavour.commander(
             self.flavour.settings(self.parameters), truth, config.home, self.estimator
         )
-        self._missions = MissionTransfer(self.commander.mission, FenceStore())
+        places: dict[int, ItemStore] = {_FENCE: self.commander.fence, _RALLY: self.commander.rally}
+        partial = self.flavour.partial_missions
+        self._missions = MissionTransfer(self.commander.mission, places, partial=partial)
+        described = metadata_files if self.flavour.describes_itself else packed_parameter_file
+        self._files = FileServer(described(self.parameters))
+        self._texts = 0
         self._arm_authorization = ArmAuthorization()
         self._parameter_protocol = ParameterProtocol(
             self.parameters, bytewise=self.flavour.integers_bytewise
@@ -115,6 +122,7 @@ class Autopilot:
         return {
             "SET_POSITION_TARGET_LOCAL_NED": self._on_setpoint,
             "SET_POSITION_TARGET_GLOBAL_INT": self._on_setpoint,
+            "SET_ATTITUDE_TARGET": self._on_setpoint,
             "MANUAL_CONTROL": self._on_manual_control,
             "COMMAND_LONG": self._on_command,
             "COMMAND_INT": self._on_command,
@@ -218,10 +226,11 @@ class Autopilot:
         """Send queued texts and mission progress to the operators."""
         for severity, text in self.commander.announcements:
             logger.info("%s", text)
-            encoded = text.encode()[:_STATUSTEXT_LENGTH]
-            for peer in self._peers.values():
-                if peer.has_ground_station or not self.flavour.texts_need_ground_station:
-                    peer.link.send(mavlink.MAVLink_statustext_message(severity, encoded))
+            self._texts = self._texts % _TEXT_NUMBER_MAX + 1
+            for message in status_texts(severity, text, self._texts):
+                for peer in self._peers.values():
+                    if peer.has_ground_station or not self.flavour.texts_need_ground_station:
+                        peer.link.send(message)
         self.commander.announcements.clear()
         mission = self.commander.mission
         for number in mission.reached:
@@ -234,6 +243,10 @@ class Autopilot:
     def _broadcast(self, message: Any) -> None:
         for peer in self._peers.values():
             peer.link.send(message)
+
+    def send_ranges(self, message: Any) -> None:
+        """Send what an obstacle sensor measured on every link."""
+        self._broadcast(message)
 
     # --- routing --------------------------------------------------------------------------
 
@@ -354,19 +367,9 @@ class Autopilot:
             peer.streams.set_interval(message_id, interval_s, now_s)
 
     def _on_file_transfer(self, message: Any, peer: _Peer, _: float) -> None:
-        """Refuse at once: no files exist here, and clients wait long for an answer."""
-        payload = bytearray(bytes(message.payload).ljust(_FTP_PAYLOAD, b"\0"))
-        sequence = (int.from_bytes(payload[:2], "little") + 1) & 0xFFFF
-        answer = bytearray(_FTP_PAYLOAD)
-        answer[0:2] = sequence.to_bytes(2, "little")
-        answer[2] = payload[2]  # session
-        answer[3], answer[4], answer[5] = _FTP_NAK, 1, payload[3]
-        answer[12] = _FTP_FILE_NOT_FOUND
-        peer.link.send(
-            mavlink.MAVLink_file_transfer_protocol_message(
-                0, message.get_srcSystem(), message.get_srcComponent(), answer
-            )
-        )
+        client = message.get_srcSystem(), message.get_srcComponent()
+        for answer in self._files.receive(bytes(message.payload), client):
+            peer.link.send(mavlink.MAVLink_file_transfer_protocol_message(0, *client, answer))
 
     def _on_setup_signing(self, message: Any, _: _Peer, now_s: float) -> None:
         """Take a new key, all zeros for none; where signing is on, only a signed one gets here."""
@@ -381,5 +384,11 @@ class Autopilot:
 
     def _context(self, peer: _Peer) -> CommandContext:
         return CommandContext(
-            self.commander, self.flavour, self._home, self._snapshot(), peer.link, peer.streams
+            self.commander,
+            self.flavour,
+            self._home,
+            self._snapshot(),
+            peer.link,
+            peer.streams,
+            self._files,
         )

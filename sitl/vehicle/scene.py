@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
 from onboard.files.obstacle_field import ObstacleField
 from onboard.files.truth_record import TruthRecord
 from sitl.autopilot.modes import Mode
 from sitl.config import SitlConfig
+from sitl.environment.formats.ros2_topics import Ros2Publisher
+from sitl.environment.ranging_sensor import RangingSensor
 from sitl.environment.sensor import ObstacleSensor
+from sitl.environment.sensor_message import LinkMessage, ZenohMessage
 from sitl.environment.truth_log import truth_record
 from sitl.environment.world import World
 from sitl.plant.pinned_error import PinnedError
@@ -18,20 +20,13 @@ from sitl.vehicle.vehicle import SimulatedVehicle
 _DEPARTED_MPS = 0.5
 
 
-@dataclass(frozen=True)
-class Detection:
-    """One frame that leaves a sensor: the JSON payload of ``clearway/<vehicle>/obstacles``."""
-
-    source: str
-    payload: bytes
-
-
 class Scene:
     """Advance everything in lock step, for the live simulator and the virtual flight.
 
     Attributes:
         vehicle: plant and autopilot.
         world: clearance and collisions.
+        sensors: one for each that is configured.
         start_unix_s: time of day at simulation time zero.
     """
 
@@ -52,15 +47,24 @@ class Scene:
         self.start_unix_s = start_unix_s
         self.vehicle = SimulatedVehicle(config, config.seed, start_unix_s, ticks_per_decision)
         self.world = World(field, config.multirotor.radius_m)
-        self._sensors = [
-            ObstacleSensor(
-                sensor, field, config.seed, start_unix_s, ideal=config.realism == "ideal"
-            )
+        ideal = config.realism == "ideal"
+        self.detectors = [
+            ObstacleSensor(sensor, field, config.seed, start_unix_s, ideal=ideal)
             for sensor in config.sensors
+            if sensor.publishes == "json"
+        ]
+        self._ranging = [
+            RangingSensor(sensor, field, config.seed, start_unix_s)
+            for sensor in config.sensors
+            if sensor.publishes != "json"
         ]
         tracking = config.tracking
-        self._pinned = PinnedError(tracking.error_m or 0.0) if tracking.toward_obstacle else None
-        self._detections: list[Detection] = []
+        self._pinned = None
+        if tracking.toward_obstacle:
+            self._pinned = PinnedError(tracking.error_m or 0.0, tracking.seen_late_s)
+        self._velocity_error_mps = tracking.velocity_error_mps
+        self._kinematic = tracking.kinematic
+        self._detections: list[ZenohMessage] = []
         self._pinned_s = 0.0
         self._departed = False
         self._due_s = 0.0  # when a sensor measures next
@@ -73,8 +77,13 @@ class Scene:
                 self._pin(self._pinned)
             self._observe()
 
-    def take_detections(self) -> list[Detection]:
-        """Return and clear the frames that have left the sensors."""
+    @property
+    def publishers(self) -> list[Ros2Publisher]:
+        """Of the sensors that speak ROS 2."""
+        return [one.publisher for one in self._ranging if one.publisher is not None]
+
+    def take_detections(self) -> list[ZenohMessage]:
+        """Return and clear what has left the sensors for Zenoh; the rest is on the links."""
         detections, self._detections = self._detections, []
         return detections
 
@@ -91,18 +100,50 @@ class Scene:
             self._departed |= truth.ground_speed_mps > _DEPARTED_MPS
         else:
             self._departed = False
-            error.forget()
+            error.forget(*self._own_error_m())
+            self.vehicle.velocity_error_ned_mps = (0.0, 0.0)
             self.vehicle.pin_tracking_error(error.north_m, error.east_m)
         if self._departed and commander.airborne:
             toward = self.world.toward_nearest(truth.position_ned_m)
-            error.advance(toward, truth.time_s - self._pinned_s)
+            passed_s = truth.time_s - self._pinned_s
+            estimated = self.vehicle.autopilot.estimator.error
+            error.advance(
+                toward,
+                passed_s,
+                self.vehicle.wanted_velocity_ned_mps,
+                (estimated.north_m, estimated.east_m),
+            )
+            self.vehicle.pin_tracking_error(error.north_m, error.east_m)
+            self.vehicle.velocity_error_ned_mps = self._velocity_error_ned_mps(toward)
+        elif commander.mode is Mode.OFFBOARD and self._kinematic:
+            error.forget(*self._own_error_m())
             self.vehicle.pin_tracking_error(error.north_m, error.east_m)
         self._pinned_s = truth.time_s
+
+    def _own_error_m(self) -> tuple[float, float]:
+        """Return where the kinematic plant is without any further error: its estimate is exact."""
+        error = self.vehicle.autopilot.estimator.error
+        return (-error.north_m, -error.east_m) if self._kinematic else (0.0, 0.0)
+
+    def _velocity_error_ned_mps(self, toward: tuple[float, float]) -> tuple[float, float]:
+        """Return the velocity error: along the nose, and across it toward an obstacle."""
+        along_mps, across_mps = self._velocity_error_mps
+        yaw_rad = self.vehicle.truth.yaw_rad
+        cosine, sine = math.cos(yaw_rad), math.sin(yaw_rad)
+        across_mps = math.copysign(across_mps, cosine * toward[1] - sine * toward[0])
+        return cosine * along_mps - sine * across_mps, sine * along_mps + cosine * across_mps
 
     def _observe(self) -> None:
         truth, estimate = self.vehicle.truth, self.vehicle.estimate
         self.world.observe(truth.position_ned_m)
-        for sensor in self._sensors:
-            for payload in sensor.sense(truth.time_s, truth, estimate):
-                self._detections.append(Detection(sensor.config.source, payload))
-        self._due_s = min((sensor.due_s for sensor in self._sensors), default=math.inf)
+        for detector in self.detectors:
+            for payload in detector.sense(truth.time_s, truth, estimate):
+                self._detections.append(ZenohMessage(detector.config.source, payload))
+        for ranging in self._ranging:
+            for message in ranging.sense(truth.time_s, truth):
+                if isinstance(message, LinkMessage):
+                    self.vehicle.autopilot.send_ranges(message.message)
+                else:
+                    self._detections.append(message)
+        due_s = [one.due_s for one in self.detectors] + [one.due_s for one in self._ranging]
+        self._due_s = min(due_s, default=math.inf)

@@ -13,6 +13,7 @@ from sitl.config import StartConfig, VehicleConfig
 from sitl.plant.battery import Battery
 from sitl.plant.controller import ControllerGains
 from sitl.plant.inner_loop import ACCELERATION, MEMORY, STATE, UNTRIMMED, Flight, fly, spin
+from sitl.plant.kinematic import follow
 from sitl.plant.multirotor import (
     GRAVITY_MPS2,
     RotorSpeeds,
@@ -37,6 +38,7 @@ class SimulatedVehicle:
     Attributes:
         truth: true state at the current instant.
         autopilot: commander, parameters and estimator.
+        velocity_error_ned_mps: horizontal, of the kinematic plant.
     """
 
     def __init__(
@@ -75,6 +77,8 @@ class SimulatedVehicle:
         )
         self._battery = Battery(config.battery)
         self._pinned_m = (0.0, 0.0)
+        self._kinematic = config.tracking.kinematic
+        self.velocity_error_ned_mps = (0.0, 0.0)
         self._wind_model = WindModel(config.wind, random.Random(f"{seed} wind"))
         self.truth = self._observe()
         self.autopilot = Autopilot(config, self.truth, self._battery.reading, start_unix_s, seed)
@@ -132,6 +136,17 @@ class SimulatedVehicle:
         self._flight = Flight((*place_m, *self._flight.values[2:]))
         self.truth = self._observe()
 
+    @property
+    def wanted_velocity_ned_mps(self) -> tuple[float, float]:
+        """Horizontal velocity that the setpoint wants now; 0 where it wants none."""
+        setpoint = self._actuation.setpoint
+        if setpoint is None:
+            return 0.0, 0.0
+        ticks = self._ticks_since_decision or self._ticks_per_decision
+        wanted = ahead(setpoint, ticks * _TICK_S)
+        north_mps, east_mps = wanted.velocity_north_mps, wanted.velocity_east_mps
+        return (0.0, 0.0) if math.isnan(north_mps + east_mps) else (north_mps, east_mps)
+
     def add_gust(self, gust: Gust) -> None:
         """Add one gust."""
         self._wind_model.add(gust)
@@ -176,9 +191,17 @@ class SimulatedVehicle:
     def _moved(self, actuation: Actuation, wind: Wind, steps: int) -> Flight:
         """Fly some steps of plant and controller."""
         state, memory = self._flight.values[STATE], self._flight.values[MEMORY]
-        if self.autopilot.commander.on_ground or self._lost:
+        if self.autopilot.commander.on_ground or self._lost or _is_open_loop(actuation.setpoint):
             memory = UNTRIMMED  # the ground's support must not be trimmed out
         if actuation.drive is Drive.FLY and actuation.setpoint is not None:
+            if self._kinematic:
+                return follow(
+                    self._flight,
+                    self._with_position(actuation.setpoint),
+                    self._ticks_since_decision * _TICK_S,
+                    steps * self._step_s,
+                    self.velocity_error_ned_mps,
+                )
             return fly(
                 state,
                 memory,
@@ -272,3 +295,10 @@ def warm_up() -> None:
         start = StartConfig(position_ned_m=(0.0, 0.0, down_m))
         SimulatedVehicle(VehicleConfig(start=start)).advance(2.0 * _TICK_S)
     rotate_frd_from_ned(1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+
+
+def _is_open_loop(setpoint: Setpoint | None) -> bool:
+    """Whether neither place nor velocity is controlled: then PX4 trims nothing out, either."""
+    if setpoint is None:
+        return False
+    return math.isnan(setpoint.north_m) and math.isnan(setpoint.velocity_north_mps)

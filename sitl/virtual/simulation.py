@@ -23,13 +23,16 @@ from onboard.contract.assessment import TICK_S
 from onboard.files.contract_file import Contract, InputSet
 from onboard.files.mission_file import Mission
 from onboard.files.obstacle_field import ObstacleField
+from onboard.files.sensor_sources import AnySource
 from onboard.guidance.phases import Phase
+from onboard.perception.sources.registry import zenoh_key
 from onboard.planning.planner import Planner
 from onboard.planning.qp.search import QpPlanner
 from onboard.recording.flight_log import FlightLog
 from onboard.recording.journal import Journal
 from onboard.recording.messages import Record
 from sitl.config import SitlConfig
+from sitl.environment.sensor_message import ZenohMessage
 from sitl.environment.truth_log import TruthLog
 from sitl.vehicle.scene import Scene
 from sitl.vehicle.vehicle import TICK_RATE_HZ, warm_up
@@ -64,6 +67,7 @@ class SimulatedFlight:
         obstacles: the field.
         seed: of everything random.
         faults: see `sitl.virtual.faults.schema`.
+        sources: sensors that the service relies on, besides those that publish JSON.
         input_set: which accelerations plans may use.
         fly_outside_contract: fly although the contract's clauses are not met.
         time_limit_s: the simulation ends after this, landed or not.
@@ -75,6 +79,7 @@ class SimulatedFlight:
     obstacles: ObstacleField
     seed: int = 1
     faults: tuple[Fault, ...] = ()
+    sources: tuple[AnySource, ...] = ()
     input_set: InputSet = "inner"
     fly_outside_contract: bool = False
     time_limit_s: float = 600.0
@@ -157,13 +162,12 @@ class Simulation:
         """Let the onboard service receive, decide and send, unless it is dead."""
         vehicle, autonomy = self.scene.vehicle, self.autonomy
         here_ned_m = vehicle.truth.position_ned_m
-        payloads = [detection.payload for detection in self.scene.take_detections()]
-        frames = self._detection_faults.arriving(payloads, here_ned_m)
+        frames = self._detection_faults.arriving(self.scene.take_detections(), here_ned_m)
         telemetry = self._mavlink_faults.telemetry(vehicle.bytes_to_send(ONBOARD_LINK))
         if self._dead:
             return
         for frame in frames:
-            autonomy.receive_detection(frame, self.now_s)
+            deliver(frame, autonomy, self.now_s)
         if telemetry:
             autonomy.receive_mavlink(telemetry, self.now_s - TICK_S + TELEMETRY_DELAY_S)
         if not self._service_faults.stalled:
@@ -202,6 +206,23 @@ class Simulation:
         self.scene.vehicle.receive(self.operator.bytes_to_send(), OPERATOR_LINK)
 
 
+def deliver(message: ZenohMessage, autonomy: Autonomy, now_s: float) -> None:
+    """Pass a sample on to whatever subscribes to its key, as Zenoh does."""
+    if message.key is None:
+        autonomy.receive_detection(message.payload, now_s)
+        return
+    for name, sensor in autonomy.sensors.sensors.items():
+        wanted = zenoh_key(sensor.config)
+        if wanted == message.key or (
+            wanted is not None
+            and wanted.endswith("/**")
+            and message.key.startswith(wanted.removesuffix("**"))
+        ):
+            autonomy.sensors.receive(
+                name, message.payload, now_s, key=message.key, attachment=message.attachment
+            )
+
+
 def _since(began_s: float, now_s: float, *, present: bool) -> float:
     """Return when a condition began; infinite while it is absent."""
     return min(began_s, now_s) if present else math.inf
@@ -217,6 +238,7 @@ def _start_service(flight: SimulatedFlight, solver: QpPlanner) -> Autonomy:
         fly_outside_contract=flight.fly_outside_contract,
         stopwatch=time.perf_counter,
         planner=Planner(solver),
+        sensors=flight.sources,
     )
 
 

@@ -1,5 +1,7 @@
 """The benchmarks: ``make bench [ONLY=name]`` prints a table and writes ``build/bench.json``.
 
+It exits with 1 if a figure misses its limit.  ``--page`` writes the table into a page, too.
+
 Every ``bench_*.py`` beside the tests is read; each function ``bench_NAME`` in it measures one
 thing, with a peer wherever there is one to be had, in the same run and on the same machine.
 """
@@ -17,6 +19,7 @@ from rich.console import Console
 from rich.table import Table
 
 from tests.benchmarks.measurement import Measurement, Scale
+from tests.benchmarks.page import rows, write_table
 
 HERE = Path(__file__).parent
 PREFIX = "bench_"
@@ -33,16 +36,19 @@ def collect() -> Iterator[tuple[str, Benchmark]]:
         module = importlib.util.module_from_spec(spec)
         sys.modules[path.stem] = module  # dataclasses look up their module
         spec.loader.exec_module(module)
+        if Scale.small and getattr(module, "LIVE", False):
+            continue
         for name, function in vars(module).items():
             if name.startswith(PREFIX):
                 yield name.removeprefix(PREFIX), function
 
 
 def main() -> int:
-    """Run the requested benchmarks; return 2 if there are none."""
+    """Run the requested benchmarks; return 1 if one misses its limit, 2 if there are none."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--only", metavar="NAME", help="benchmarks whose name contains this")
     parser.add_argument("--output", type=Path, default=Path("build/bench.json"))
+    parser.add_argument("--page", type=Path, help="page that has the table, to bring up to date")
     parser.add_argument("--small", action="store_true", help="only check that they run")
     options = parser.parse_args()
     Scale.small = options.small
@@ -58,15 +64,20 @@ def main() -> int:
     options.output.parent.mkdir(parents=True, exist_ok=True)
     document = {name: measurement.document() for name, measurement in measured.items()}
     options.output.write_text(json.dumps(document, indent=2) + "\n", encoding="utf-8")
-    return 0
+    if options.page is not None:
+        write_table(options.page, measured)
+    missed = [name for name, measurement in measured.items() if measurement.passes is False]
+    if not missed or options.small:
+        return 0
+    sys.stderr.write(f"bench: missed their limits: {', '.join(missed)}\n")
+    return 1
 
 
 def _print(measured: dict[str, Measurement]) -> None:
-    table = Table("benchmark", "value", "unit", "peer", "ratio (above 1: better than the peer)")
-    for name, one in measured.items():
-        peer = "" if one.peer is None else f"{one.peer:.4g} ({one.peer_name})"
-        ratio = "" if one.ratio is None else f"{one.ratio:.3g}"
-        table.add_row(name, f"{one.value:.4g}", one.unit, peer, ratio)
+    header, *lines = rows(measured)
+    table = Table(*header)
+    for line in lines:
+        table.add_row(*line)
     Console(highlight=False).print(table)
 
 

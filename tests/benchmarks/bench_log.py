@@ -55,14 +55,14 @@ def bench_log_share_of_a_tick() -> Measurement:
     """Processor time of collecting, encoding, compressing, as a share of a tick's 20 ms."""
     costs = _costs_of_the_paper_s_flight()
     share = 100.0 * costs.logging_s / (costs.ticks * TICK_S)
-    return Measurement(share, "% of 20 ms", BOUND_PERCENT, "bound")
+    return Measurement(share, "% of 20 ms", limit=BOUND_PERCENT)
 
 
 def bench_log_wait_of_a_tick() -> Measurement:
     """How long a tick waits for its log, as a share of the time in which it decides."""
     costs = _costs_of_the_paper_s_flight()
     share = 100.0 * costs.handing_over_s / costs.deciding_s
-    return Measurement(share, "% of deciding", BOUND_PERCENT, "bound")
+    return Measurement(share, "% of deciding", limit=BOUND_PERCENT)
 
 
 def bench_report_of_ten_minutes() -> Measurement:
@@ -76,7 +76,7 @@ def bench_report_of_ten_minutes() -> Measurement:
         spent_s = time.process_time() - began_s
         assert document["span_s"][1] > _duration_s() - 20.0, document["span_s"]
         assert (directory / "report.html").stat().st_size < 10e6
-    return Measurement(spent_s, "s", 5.0, "bound")
+    return Measurement(spent_s, "s", limit=5.0)
 
 
 class _Timed:

@@ -16,25 +16,39 @@ from onboard.files.contract_file import load_contract
 from onboard.files.obstacle_field import Obstacle, ObstacleField
 from onboard.geometry.box import Box
 from sitl.virtual.simulation import SimulatedFlight, fly
-from tests.benchmarks.measurement import Measurement, seconds_of, sized
+from tests.benchmarks.measurement import Measurement, Scale, seconds_of, sized
 from tests.gcs_tools.running import CONFIG
+
+PAPER_SPEED_MIN, FOREST_SPEED_MIN = 40.0, 8.0
 
 
 def bench_virtual_flight() -> Measurement:
-    """The paper's flight in virtual time, against the time that it takes in real time."""
-    scenario = load_scenario(CONFIG / "paper.yaml")
+    """The paper's flight in virtual time, logs included, against the time that it takes live."""
+    return _virtual_flight("paper.yaml", PAPER_SPEED_MIN)
+
+
+def bench_virtual_flight_of_a_forest() -> Measurement:
+    """The same of a flight through a forest with best effort."""
+    return _virtual_flight("scenarios/uniform_forest.yaml", FOREST_SPEED_MIN)
+
+
+def _virtual_flight(name: str, limit: float) -> Measurement:
+    """Fly a scenario several times; the fastest was disturbed least."""
+    scenario = load_scenario(CONFIG / name)
     flight = SimulatedFlight(
         contract=scenario.contract,
         mission=scenario.mission,
         sitl=scenario.sitl_config(seed=1),
         obstacles=scenario.obstacles,
         seed=1,
+        time_limit_s=600.0 if not Scale.small else 2.0,
     )
+    speeds = []
     with tempfile.TemporaryDirectory() as directory:
-        fly(flight, Path(directory))  # compiles the plant
-        report = fly(flight, Path(directory))
-    speed = report.virtual_s / report.wall_s
-    return Measurement(speed, "s/s", 1.0, "real time", more_is_better=True)
+        for _ in range(sized(4, 1)):  # the first loads what is loaded when it is needed
+            report = fly(flight, Path(directory))
+            speeds.append(report.virtual_s / report.wall_s)
+    return Measurement(max(speeds), "x real time", more_is_better=True, limit=limit)
 
 
 def bench_preflight_of_a_forest() -> Measurement:

@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
-from gcs_tools.scenario import load_scenario
 from sitl.plant.controller import ControllerGains, ControllerMemory
-from sitl.plant.inner_loop import fly
+from sitl.plant.inner_loop import fly, spin
 from sitl.plant.multirotor import (
     INTACT,
     RotorSpeeds,
@@ -16,13 +13,11 @@ from sitl.plant.multirotor import (
     standing_state,
 )
 from sitl.plant.setpoint import Setpoint
-from sitl.virtual.simulation import SimulatedFlight, Simulation, without_cycle_collection
-from tests.benchmarks.measurement import Measurement, seconds_of
+from tests.benchmarks.measurement import Measurement, seconds_of, sized
 from tests.benchmarks.rotorpy_peer import command, rotorpy_state, rotorpy_vehicle
 
-PAPER = Path(__file__).parents[2] / "config" / "paper.yaml"
 STEP_S = 1.0 / 400.0
-UNIT = "x real time"
+TIMES_FASTER_THAN_ROTORPY_MIN = 1000.0
 
 
 def bench_sitl_plant_and_controller() -> Measurement:
@@ -38,44 +33,41 @@ def bench_sitl_plant_and_controller() -> Measurement:
             flight = fly(state, memory, setpoint, ControllerGains(), body, INTACT, still, STEP_S, 4)
             state, memory = flight.state, flight.memory
 
+    return _beside_rotorpy(10.0 / seconds_of(ten_seconds))
+
+
+def bench_sitl_plant() -> Measurement:
+    """The plant alone at 400 Hz on one core, beside RotorPy's single vehicle, which is that too."""
+    body = quadrotor()
+    hover_rpm = hover_speed_rpm(body)
+    start, rotors = standing_state(0.0, 0.0, -4.0, 0.0, hover_rpm), RotorSpeeds(*(hover_rpm,) * 4)
+
+    def hundred_seconds() -> None:
+        spin(start, rotors, body, Wind(0.0, 0.0, 0.0), STEP_S, 40_000)
+
+    speed = 100.0 / seconds_of(hundred_seconds)
+    return _beside_rotorpy(speed, ratio_min=TIMES_FASTER_THAN_ROTORPY_MIN)
+
+
+def _beside_rotorpy(speed: float, ratio_min: float | None = None) -> Measurement:
+    body = quadrotor()
+    start = standing_state(0.0, 0.0, -4.0, 0.0, hover_speed_rpm(body))
     vehicle, peer_start = rotorpy_vehicle(body), rotorpy_state(start)
     vehicle.integrator_kwargs = {"method": "RK45"}  # RotorPy's own default accuracy
     hover = command(RotorSpeeds(*(hover_speed_rpm(body),) * 4))
 
-    def peers_second() -> None:
+    steps = sized(400, 40)
+
+    def peers_flight() -> None:
         state = peer_start
-        for _ in range(400):
+        for _ in range(steps):
             state = vehicle.step(state, hover, STEP_S)
 
     return Measurement(
-        value=10.0 / seconds_of(ten_seconds),
-        unit=UNIT,
-        peer=1.0 / seconds_of(peers_second, repeat=3),
+        value=speed,
+        unit="x real time",
+        peer=steps * STEP_S / seconds_of(peers_flight, repeat=3),
         peer_name="RotorPy, plant only",
         more_is_better=True,
+        ratio_min=ratio_min,
     )
-
-
-def bench_sitl_whole_system() -> Measurement:
-    """The paper's flight in virtual time: onboard service, bytes, plant, sensor, operator."""
-    scenario = load_scenario(PAPER)
-    flown_s = 0.0
-
-    def flight() -> None:
-        nonlocal flown_s
-        simulation = Simulation(
-            SimulatedFlight(
-                contract=scenario.contract,
-                mission=scenario.mission,
-                sitl=scenario.sitl_config(),
-                obstacles=scenario.obstacles,
-            )
-        )
-        with without_cycle_collection():  # as every virtual flight
-            while not simulation.over:
-                simulation.advance()
-                simulation.autonomy.events()  # the journal would take them in a real flight
-        flown_s = simulation.now_s
-
-    wall_s = seconds_of(flight, repeat=3)
-    return Measurement(value=flown_s / wall_s, unit=UNIT)

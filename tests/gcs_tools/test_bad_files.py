@@ -30,6 +30,8 @@ COMMANDS: dict[str, Callable[[Path], tuple[object, ...]]] = {
     "campaign stems": lambda path: (
         "campaign", path.with_suffix(".csv"), "--flights", "1", "--jobs", "1",
     ),
+    "benchmark pillars": lambda path: ("benchmark", "sando", "--data", path, "--jobs", "1"),
+    "benchmark boxes": lambda path: ("benchmark", "competition", "--data", path, "--jobs", "1"),
     "report": lambda path: ("report", path.with_suffix(".mcap")),
     "identify mcap": lambda path: ("identify", path.with_suffix(".mcap")),
     "identify ulg": lambda path: ("identify", path.with_suffix(".ulg")),

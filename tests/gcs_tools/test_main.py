@@ -20,8 +20,8 @@ from tests.gcs_tools.running import Clearway
 
 NAMES = (
     *("init", "fly", "preflight", "contract", "mission", "report", "export", "watch"),
-    *("resume", "status", "doctor"),
-    *("identify", "campaign", "service", "schema"),
+    *("resume", "status", "doctor", "sensor", "replay"),
+    *("identify", "campaign", "benchmark", "service", "schema"),
 )
 C = ("--contract", "c.yaml")
 

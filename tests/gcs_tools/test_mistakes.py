@@ -29,6 +29,12 @@ NO_HOME = json.dumps(plan(simple(WAYPOINT, *north(1.0)), plannedHomePosition=Non
 # The slowest refuses within a second.
 PATIENCE_S = 60.0
 CHECK = "preflight --contract contract.yaml"
+STATED = "range_m: 9.0, uncertainty_m: 0.1"
+SOURCE = f"sources: [{{kind: laserscan, name: l, topic: /scan, {STATED}, mounting: "
+READ_BACK = (
+    f"sources: [{{kind: obstacle_distance, name: p, {STATED}}}]\n"
+    "outputs: {obstacle_distance: {through_autopilot: true}}"
+)
 
 
 class Mistake(NamedTuple):
@@ -273,6 +279,13 @@ MISTAKES = [
             ("mission.yaml", "cannot be written")),
     Mistake("a campaign that does not exist", "campaign thorough", ("thorough", "nominal")),
     Mistake("no jobs", "campaign nominal --jobs 0", ("--jobs",)),
+    Mistake("a benchmark that does not exist", "benchmark rando", ("rando", "sando")),
+    Mistake("a benchmark without its scenes", "benchmark sando", ("--data PATH",)),
+    Mistake("a benchmark that moves", "benchmark dodgedrone", ("not flown yet", "move")),
+    Mistake(
+        "another file for a benchmark's", "benchmark longleaf --data field.yaml",
+        ("field.yaml", "x_m"),
+    ),
     # ------------------------------------------------------------------------ logs
     Mistake("a report of nothing", "report flights/scenario-1", ("flights/scenario-1",)),
     Mistake("a report of another file", "report contract.yaml", ("contract.yaml",)),
@@ -280,6 +293,21 @@ MISTAKES = [
     Mistake("an export of nothing", "export flights/scenario-1 --tlog", ("flights/scenario-1",)),
     Mistake("identification of nothing", "identify flight.bin", ("flight.bin",)),
     Mistake("identification of a folder without logs", "identify schemas", ("schemas",)),
+    Mistake("a replay of nothing", "replay bag", ("bag", "expected a bag's folder")),
+    Mistake("a replay of a bag of ROS 1", "replay a.bag", ("a.bag", ".mcap"), ("a.bag", "", "#")),
+    Mistake("a replay into a picture", "replay a.db3 -o a.png", ("a.png", ".yaml or .csv")),
+    # ------------------------------------------------------------------------ sensors
+    Mistake("no file of a daemon", "sensor check daemon.yaml", ("daemon.yaml", "No such file")),
+    Mistake("the contract for its sensors", "sensor check contract.yaml", ("not a known key",)),
+    Mistake("a time of nothing", "sensor check --for 0", ("--for", "above 0")),
+    Mistake(
+        "a mounting said twice", "sensor check onboard.yaml", ("tf_topic replaces x_m",),
+        ("onboard.yaml", "require_preflight: false", SOURCE + "{tf_topic: /tf_static, x_m: 0.1}}]"),
+    ),
+    Mistake(
+        "a map that is read back", f"{CHECK} --daemon-config onboard.yaml", ("read it back",),
+        ("onboard.yaml", "require_preflight: false", READ_BACK),
+    ),
     # ------------------------------------------------------------------------ live view, service
     Mistake("a port that is none", "watch --port 80000", ("--port", "80000")),
     Mistake("two ways to the daemon", "watch --zenoh-config a --daemon-config b", ("not allowed",)),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -12,6 +13,7 @@ import pytest
 import yaml
 
 from gcs_tools.fly.live_flight import Endpoints, write_configuration
+from gcs_tools.preflight.command import check
 from gcs_tools.preflight.live.bus import BusConfig
 from gcs_tools.scenario import Scenario, ScenarioFile, load_scenario, obstacle_list
 from gcs_tools.schemas import MODELS
@@ -19,8 +21,9 @@ from onboard.files.contract_file import Contract, load_contract
 from onboard.files.daemon_config import DaemonConfig
 from onboard.files.mission_file import Mission
 from onboard.files.obstacle_field import ObstacleField, load_field
-from onboard.files.yaml_file import load_yaml
+from onboard.files.yaml_file import FileError, load_yaml
 from sitl.config import SitlConfig
+from sitl.vehicle.scene import Scene
 from sitl.vehicle.vehicle import SimulatedVehicle
 from tests.gcs_tools.running import CONFIG, Clearway
 
@@ -162,3 +165,70 @@ def test_a_flight_directory_is_complete_in_itself(tmp_path: Path) -> None:
     assert onboard.zenoh.connect == sitl.zenoh.listen
     assert sitl.sensors == scenario.plant.sensors
     assert (sitl.seed, onboard.fly_outside_contract) == (7, False)
+
+
+LIDAR = "{kind: laserscan, name: lidar, topic: /scan, range_m: 12.0, uncertainty_m: 0.05}"
+BY_LIDAR = f"""
+contract: {CONFIG / "default_contract.yaml"}
+field: [{{id: oak, center_ned_m: [9.0, 0.0], size_m: [1.0, 1.0]}}]
+mission: {{altitude_m: 4.0, legs: [{{end_ned_m: [20.0, 0.0]}}], start_clear_m: 3.0}}
+sources: [{LIDAR}]
+sitl: {{sensors: [{{source: lidar, publishes: laserscan, ros2: {{topic: /scan}}}}]}}
+"""
+
+
+def test_the_daemon_of_a_live_flight_has_the_scenarios_sensors(tmp_path: Path) -> None:
+    path = tmp_path / "scenario.yaml"
+    path.write_text(BY_LIDAR, encoding="utf-8")
+    scenario = load_scenario(path)
+    write_configuration(
+        scenario, Endpoints(1, 2, 3, 4), seed=1, out=tmp_path, fly_outside_contract=False
+    )
+    daemon = load_yaml(tmp_path / "onboard.yaml", DaemonConfig)
+    assert daemon.sources == scenario.sources
+    assert [source.name for source in daemon.sources] == ["lidar"]
+    sitl = load_yaml(tmp_path / "sitl.yaml", SitlConfig)
+    assert sitl.sensors[0].publishes == "laserscan"
+    assert sitl.sensors[0].ros2.topic == "/scan"
+
+
+def test_a_fault_of_detections_that_no_sensor_sends_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "scenario.yaml"
+    path.write_text(BY_LIDAR + "faults: [{kind: detections_ghost}]", encoding="utf-8")
+    with pytest.raises(
+        FileError, match=r"faults\[0\].kind = detections_ghost .* publish laserscan"
+    ):
+        load_scenario(path)
+    over_link = BY_LIDAR.replace("publishes: laserscan", "publishes: obstacle_distance")
+    path.write_text(over_link + "faults: [{kind: detections_off}]", encoding="utf-8")
+    with pytest.raises(FileError, match=r"detections_off .* publish obstacle_distance"):
+        load_scenario(path)
+    path.write_text(BY_LIDAR + "faults: [{kind: detections_off}]", encoding="utf-8")
+    assert load_scenario(path).faults[0].kind == "detections_off"
+    path.write_text(BY_LIDAR + "faults: [{kind: position_reset}]", encoding="utf-8")
+    assert load_scenario(path).faults[0].kind == "position_reset"
+
+
+@pytest.mark.parametrize("path", sorted((CONFIG / "scenarios" / "sensors").glob("*.yaml")), ids=str)
+def test_each_shipped_scenario_of_a_sensor_keeps_its_contract(path: Path) -> None:
+    scenario = load_scenario(path)
+    (source,) = scenario.sources
+    sensor = scenario.contract.sensor
+    assert source.range_m >= sensor.detection_range_m
+    assert source.uncertainty_m <= sensor.position_error_m
+    assert check(scenario.contract, None, scenario.mission).may_fly or (
+        scenario.contract.requirements.progress == "best_effort"
+    )
+
+
+def test_the_example_of_the_page_flies(tmp_path: Path) -> None:
+    page = (CONFIG.parent / "docs" / "sensors.md").read_text(encoding="utf-8")
+    examples = re.findall(r"^```yaml\n(.*?)^```", page, re.MULTILINE | re.DOTALL)
+    (example,) = (each for each in examples if "publishes:" in each)
+    rest = BY_LIDAR[: BY_LIDAR.index("sources:")]
+    path = tmp_path / "scenario.yaml"
+    path.write_text(rest + example, encoding="utf-8")
+    scenario = load_scenario(path)
+    scene = Scene(scenario.sitl_config(seed=1), scenario.obstacles)
+    scene.advance(0.1)
+    assert {message.source for message in scene.take_detections()} == {"lidar"}

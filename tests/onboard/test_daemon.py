@@ -31,7 +31,9 @@ from onboard.files.daemon_config import DaemonConfig
 from onboard.files.mission_file import Mission
 from onboard.files.yaml_file import load_yaml
 from onboard.files.zenoh_endpoints import ZenohEndpoints
-from onboard.perception.ros2.keys import TYPE_HASHES
+from onboard.perception.ros2.cdr import CdrReader
+from onboard.perception.ros2.graph import parse_publisher
+from onboard.perception.ros2.keys import TYPE_HASHES, decode_attachment
 from onboard.recording.recorder import FlightRecorder, LogFileError, LogPlace
 from onboard.zenoh_session import open_session
 from tests.onboard.mavlink.test_endpoint import Autopilot
@@ -357,6 +359,11 @@ def test_a_ros_2_lidar_is_heard_as_its_middleware_publishes_it(
 ) -> None:
     lidar = {"kind": "laserscan", "name": "lidar", "topic": "/scan", "middleware": middleware}
     settings["sources"] = [lidar | {"range_m": 12.0, "uncertainty_m": 0.05}]
+    ground_port = free_port(socket.SOCK_DGRAM)
+    settings["outputs"] = {
+        "obstacle_distance": {"url": f"udpout://127.0.0.1:{ground_port}"},
+        "markers": {"topic": "/drawn", "middleware": middleware},
+    }
     key, attached = "scan", None
     if middleware == "rmw_zenoh":
         key, attached = "0/scan/sensor_msgs::msg::dds_::LaserScan_/" + HASH, attachment()
@@ -366,12 +373,15 @@ def test_a_ros_2_lidar_is_heard_as_its_middleware_publishes_it(
         running(tmp_path, settings),
         neighbour(settings) as session,
         socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as autopilot,
+        socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as ground,
     ):
+        ground.bind(("127.0.0.1", ground_port))
         statuses = session.declare_subscriber("clearway/v1/status")
+        drawn = session.declare_subscriber("**/drawn/**")
         autopilot.connect(("127.0.0.1", int(port)))
-        heard: dict[str, Any] = {}
+        heard: dict[str, Any] = {"lidar": {"age_s": None}}
         deadline_s = time.monotonic() + 60.0
-        while not heard and time.monotonic() < deadline_s:
+        while heard["lidar"]["age_s"] is None and time.monotonic() < deadline_s:
             autopilot.send(vehicle.heartbeat(0, armed=False))
             autopilot.send(vehicle.attitude())
             autopilot.send(vehicle.position(0.0))
@@ -379,6 +389,35 @@ def test_a_ros_2_lidar_is_heard_as_its_middleware_publishes_it(
             session.put(key, scan, attachment=attached)
             heard = json.loads(statuses.recv().payload.to_bytes())["sensors"]
         assert set(heard) == {"lidar"}
+        assert heard["lidar"]["age_s"] < 5.0
+        check_ground(ground)
+        check_markers(session, drawn.recv(), bridged=middleware != "rmw_zenoh")
+
+
+def check_ground(ground: socket.socket) -> None:
+    """Check that a ground station gets the obstacles in use from component 196."""
+    ground.settimeout(20.0)
+    codec, kinds = mavlink.MAVLink(None), set()
+    while "OBSTACLE_DISTANCE" not in kinds:
+        for message in codec.parse_buffer(ground.recv(4096)) or []:
+            kinds.add(message.get_type())
+            assert message.get_srcComponent() == 196
+    assert kinds <= {"HEARTBEAT", "OBSTACLE_DISTANCE"}
+
+
+def check_markers(session: zenoh.Session, sample: zenoh.Sample, *, bridged: bool) -> None:
+    """Check that markers come, and that ROS 2 sees who publishes them."""
+    assert CdrReader(sample.payload.to_bytes()).u32() >= 1
+    if bridged:
+        assert (str(sample.key_expr), sample.attachment) == ("drawn", None)
+        return
+    assert sample.attachment is not None
+    assert len(decode_attachment(sample.attachment.to_bytes()).publisher) == 16
+    replies = session.liveliness().get("@ros2_lv/**", timeout=20.0)
+    tokens = [str(reply.ok.key_expr) for reply in replies if reply.ok is not None]
+    (found,) = (each for each in map(parse_publisher, tokens) if each is not None)
+    assert (found.topic, found.type_name) == ("/drawn", "visualization_msgs/MarkerArray")
+    assert str(sample.key_expr).endswith(found.type_hash)
 
 
 def test_a_source_that_is_not_stated_rightly_is_one_error(

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import gc
 import json
+import queue
 import socket
 import threading
 import time
@@ -14,11 +16,12 @@ from typing import Any
 
 import pytest
 import zenoh
+import zenoh.ext
 
 from gcs_tools.preflight.live.bus import bus_of, load_bus
 from onboard.files.yaml_file import FileError, validate
 from onboard.files.zenoh_endpoints import ZenohEndpoints
-from onboard.zenoh_session import open_session
+from onboard.zenoh_session import open_session, subscribe_with_history
 from sitl.config import load_sitl_config
 
 KEY = "clearway/v1/obstacles"
@@ -214,3 +217,28 @@ def test_the_daemons_own_zenoh_file_is_not_the_operators(tmp_path: Path) -> None
         bus_of(None, path)
     path.write_text("{contract: c, mission: m, zenoh: {mode: client, connect: [tcp/h:1]}}\n")
     assert bus_of(None, path).mode == "client"
+
+
+def test_what_was_published_before_is_heard_by_who_asks_for_history() -> None:
+    """Static transforms of ROS 2 are sent once, when the robot starts."""
+    address, heard = endpoint(), queue.Queue[bytes]()
+    with open_session(ZenohEndpoints(listen=(address,))) as ros:
+        cache = zenoh.ext.CacheConfig(max_samples=1)
+        late = zenoh.ext.declare_advanced_publisher(
+            ros,
+            "0/tf_static/x",
+            cache=cache,
+            sample_miss_detection=zenoh.ext.MissDetectionConfig(
+                heartbeat=None, sporadic_heartbeat=None
+            ),
+            publisher_detection=True,
+        )
+        late.put(b"mounted")
+        with open_session(ZenohEndpoints(connect=(address,))) as daemon:
+            subscribe_with_history(
+                daemon, "0/tf_static/**", lambda sample: heard.put(sample.payload.to_bytes())
+            )
+            gc.collect()  # no reference is kept
+            assert heard.get(timeout=20.0) == b"mounted"
+            late.put(b"again")
+            assert heard.get(timeout=20.0) == b"again"

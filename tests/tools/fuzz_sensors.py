@@ -29,6 +29,7 @@ from onboard.perception.ros2.messages import (
     decode_transforms,
 )
 from onboard.perception.ros2.point_cloud import decode_point_cloud
+from onboard.perception.ros2.transform_tree import TransformTree
 from onboard.perception.sources.registry import MAVLINK_IDS, sensor
 from onboard.perception.sources.sensor_input import SensorInput
 from tests.onboard.perception.ros2.encoding import attachment, point_cloud, scan_all_round
@@ -116,7 +117,17 @@ def targets() -> Iterator[tuple[str, Callable[[bytes], Any], list[bytes]]]:
     """Yield each decoder with valid messages."""
     for type_name, decode in DECODERS.items():
         yield type_name, decode, [one for order in ORDERS for one in encoded(type_name, order)]
+    yield "transform tree", mounting_of_transforms, encoded("tf2_msgs/TFMessage", "le")
     yield "attachment", decode_attachment, [attachment()]
+
+
+def mounting_of_transforms(payload: bytes) -> None:
+    """Take transforms as a sensor that they mount does, and look a pose up."""
+    tree = TransformTree()
+    tree.add(decode_transforms(payload))
+    for frame in sorted(tree.frames):
+        tree.pose(frame, "base_link")
+        tree.root_of(frame)
 
 
 def inputs_of_sensors() -> Iterator[tuple[str, Callable[[bytes], Any], list[bytes]]]:

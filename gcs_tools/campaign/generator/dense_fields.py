@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import math
 import random
+from dataclasses import replace
 from typing import Final
 
+from gcs_tools.campaign.generator.airframes import Airframe, drawn_airframe
 from gcs_tools.campaign.generator.case import Extent
 from gcs_tools.campaign.generator.contracts import compliant_contract
 from gcs_tools.campaign.generator.fields import ned_m
@@ -19,6 +21,8 @@ from onboard.files.obstacle_field import Obstacle, ObstacleField
 
 # Short legs, from hover: dense fields are flown in a third of the time of a whole flight.
 _EXTENT: Final = Extent((18.0, 28.0), (1.2, 2.8), airborne=True)
+# Contracts need no leg that takes one obstacle of their own.
+_ROOMY: Final = replace(_EXTENT, length_m=(60.0, 60.0))
 _SIZE_M: Final = (0.2, 1.5)
 _STEMS_PER_M2: Final = (0.01, 0.06)
 _HALF_WIDTH_M: Final = (5.0, 8.0)
@@ -35,8 +39,9 @@ def best_effort_scenario(draw: random.Random) -> Scenario:
     Raises:
         AssertionError: `ATTEMPTS_MAX` draws were all refused, which is a defect of this module.
     """
+    airframe = drawn_airframe(draw, _EXTENT)
     for _ in range(ATTEMPTS_MAX):
-        contract = _contract(draw)
+        contract = _contract(draw, airframe)
         if contract is None:
             continue
         heading_rad, length_m = draw.uniform(-math.pi, math.pi), draw.uniform(*_EXTENT.length_m)
@@ -48,17 +53,18 @@ def best_effort_scenario(draw: random.Random) -> Scenario:
         obstacles = _stems(draw, contract, heading_rad, length_m)
         if not check(contract, None, mission).may_fly:
             continue
-        scenario = flight_scenario(draw, contract, mission, obstacles, _EXTENT)
+        scenario = flight_scenario(draw, contract, airframe, mission, obstacles, _EXTENT)
         return Scenario(**{**vars(scenario), "field_known": False})
     raise AssertionError(f"{ATTEMPTS_MAX} draws gave no scenario that may be flown")
 
 
-def _contract(draw: random.Random) -> Contract | None:
+def _contract(draw: random.Random, airframe: Airframe) -> Contract | None:
     """Draw a contract that complies, and declare what a dense field leaves of it."""
     passive_safety = draw.random() < 0.5
     contract = compliant_contract(
         draw,
-        _EXTENT,
+        _ROOMY,
+        airframe,
         stop=True,
         passive_safety=passive_safety,
         size_max_m=draw.uniform(*_SIZE_M),

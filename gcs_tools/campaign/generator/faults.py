@@ -6,6 +6,7 @@ import math
 import random
 from typing import Final, get_args
 
+from gcs_tools.campaign.generator.airframes import airframe_of
 from gcs_tools.campaign.generator.plants import noise_max_m
 from gcs_tools.scenario import Scenario
 from sitl.virtual.faults.schema import Fault, FaultKind
@@ -154,7 +155,8 @@ def _drawn_amount(draw: random.Random, kind: FaultKind, scenario: Scenario) -> f
         case "detections_shifted":
             # Undeclared, yet together with the noise within the contract's position error.
             (each,) = scenario.plant.sensors
-            free_m = noise_max_m(scenario.contract, each.frame) - each.noise_m
+            wander_m = airframe_of(scenario.plant).wander_m
+            free_m = noise_max_m(scenario.contract, each.frame, wander_m) - each.noise_m
             return draw.random() * free_m * math.sqrt(2.0)
         case "detections_wrong_units":
             return draw.choice(_UNITS)

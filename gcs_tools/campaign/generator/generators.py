@@ -12,6 +12,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import Final, get_args
 
+from gcs_tools.campaign.generator.airframes import drawn_airframe
 from gcs_tools.campaign.generator.case import FULL, QUICK, Extent, FlightCase
 from gcs_tools.campaign.generator.contracts import compliant_contract, required_range_m
 from gcs_tools.campaign.generator.dense_fields import best_effort_scenario
@@ -162,7 +163,9 @@ def _outside(draw: random.Random) -> FlightCase:
     much of the contract is needed, and how much of it is margin.
     """
     what, share = draw.choice(_SHORTFALLS)
-    scenario = compliant_scenario(draw, stop=True, passive_safety=False)
+    # The shares of the attitude's gain are those of an ideal vehicle.
+    extent = replace(FULL, ideal=True)
+    scenario = compliant_scenario(draw, extent, stop=True, passive_safety=False)
     scenario = replace(scenario, obstacles=head_on_field(scenario))
     front_m = assess(scenario.contract).inflated.region.front_m
     fault = Fault.model_validate(
@@ -233,15 +236,17 @@ def field_case(
         AssertionError: `ATTEMPTS_MAX` draws were all refused, which is a defect of the generator.
     """
     for _ in range(ATTEMPTS_MAX):
+        # Errors of the field leave no contract for the largest obstacles: draw that again, too.
+        airframe = drawn_airframe(draw, extent)
         contract = compliant_contract(
-            draw, extent, stop=True, passive_safety=False, size_max_m=size_max_m
+            draw, extent, airframe, stop=True, passive_safety=False, size_max_m=size_max_m
         )
         if contract is not None:
             break
     else:
         raise AssertionError(f"{ATTEMPTS_MAX} draws gave no compliant contract")
     mission = straight_mission(draw, contract, heading_rad, extent.length_m[0])
-    scenario = flight_scenario(draw, contract, mission, obstacles, extent)
+    scenario = flight_scenario(draw, contract, airframe, mission, obstacles, extent)
     return FlightCase(scenario, _seed(draw), refusable=True)
 
 

@@ -4,39 +4,38 @@ from __future__ import annotations
 
 import math
 import random
-from typing import Any, Final
+from typing import Final
 
-from gcs_tools.campaign.generator.contracts import flies_as_in_the_field
+from gcs_tools.campaign.generator.airframes import Airframe
 from gcs_tools.campaign.generator.fields import ned_m
 from gcs_tools.scenario import Plant
 from onboard.files.contract_file import Contract
 from onboard.perception.placement import POSE_TIMING_S
 
-_TUNED: Final = {"PSC_JERK_XY": 20.0, "WPNAV_ACCEL": 600.0}
-# This share of the others spends this share of its tracking error toward the nearest obstacle.
-_PINNED_SHARE: Final = 0.2
-_PINNED_ERROR_SHARE: Final = 0.8
 _MEAN_WIND_MAX_MPS: Final = 3.0
 _TURBULENCE_MAX_MPS: Final = 0.3
 
 
-def matching_plant(draw: random.Random, contract: Contract, down_m: float) -> Plant:
+def matching_plant(
+    draw: random.Random, contract: Contract, airframe: Airframe, down_m: float
+) -> Plant:
     """Draw a vehicle and a sensor within the contract's errors, and some wind.
 
     Args:
         draw: the flight's random numbers.
         contract: that the vehicle and its sensor keep.
+        airframe: the kind of vehicle, whose errors the contract declares.
         down_m: NED height that the flight starts at.
     """
     direction_rad = draw.uniform(-math.pi, math.pi)
     wind_mps = draw.choice((0.0, draw.uniform(0.0, _MEAN_WIND_MAX_MPS)))
     turbulence_mps = draw.choice((0.0, draw.uniform(0.0, _TURBULENCE_MAX_MPS)))
     noise_share, frame = draw.random(), draw.choice(("local_ned", "body_frd"))
-    kind = _field_plant() if flies_as_in_the_field(contract) else _ideal_plant(draw, contract)
-    if flies_as_in_the_field(contract):
+    kind = airframe.plant(draw, contract)
+    if airframe.as_in_the_field:
         frame = "body_frd"  # only there does the daemon allow for the heading's error
-    noise_m = noise_share * noise_max_m(contract, frame)
-    face_noise_m = draw.random() * (noise_max_m(contract, frame) - noise_m)
+    noise_m = noise_share * noise_max_m(contract, frame, airframe.wander_m)
+    face_noise_m = draw.random() * (noise_max_m(contract, frame, airframe.wander_m) - noise_m)
     return Plant.model_validate(
         {
             **kind,
@@ -63,23 +62,18 @@ def matching_plant(draw: random.Random, contract: Contract, down_m: float) -> Pl
     )
 
 
-def _field_plant() -> dict[str, Any]:
-    return {"realism": "field", "flavour": "ardupilot", "parameters": _TUNED}
-
-
-def _ideal_plant(draw: random.Random, contract: Contract) -> dict[str, Any]:
-    error_m = _PINNED_ERROR_SHARE * contract.vehicle.tracking_error_m
-    pinned = {"toward_obstacle": draw.random() < _PINNED_SHARE, "error_m": error_m}
-    return {"realism": "ideal", "tracking": pinned}
-
-
-def noise_max_m(contract: Contract, frame: str) -> float:
+def noise_max_m(contract: Contract, frame: str, wander_m: float = 0.0) -> float:
     """Return the largest error [m] of either coordinate of a centre that the contract admits.
 
     Errors uniform in a square add up along its diagonal.  Boxes in the body frame are placed with a
     pose whose time is only as exact as telemetry, during which the vehicle moves on.
+
+    Args:
+        contract: that the sensor keeps.
+        frame: of its boxes.
+        wander_m: how far the vehicle's estimate may place them off, on either axis.
     """
-    vehicle, error_m = contract.vehicle, contract.sensor.position_error_m
+    vehicle, error_m = contract.vehicle, contract.sensor.position_error_m - wander_m
     if frame == "body_frd":
         error_m -= (vehicle.cruise_speed_mps + vehicle.velocity_error_mps[0]) * POSE_TIMING_S
     return max(error_m, 0.0) * math.sqrt(0.5)

@@ -6,6 +6,7 @@ import math
 import random
 from typing import Final
 
+from gcs_tools.campaign.generator.airframes import Airframe, drawn_airframe
 from gcs_tools.campaign.generator.case import FULL, Extent
 from gcs_tools.campaign.generator.contracts import compliant_contract
 from gcs_tools.campaign.generator.fields import ned_m, obstacles_along_leg
@@ -39,22 +40,26 @@ def compliant_scenario(
     Raises:
         AssertionError: `ATTEMPTS_MAX` draws were all refused, which is a defect of this module.
     """
+    airframe = drawn_airframe(draw, extent)
     for _ in range(ATTEMPTS_MAX):
         contract = compliant_contract(
             draw,
             extent,
+            airframe,
             stop=draw.random() < 0.7 if stop is None else stop,
             passive_safety=draw.random() < 0.5 if passive_safety is None else passive_safety,
         )
         if contract is None:
             continue
-        scenario = _placed_scenario(draw, contract, extent)
+        scenario = _placed_scenario(draw, contract, airframe, extent)
         if scenario is not None:
             return scenario
     raise AssertionError(f"{ATTEMPTS_MAX} draws gave no compliant scenario")
 
 
-def _placed_scenario(draw: random.Random, contract: Contract, extent: Extent) -> Scenario | None:
+def _placed_scenario(
+    draw: random.Random, contract: Contract, airframe: Airframe, extent: Extent
+) -> Scenario | None:
     """Place obstacles along a leg in a random direction; None if the check refuses the result."""
     heading_rad = draw.uniform(-math.pi, math.pi)
     length_m = draw.uniform(*extent.length_m)
@@ -62,7 +67,7 @@ def _placed_scenario(draw: random.Random, contract: Contract, extent: Extent) ->
     mission = straight_mission(draw, contract, heading_rad, length_m)
     if not obstacles or not check(contract, obstacles, mission).compliant:
         return None
-    return flight_scenario(draw, contract, mission, obstacles, extent)
+    return flight_scenario(draw, contract, airframe, mission, obstacles, extent)
 
 
 def straight_mission(
@@ -87,6 +92,7 @@ def straight_mission(
 def flight_scenario(
     draw: random.Random,
     contract: Contract,
+    airframe: Airframe,
     mission: Mission,
     obstacles: ObstacleField,
     extent: Extent,
@@ -105,7 +111,9 @@ def flight_scenario(
         contract=contract,
         mission=mission,
         obstacles=obstacles,
-        plant=matching_plant(draw, contract, -mission.altitude_m if extent.airborne else 0.0),
+        plant=matching_plant(
+            draw, contract, airframe, -mission.altitude_m if extent.airborne else 0.0
+        ),
         faults=(),
         field_known=True,
         fly_outside_contract=False,

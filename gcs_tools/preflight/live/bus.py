@@ -18,6 +18,7 @@ from gcs_tools.preflight.live.daemon import (
     clock_ahead_s,
     contract_finding,
     detections_finding,
+    sensor_findings,
     telemetry_finding,
 )
 from gcs_tools.preflight.live.detections import Sample, check_detections
@@ -93,8 +94,14 @@ class BusCheck:
         # If this computer sets its clock during the check, the other clocks must not seem to step.
         self._epoch_unix_s = time.time() - time.monotonic()
 
-    def run(self, assessment: Assessment) -> list[Finding]:
-        """Listen for `LISTEN_S`, query the daemon, and check both against the contract."""
+    def run(self, assessment: Assessment, sensors: tuple[str, ...] = ()) -> list[Finding]:
+        """Listen for `LISTEN_S`, query the daemon, and check both against the contract.
+
+        Args:
+            assessment: the contract.
+            sensors: names of those of the daemon's file, which the daemon alone hears; with them
+                there need not be detections as JSON.
+        """
         samples: list[Sample] = []
         listeners = [
             self._session.declare_subscriber(
@@ -107,14 +114,18 @@ class BusCheck:
         ]
         announced = self._announced()
         # Zenoh takes a moment to connect to its peers: counting starts with the first frame.
-        self._until(lambda: bool(samples))
+        self._until(lambda: bool(samples) or bool(sensors and self._statuses))
         time.sleep(LISTEN_S)
         for listener in listeners:
             listener.undeclare()  # type: ignore[no-untyped-call]  # untyped in its own stubs
         heard, statuses, terms = tuple(samples), tuple(self._statuses), assessment.terms
         self._daemon_ahead_s = clock_ahead_s(statuses)
+        detections = check_detections(
+            heard, announced, terms, LISTEN_S, self._daemon_ahead_s, needed=not sensors
+        )
         return [
-            *check_detections(heard, announced, terms, LISTEN_S, self._daemon_ahead_s),
+            *detections,
+            *sensor_findings(statuses, sensors, terms),
             self._contract(assessment.contract),
             detections_finding(statuses, terms),
             telemetry_finding(statuses),

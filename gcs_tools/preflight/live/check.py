@@ -36,6 +36,7 @@ class LiveRequest:
         endurance_s: hover time of a full battery, where the vehicle estimates no remaining time.
         connect_timeout_s: how long to wait for an autopilot.
         system_id: of the vehicle; None if there is only one on the connection.
+        sensors: names of those of the daemon's file, each of which has to deliver.
         accept_no_progress: have the daemon fly once without a guarantee to arrive.
     """
 
@@ -44,6 +45,7 @@ class LiveRequest:
     endurance_s: float | None = None
     connect_timeout_s: float = CONNECT_TIMEOUT_S
     system_id: int | None = None
+    sensors: tuple[str, ...] = ()
     accept_no_progress: bool = False
 
 
@@ -80,7 +82,7 @@ def check_live(
             )
         if bus is not None:
             report("detections and daemon")
-            findings += bus.run(assessment)
+            findings += bus.run(assessment, request.sensors)
         if bus is not None and request.vehicle_url is not None and mission is not None:
             report("authorizing the daemon")
             finding = bus.authorize(

@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 from gcs_tools.preflight.finding import Finding, Verdict
 from onboard.contract.assessment import Terms
 from onboard.files.contract_file import Contract
+from onboard.monitoring.detections import CLOCK_TOLERANCE_S
 
 # How long an answer may take.
 ANSWER_TIMEOUT_S = 3.0
@@ -69,6 +70,42 @@ def detections_finding(statuses: Sequence[Status], terms: Terms[float]) -> Findi
         terms.frame_age_max_s,
         ("the daemon has no detections", "the newest frame of each of its sensors is"),
     )
+
+
+def sensor_findings(
+    statuses: Sequence[Status], sensors: Sequence[str], terms: Terms[float]
+) -> list[Finding]:
+    """Check that the daemon hears each sensor of its file, by what it last said of it.
+
+    Args:
+        statuses: of the daemon, in order.
+        sensors: names of its sensors.
+        terms: the contract.
+    """
+    said = statuses[-1].document.get("sensors") if statuses else None
+    known = said if isinstance(said, dict) else {}
+    return [_sensor_finding(name, known.get(name), terms, heard=bool(statuses)) for name in sensors]
+
+
+def _sensor_finding(name: str, said: object, terms: Terms[float], *, heard: bool) -> Finding:
+    if not heard:
+        return Finding("sensor", name, Verdict.UNKNOWN, "no status received from a daemon")
+    if not isinstance(said, dict):
+        text = "the daemon does not know it: it was started with another file"
+        return Finding("sensor", name, Verdict.BROKEN, text)
+    age_s, ahead_s = _number(said.get("age_s")), _number(said.get("stamp_ahead_s")) or 0.0
+    refused = said.get("refused")
+    reasons = sorted(map(str, refused)) if isinstance(refused, dict) else []
+    why = f"; dropped: {', '.join(reasons)[:200]}" if reasons else ""
+    limit_s = terms.frame_age_max_s
+    if age_s is None:
+        text = f"nothing that can be used was heard{why}: clearway sensor check says why"
+        return Finding("sensor", name, Verdict.BROKEN, text)
+    if ahead_s > CLOCK_TOLERANCE_S:
+        text = f"its stamps are {ahead_s:.2f} s ahead of the daemon's clock"
+        return Finding("sensor", name, Verdict.BROKEN, text)
+    text = f"newest frame {age_s:.3f} s old, frame_age_max_s {limit_s:g} s{why}"
+    return Finding("sensor", name, Verdict.of(holds=age_s <= limit_s), text)
 
 
 def telemetry_finding(statuses: Sequence[Status]) -> Finding:

@@ -40,6 +40,8 @@ def check_detections(
     terms: Terms[float],
     listened_s: float,
     daemon_ahead_s: float | None,
+    *,
+    needed: bool = True,
 ) -> list[Finding]:
     """Check the frames of each sensor against the contract's assumptions.
 
@@ -51,10 +53,11 @@ def check_detections(
         terms: the contract.
         listened_s: for how long.
         daemon_ahead_s: the daemon's clock less this computer's; None if it is not known.
+        needed: whether the daemon has no other sensors.
     """
     frames, malformed = _read(samples)
     findings = []
-    if not frames:
+    if not frames and needed:
         text = f"no detection frame in {listened_s:g} s"
         findings.append(Finding("detections", "frames", Verdict.UNKNOWN, text))
     for source in sorted(frames):

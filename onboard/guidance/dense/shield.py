@@ -19,6 +19,7 @@ from onboard.events import Event, EventName, Severity
 from onboard.guidance.dense.limits import run_on_of
 from onboard.guidance.dense.seen_space import NothingSeen, SeenSpace, take_operators_word
 from onboard.guidance.dense.tails import ways_to_rest
+from onboard.guidance.dense.way_to_rest import largest_margin_m
 from onboard.guidance.envelope import envelope_from
 from onboard.guidance.phases import FlightState, Phase, Trigger
 from onboard.guidance.situation import GUARD_AHEAD_S
@@ -37,9 +38,8 @@ if TYPE_CHECKING:
 RENEWAL_S: Final = GUARD_AHEAD_S - 2.0 * TICK_S
 # At rest before the first way: so long to find one, before the leg is threaded.
 _PATIENCE_S: Final = 1.0
-# The margin is stated for every so many renewals, in these steps.
+# The margin is stated for every so many renewals.
 _MARGIN_EVERY: Final = 4
-_MARGINS_M: Final = (0.05, 0.1, 0.2, 0.4)
 _SPEED_TOLERANCE_MPS: Final = 1e-6
 # An intention that starts elsewhere than what is flown has to be stated again.
 _APART_M: Final = 1e-6
@@ -142,7 +142,9 @@ class Shield:
             situation.reference.intend(resting)
             situation.reference.guard = self._guarded = resting
             self._due_s, self._switch_s = now_s, now_s + _PATIENCE_S
-        return self.certified
+            return True
+        self.release()  # nothing is held before the look all round
+        return False
 
     def release(self) -> None:
         """Hold nothing: another commander flies, or THREAD."""
@@ -295,8 +297,6 @@ class Shield:
         )
 
     def _state_margin(self, way: Trajectory, start: State, now_s: float, switch: State) -> None:
-        self.margin_m = 0.0
-        for margin_m in _MARGINS_M:
-            if not self._certifies(way, start, now_s, switch=switch, more_m=margin_m):
-                return
-            self.margin_m = margin_m
+        self.margin_m = largest_margin_m(
+            lambda more_m: self._certifies(way, start, now_s, switch=switch, more_m=more_m)
+        )

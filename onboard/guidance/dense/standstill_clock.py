@@ -12,8 +12,10 @@ _IDLE_S: Final = 0.6
 _WITHOUT_PROGRESS_S: Final = 5.0
 # The guide has changed: the way left is longer by this than it was.
 _LONGER_M: Final = 2.0
-# So often, without ever getting nearer than before: to and fro does not count as progress.
+# So often, and by so much in all, without ever getting nearer than before: to and fro does not
+# count as progress.  A guide that tries the long way round again and again is under way for ever.
 _DETOURS_MAX: Final = 12
+_DETOURS_MAX_M: Final = 200.0
 
 
 class StandstillClock:
@@ -22,7 +24,7 @@ class StandstillClock:
     def __init__(self) -> None:
         self._idle_since_s: float | None = None
         self._nearest_m, self._nearest_s = math.inf, -math.inf
-        self._ever_nearest_m, self._detours = math.inf, 0
+        self._ever_nearest_m, self._detours, self._detours_m = math.inf, 0, 0.0
 
     def restart(self, now_s: float) -> None:
         """Count from now on."""
@@ -31,7 +33,7 @@ class StandstillClock:
     def begin_leg(self, now_s: float) -> None:
         """Count from now on, with another way left."""
         self._nearest_m = self._ever_nearest_m = math.inf
-        self._detours = 0
+        self._detours, self._detours_m = 0, 0.0
         self.restart(now_s)
 
     def has_stopped(self, left_m: float, now_s: float, *, still: bool) -> bool:
@@ -43,11 +45,14 @@ class StandstillClock:
             still: whether it rests, and stays so.
         """
         if left_m < self._ever_nearest_m - NEARER_M:
-            self._ever_nearest_m, self._detours = left_m, 0
+            self._ever_nearest_m, self._detours, self._detours_m = left_m, 0, 0.0
         longer = left_m > self._nearest_m + _LONGER_M
-        self._detours += longer
+        if longer:
+            self._detours += 1
+            self._detours_m += left_m - self._nearest_m
         nearer = left_m < self._nearest_m - NEARER_M
-        if (nearer or longer) and self._detours <= _DETOURS_MAX:
+        astray = self._detours > _DETOURS_MAX or self._detours_m > _DETOURS_MAX_M
+        if (nearer or longer) and not astray:
             self._nearest_m, self._nearest_s = left_m, now_s
         if not still:
             self._idle_since_s = None

@@ -8,6 +8,7 @@ goes on.
 
 from __future__ import annotations
 
+from bisect import bisect_left
 from dataclasses import replace
 from typing import TYPE_CHECKING, Final
 
@@ -17,6 +18,8 @@ from onboard.planning.corridor.horizon import PIECE_S, Horizon
 from onboard.planning.rest_certifier import RestLimits, certify_rest
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from onboard.geometry.free_grid import FreeGrid
     from onboard.guidance.reference import Reference
     from onboard.motion.trajectory import Trajectory, Vector
@@ -168,12 +171,10 @@ class WayToRest:
         self.certified = self._certifies(limits, grid)
         self.margin_m = None
         if self.certified:
-            self.margin_m = 0.0
-            for margin_m in _MARGINS_M:
-                grown = replace(limits, body_radius_m=limits.body_radius_m + margin_m)
-                if not self._certifies(grown, grid):
-                    break
-                self.margin_m = margin_m
+            body_m = limits.body_radius_m
+            self.margin_m = largest_margin_m(
+                lambda more_m: self._certifies(replace(limits, body_radius_m=body_m + more_m), grid)
+            )
 
     def shift(self, shift_leg_m: Vector) -> None:
         """Move with the estimate, as the reference and the set do."""
@@ -198,6 +199,17 @@ class WayToRest:
         ends = current is not None and current.end_s <= flown.start_s + PIECE_S
         if ends and self._reference.upcoming is None and not moves(flown):
             self._reference.fly(flown.trajectory(self._height_m))
+
+
+def largest_margin_m(certifies: Callable[[float], bool]) -> float:
+    """Return the largest stated margin that a way to rest has beyond its body; 0 without any.
+
+    Args:
+        certifies: whether the way certifies with a body that is larger by this; if it does, it does
+            with any smaller one, so that two of four certificates mostly tell.
+    """
+    passed = bisect_left(_MARGINS_M, 1, key=lambda margin_m: 0 if certifies(margin_m) else 1)
+    return (0.0, *_MARGINS_M)[passed]
 
 
 def moves(plan: Horizon) -> bool:

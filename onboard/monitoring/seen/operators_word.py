@@ -72,7 +72,9 @@ def _distance_m(corners_m: np.ndarray[tuple[int, ...], np.dtype[np.float64]]) ->
     """Return the distance of a convex polygon, (k, 2) corners in order, from the origin."""
     edges_m = np.roll(corners_m, -1, axis=0) - corners_m
     turns = edges_m[:, 0] * -corners_m[:, 1] - edges_m[:, 1] * -corners_m[:, 0]
-    if (turns >= 0.0).all() or (turns <= 0.0).all():
+    # Only within a polygon that has an area do all of them have a sign: a box without an extent is
+    # a point or a line, and the origin on an edge is at no distance of that.
+    if (turns > 0.0).all() or (turns < 0.0).all():
         return 0.0
     lengths_m2 = np.maximum((edges_m**2).sum(axis=1), 1e-12)
     shares = np.clip(-(corners_m * edges_m).sum(axis=1) / lengths_m2, 0.0, 1.0)

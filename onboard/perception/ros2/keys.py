@@ -56,6 +56,20 @@ def key_expression(topic: str, type_name: str, *, bridged: bool, domain: int) ->
     return name if bridged else f"{domain}/{name}/{_dds_type(type_name)}/**"
 
 
+def published_key(topic: str, type_name: str, type_hash: str, *, bridged: bool, domain: int) -> str:
+    """Return the Zenoh key to publish under.
+
+    Args:
+        topic: of ROS.
+        type_name: such as ``visualization_msgs/MarkerArray``.
+        type_hash: of its definition, with its scheme.
+        bridged: by zenoh-bridge-ros2dds instead of rmw_zenoh.
+        domain: ROS_DOMAIN_ID, for rmw_zenoh.
+    """
+    name = topic.strip("/")
+    return name if bridged else f"{domain}/{name}/{_dds_type(type_name)}/{type_hash}"
+
+
 def decode_attachment(data: bytes) -> Attachment:
     """Decode an attachment of rmw_zenoh, with or without the names of its fields.
 

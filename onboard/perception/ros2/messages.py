@@ -185,7 +185,7 @@ def decode_occupancy_grid(payload: bytes) -> OccupancyGrid:
     reader.i32()  # when the map was loaded
     reader.u32()
     cell_m, width, height = _finite(reader.f32()), reader.u32(), reader.u32()
-    origin = _read_pose(reader)
+    origin = read_pose(reader)
     cells = np.frombuffer(reader.blob(), np.int8)
     reader.end()
     if not CELL_MIN_M <= cell_m <= CELL_MAX_M:
@@ -222,7 +222,7 @@ def decode_transforms(payload: bytes) -> tuple[Transform, ...]:
     if count > TRANSFORMS_MAX:
         raise DecodeError("number of transforms")
     found = tuple(
-        Transform(read_header(reader), reader.text(), _read_pose(reader)) for _ in range(count)
+        Transform(read_header(reader), reader.text(), read_pose(reader)) for _ in range(count)
     )
     reader.end()
     return found
@@ -235,7 +235,7 @@ def _read_detection(reader: CdrReader) -> DetectedBox:
         reader.text()  # its class
         scores.append(_finite(reader.f64()))
         reader.f64s(7 + 36)  # its pose and covariance
-    center, size_m = _read_pose(reader), _read_vector(reader)
+    center, size_m = read_pose(reader), _read_vector(reader)
     if min(size_m) < 0.0:
         raise DecodeError("negative size")
     return DetectedBox(center, size_m, reader.text(), max(scores, default=1.0))
@@ -248,7 +248,8 @@ def _read_vector(reader: CdrReader) -> Vector:
     return x, y, z
 
 
-def _read_pose(reader: CdrReader) -> PoseInFrame:
+def read_pose(reader: CdrReader) -> PoseInFrame:
+    """Read a geometry_msgs/Pose or Transform: both are a position and a rotation."""
     position_m, (x, y, z, w) = _read_vector(reader), reader.f64s(4)
     length = math.sqrt(x * x + y * y + z * z + w * w) if max(map(abs, (x, y, z, w))) < 10 else 0.0
     if not 0.9 <= length <= 1.1:

@@ -50,6 +50,7 @@ def cloud_beams(
     level_from_points: FloatArray,
     sensor_m: FloatArray,
     covered: BoolArray,
+    band_m: tuple[float, float],
     config: SensorSource,
 ) -> LevelledBeams:
     """Return a cloud as beams, one for each bearing that is covered.
@@ -59,9 +60,10 @@ def cloud_beams(
         level_from_points: (3, 3) from those axes into the levelled body.
         sensor_m: (3,) where the sensor is in it.
         covered: of each bearing, see `covered_bearings`.
+        band_m: heights above and below the vehicle that are looked at.
         config: of the sensor.
     """
-    middle_m, count = _filled_cells(points_m, level_from_points, sensor_m, config)
+    middle_m, count = _filled_cells(points_m, level_from_points, sensor_m, band_m, config)
     away_m = np.hypot(middle_m[0], middle_m[1])
     own = np.hypot(middle_m[0] + sensor_m[0], middle_m[1] + sensor_m[1]) < config.own_radius_m
     near_m = np.maximum(away_m - CELL_M / math.sqrt(2.0), 0.0)
@@ -91,14 +93,18 @@ def cloud_beams(
 
 
 def _filled_cells(
-    points_m: Floats32, level_from_points: FloatArray, sensor_m: FloatArray, config: SensorSource
+    points_m: Floats32,
+    level_from_points: FloatArray,
+    sensor_m: FloatArray,
+    band_m: tuple[float, float],
+    config: SensorSource,
 ) -> tuple[FloatArray, NDArray[np.intp]]:
     """Return the middles (2, k) of cells with points at the vehicle's height, and how many.
 
     They are forward and right of the sensor, in the levelled body.
     """
     turn = level_from_points.astype(np.float32)
-    above_m, below_m = config.height_band_m
+    above_m, below_m = band_m
     half = math.ceil(config.range_m / CELL_M) + 1
     side = 2 * half
     with np.errstate(invalid="ignore", over="ignore"):

@@ -14,7 +14,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from onboard.files.sensor_sources import Axes, Mounting
+from onboard.files.sensor_sources import Axes, Mounting, SensorSource
 from onboard.geometry.frames import FloatArray
 from onboard.vehicle_state import Pose
 
@@ -24,6 +24,9 @@ FRD_FROM: Final[dict[Axes, FloatArray]] = {
     "flu": np.diag([1.0, -1.0, -1.0]),
     "optical": np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]),
 }
+
+# Less than a vehicle stands high.
+_BAND_MIN_M: Final = 0.1
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,9 +97,45 @@ def mounting_rotation(mounting: Mounting) -> FloatArray:
     return rotation
 
 
+def mounting_of(base_from_sensor: FloatArray, axes: Axes) -> Mounting:
+    """Return the mounting of a sensor whose pose in the base is known.
+
+    Args:
+        base_from_sensor: (4, 4) from the sensor's own axes into forward, left, up of the body.
+        axes: of the sensor.
+
+    Raises:
+        ValueError: it is farther from the base than a mounting may be.
+    """
+    flip = FRD_FROM["flu"]
+    turn = flip @ base_from_sensor[:3, :3] @ FRD_FROM[axes].T
+    x_m, y_m, z_m = (float(value) for value in flip @ base_from_sensor[:3, 3])
+    return Mounting(
+        x_m=x_m,
+        y_m=y_m,
+        z_m=z_m,
+        roll_deg=math.degrees(math.atan2(turn[2, 1], turn[2, 2])),
+        pitch_deg=math.degrees(math.asin(min(max(-turn[2, 0], -1.0), 1.0))),
+        yaw_deg=math.degrees(math.atan2(turn[1, 0], turn[0, 0])),
+    )
+
+
 def mounting_offset_m(mounting: Mounting) -> FloatArray:
     """Return where the sensor is in the body, (3, 1)."""
     return np.array([[mounting.x_m], [mounting.y_m], [mounting.z_m]])
+
+
+def band_above_ground_m(config: SensorSource, down_m: float) -> tuple[float, float]:
+    """Return the heights above and below the vehicle that are looked at, without the ground.
+
+    Near the ground the band ends just below the vehicle: a level beam still counts.
+
+    Args:
+        config: of the sensor.
+        down_m: of the vehicle in local NED, whose origin is on the ground.
+    """
+    above_m, below_m = config.height_band_m
+    return above_m, min(below_m, max(-down_m - config.ground_margin_m, _BAND_MIN_M))
 
 
 def in_sectors(

@@ -14,6 +14,7 @@ from onboard.geometry.frames import FloatArray
 from onboard.perception.scan.levelled_beams import LevelledBeams
 from onboard.perception.scan.levelling import (
     BodyMotion,
+    band_above_ground_m,
     in_sectors,
     mounting_offset_m,
     mounting_rotation,
@@ -66,19 +67,20 @@ def levelled_beams(
     limits_m: tuple[float, float],
     directions: BeamDirections,
     motion: BodyMotion,
+    down_m: float,
     config: SensorSource,
 ) -> LevelledBeams:
     """Return ranges as beams in the levelled body.
 
-    A range below the limits, or NaN, is not a measurement: nothing is known there.  One above them
-    says that nothing returned, which is free space only as far as ``config`` declares it.  What
-    lies above or below the height band is neither obstacle nor free.
+    A range below the limits, or NaN, tells nothing; one above them tells of free space as far as
+    ``config`` declares it.  What lies outside of the height band is neither obstacle nor free.
 
     Args:
         ranges_m: (n,) of every beam.
         limits_m: between which ranges are measurements.
         directions: of the beams that are looked at.
         motion: of the body, for these beams.
+        down_m: of the body in local NED.
         config: of the sensor.
     """
     ranges_m = ranges_m[directions.used]
@@ -88,9 +90,8 @@ def levelled_beams(
     point_m = origin_m[:2] + np.where(measured, ranges_m, 0.0) * ray[:2]
     own = np.hypot(point_m[0], point_m[1]) < config.own_radius_m
     blocked = np.where(measured, own, ~silent)
-    # Along the ground, from here on.
-    band_m = _band_exit_m(origin_m[2], ray[2], config.height_band_m)
-    limit_m = np.minimum(band_m * flat, config.range_m)
+    band_m = band_above_ground_m(config, down_m)
+    limit_m = np.minimum(_band_exit_m(origin_m[2], ray[2], band_m) * flat, config.range_m)
     along_m = np.where(measured, ranges_m * flat, config.no_return_is_free_to_m or 0.0)
     hit = measured & ~own & (along_m <= limit_m)
     beams = LevelledBeams(

@@ -20,6 +20,7 @@ from onboard.perception.scan.levelled_beams import LevelledBeams
 from onboard.perception.scan.levelling import (
     FRD_FROM,
     BodyMotion,
+    band_above_ground_m,
     mounting_offset_m,
     mounting_rotation,
 )
@@ -111,7 +112,7 @@ class DetectionsInput(SensorInput):
         own = rotation_of(box.center.rotation)
         corners_m = (_CORNERS * box.size_m) @ own.T + box.center.position_m
         corners_m = corners_m @ turn.T + sensor_m
-        above_m, below_m = self._config.height_band_m
+        above_m, below_m = band_above_ground_m(self._config, pose.position_ned_m[2])
         if corners_m[:, 2].min() > below_m or corners_m[:, 2].max() < -above_m:
             return None
         # The side that lies flattest gives the direction.

@@ -50,7 +50,8 @@ class LaserScanInput(SensorInput):
         limits_m = (scan.range_min_m, scan.range_max_m)
         with np.errstate(invalid="ignore"):  # of signalling NaN
             ranges_m = scan.ranges_m.astype(np.float64)
-        beams = levelled_beams(ranges_m, limits_m, directions, motion, self._config)
+        down_m = poses[0].position_ned_m[2]
+        beams = levelled_beams(ranges_m, limits_m, directions, motion, down_m, self._config)
         return (self._frames.frame(beams, poses[0], stamp_unix_s, self._poses.generation),)
 
     def _directions_of(self, scan: LaserScan) -> BeamDirections:
@@ -106,5 +107,6 @@ class ConeFrames:
         pose = self._poses.at(stamp_unix_s)
         directions = BeamDirections.of_plane(np.zeros(1), width_rad, self._config, thin=False)
         motion = BodyMotion.of([pose], None)
-        beams = levelled_beams(np.array([range_m]), limits_m, directions, motion, self._config)
+        ranges_m, down_m = np.array([range_m]), pose.position_ned_m[2]
+        beams = levelled_beams(ranges_m, limits_m, directions, motion, down_m, self._config)
         return self._frames.frame(beams, pose, stamp_unix_s, self._poses.generation)

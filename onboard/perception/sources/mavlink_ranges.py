@@ -94,7 +94,9 @@ class ObstacleDistanceInput(MavlinkRanges):
         )
         limits_m = (message.min_distance / 100.0, (message.max_distance + 0.5) / 100.0)
         motion = BodyMotion.of([level], None)
-        beams = levelled_beams(ranges_m[given], limits_m, directions, motion, self._config)
+        beams = levelled_beams(
+            ranges_m[given], limits_m, directions, motion, pose.position_ned_m[2], self._config
+        )
         return (self._frames.frame(beams, pose, stamp_unix_s, self._poses.generation),)
 
 

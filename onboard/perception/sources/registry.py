@@ -17,17 +17,20 @@ from onboard.files.sensor_sources import (
     OccupancyGridSource,
     PointCloudSource,
     RangeSource,
+    Ros2Source,
     SensorSource,
 )
 from onboard.perception.ros2.keys import OnePublisher, check_key, key_expression
 from onboard.perception.sources.detections3d import DetectionsInput
 from onboard.perception.sources.laser_scan import LaserScanInput, RangeInput
 from onboard.perception.sources.mavlink_ranges import DistanceSensorInput, ObstacleDistanceInput
+from onboard.perception.sources.mounted_by_transforms import MountedByTransforms
 from onboard.perception.sources.occupancy_grid import OccupancyGridInput
 from onboard.perception.sources.point_cloud import PointCloudInput
 from onboard.perception.sources.sensor_input import PastPoses, SensorInput
 
-_TYPE_NAMES: Final = {
+TRANSFORMS: Final = "tf2_msgs/TFMessage"
+TYPE_NAMES: Final = {
     "laserscan": "sensor_msgs/LaserScan",
     "pointcloud2": "sensor_msgs/PointCloud2",
     "range": "sensor_msgs/Range",
@@ -37,6 +40,10 @@ _TYPE_NAMES: Final = {
 MAVLINK_IDS: Final = {
     "obstacle_distance": mavlink.MAVLINK_MSG_ID_OBSTACLE_DISTANCE,
     "distance_sensor": mavlink.MAVLINK_MSG_ID_DISTANCE_SENSOR,
+}
+MAVLINK_NAMES: Final = {
+    "obstacle_distance": "OBSTACLE_DISTANCE",
+    "distance_sensor": "DISTANCE_SENSOR",
 }
 _INPUTS: Final[dict[type[SensorSource], Callable[[Any, PastPoses], SensorInput]]] = {
     LaserScanSource: LaserScanInput,
@@ -80,7 +87,7 @@ class Sensor:
         if not zenoh_key(self.config):
             return
         if getattr(self.config, "middleware", "") == "rmw_zenoh":
-            check_key(key, _TYPE_NAMES[self.config.kind])
+            check_key(key, TYPE_NAMES[self.config.kind])
         self.publishers.check(attachment, now_s)
 
 
@@ -89,10 +96,22 @@ def zenoh_key(config: AnySource) -> str | None:
     if isinstance(config, ObstacleDistanceSource | DistanceSensorSource):
         return None
     bridged = config.middleware != "rmw_zenoh"
-    name = _TYPE_NAMES[config.kind]
+    name = TYPE_NAMES[config.kind]
     return key_expression(config.topic, name, bridged=bridged, domain=config.domain_id)
+
+
+def transforms_key(config: AnySource) -> str | None:
+    """Return the Zenoh key expression of the transforms that mount a sensor; None without them."""
+    topic = config.mounting.tf_topic
+    if topic is None or not isinstance(config, Ros2Source):
+        return None
+    bridged = config.middleware != "rmw_zenoh"
+    return key_expression(topic, TRANSFORMS, bridged=bridged, domain=config.domain_id)
 
 
 def sensor(config: AnySource, poses: PastPoses) -> Sensor:
     """Return the sensor of some keys."""
-    return Sensor(config, _INPUTS[type(config)](config, poses))
+    reader = _INPUTS[type(config)]
+    if isinstance(config, Ros2Source) and config.mounting.tf_topic is not None:
+        return Sensor(config, MountedByTransforms(config, poses, reader))
+    return Sensor(config, reader(config, poses))

@@ -11,6 +11,7 @@ from types import MappingProxyType
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
+from sitl.autopilot.decisions import Verdict
 from sitl.autopilot.flavours.ardupilot_commander import MISSION_FIRST_ITEM, CopterCommander
 from sitl.autopilot.flavours.ardupilot_parameters import GAINS, PARAMETERS, flight_settings
 from sitl.autopilot.flavours.flavour import Flavour
@@ -48,6 +49,9 @@ class Copter(Flavour):
     mission_first_item = MISSION_FIRST_ITEM
     take_off_above_sea = False
     modes = tuple(_MODES)
+    describes_itself = False
+    unknown_interval = Verdict.FAILED
+    partial_missions = True
     target_type_mask = (
         mavlink.POSITION_TARGET_TYPEMASK_YAW_IGNORE
         | mavlink.POSITION_TARGET_TYPEMASK_YAW_RATE_IGNORE

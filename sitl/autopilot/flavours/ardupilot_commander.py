@@ -81,8 +81,13 @@ class CopterCommander(Commander):
         return verdict
 
     def receive_setpoint(self, message: Any, now_s: float) -> None:
-        """Take a setpoint in GUIDED; during take-off it ends the take-off."""
+        """Take a setpoint in GUIDED; during take-off it ends the take-off.
+
+        Simulation shortcut: attitudes are not flown.
+        """
         if self.mode not in {Mode.OFFBOARD, Mode.TAKEOFF}:
+            return
+        if message.get_type() == "SET_ATTITUDE_TARGET":
             return
         target = _ned_target(read_target(message, self._origin, self.home_ned_m), self._truth)
         if target is not None and not _has_vector(target):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 from sitl.autopilot.flavours.parameters import GainNames, ParameterSpec, ParameterStore
 from sitl.autopilot.settings import FlightSettings, Reaction
@@ -21,7 +22,8 @@ PARAMETERS = (
     ParameterSpec("BATT_FS_LOW_ACT", 0, 0, 5, "low battery: 1 land, 2 return, 5 terminate"),
     ParameterSpec("BATT_LOW_MAH", 0.0, 0.0, 100_000.0, "remaining charge: low [mAh]"),
     ParameterSpec("DISARM_DELAY", 10, 0, 127, "armed on the ground to disarmed [s]; 0: never"),
-    ParameterSpec("FENCE_ALT_MAX", 100.0, 10.0, 1000.0, "fence height [m]; fences: not simulated"),
+    ParameterSpec("FENCE_ACTION", 1, 0, 8, "breach: 0 report, 1 return, 2 land, 4 brake"),
+    ParameterSpec("FENCE_ALT_MAX", 100.0, 10.0, 1000.0, "fence height [m]"),
     ParameterSpec("FENCE_ENABLE", 0, 0, 1, "whether fences are enforced"),
     ParameterSpec("FENCE_RADIUS", 150.0, 30.0, 10000.0, "fence radius [m]"),
     ParameterSpec("FENCE_TOTAL", 0, 0, 20, "points of the fence"),
@@ -40,6 +42,8 @@ PARAMETERS = (
     ParameterSpec("PSC_POSXY_P", 1.0, 0.5, 4.0, "horizontal position feedback [1/s]"),
     ParameterSpec("PSC_VELXY_P", 2.0, 0.1, 6.0, "horizontal velocity feedback [1/s]"),
     ParameterSpec("PSC_JERK_XY", 5.0, 1.0, 20.0, "horizontal jerk limit [m/s^3]"),
+    ParameterSpec("RALLY_INCL_HOME", 0, 0, 1, "whether a return may prefer home to a rally point"),
+    ParameterSpec("RALLY_LIMIT_KM", 0.3, 0.0, 100.0, "farther rally points do not count; 0: all"),
     ParameterSpec("RTL_ALT", 1500, 30, 300_000, "least altitude of the return [cm]"),
     ParameterSpec("SCR_USER1", 0.0, -1e9, 1e9, "for scripts"),
     ParameterSpec(
@@ -64,6 +68,11 @@ _BODY_RATE_UNLIMITED_DEGPS = 400.0
 _TAKE_OFF_HEIGHT_M = 2.5
 _GROUND_LOSS = {1: Reaction.RETURN, 3: Reaction.RETURN, 4: Reaction.RETURN, 5: Reaction.LAND}
 _STICK_LOSS = {1: Reaction.RETURN, 3: Reaction.LAND, 4: Reaction.RETURN, 5: Reaction.RETURN}
+_FENCE = {
+    0: Reaction.NONE,
+    2: Reaction.LAND,
+    4: Reaction.HOLD,
+}
 _BATTERY = {
     1: Reaction.LAND,
     2: Reaction.RETURN,
@@ -114,7 +123,22 @@ def flight_settings(p: ParameterStore) -> FlightSettings:
         disarm_landed_s=0.0,
         disarm_grounded_s=p["DISARM_DELAY"] or -1.0,
         failure_injection=bool(p["SIM_FAILURE_EN"]),
+        rally_limit_m=p["RALLY_LIMIT_KM"] * 1000.0 or math.inf,
+        rally_or_home=bool(p["RALLY_INCL_HOME"]),
+        **_fence(p),
     )
+
+
+def _fence(p: ParameterStore) -> dict[str, Any]:
+    """Return the settings of the fence; its polygons are watched whenever it is enabled."""
+    if not p["FENCE_ENABLE"]:
+        return {}
+    kinds = int(p["FENCE_TYPE"])
+    return {
+        "fence_reaction": _FENCE.get(int(p["FENCE_ACTION"]), Reaction.RETURN),
+        "fence_height_m": p["FENCE_ALT_MAX"] if kinds & 1 else math.inf,
+        "fence_radius_m": p["FENCE_RADIUS"] if kinds & 2 else math.inf,
+    }
 
 
 def _tilt_max_rad(p: ParameterStore) -> float:

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from typing import ClassVar
 
 from sitl.autopilot.commander import Commander
+from sitl.autopilot.decisions import Verdict
 from sitl.autopilot.flavours.parameters import ParameterSpec, ParameterStore
 from sitl.autopilot.modes import Mode
 from sitl.autopilot.realism import Realism
@@ -31,6 +32,9 @@ class Flavour(ABC):
         field, ideal: its behaviour as measured, and an ideal one.
         modes: what AVAILABLE_MODES lists.
         target_type_mask: POSITION_TARGET_LOCAL_NED.type_mask.
+        describes_itself: whether it answers requests for COMPONENT_METADATA and PROTOCOL_VERSION.
+        unknown_interval: result of asking for the interval of a message that is not sent.
+        partial_missions: whether a part of the mission can be written.
     """
 
     autopilot: ClassVar[int]
@@ -45,6 +49,9 @@ class Flavour(ABC):
     ideal: ClassVar[Realism]
     modes: ClassVar[tuple[Mode, ...]]
     target_type_mask: ClassVar[int] = 0
+    describes_itself: ClassVar[bool]
+    unknown_interval: ClassVar[Verdict]
+    partial_missions: ClassVar[bool]
 
     @abstractmethod
     def parameter_specs(self, system_id: int) -> tuple[ParameterSpec, ...]:

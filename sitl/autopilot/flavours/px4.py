@@ -10,6 +10,7 @@ from types import MappingProxyType
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
+from sitl.autopilot.decisions import Verdict
 from sitl.autopilot.flavours.flavour import Flavour
 from sitl.autopilot.flavours.parameters import ParameterSpec, ParameterStore, ideal_gains
 from sitl.autopilot.flavours.px4_commander import MISSION_FIRST_ITEM, Px4Commander
@@ -68,6 +69,9 @@ class Px4(Flavour):
     mission_first_item = MISSION_FIRST_ITEM
     take_off_above_sea = True
     modes = tuple(_MODES)
+    describes_itself = True
+    unknown_interval = Verdict.ACCEPTED
+    partial_missions = False
     field = Realism(
         estimator=EstimatorProfile(
             position_m=0.45,

@@ -13,6 +13,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sitl.autopilot.commander import Commander
 from sitl.autopilot.decisions import Verdict
+from sitl.autopilot.flavours.attitude_message import attitude_setpoint
 from sitl.autopilot.flavours.setpoint_message import (
     NOTHING,
     MotionTarget,
@@ -68,15 +69,19 @@ class Px4Commander(Commander):
 
     def receive_setpoint(self, message: Any, now_s: float) -> None:
         """Take a setpoint, in any mode."""
+        if message.get_type() == "SET_ATTITUDE_TARGET":
+            attitude = attitude_setpoint(message, self.settings.hover_thrust)
+            self._stream(attitude, now_s, holds_yaw=False)
+            return
         target = read_target(message, self._origin, self.home_ned_m)
         setpoint = _setpoint(target, self._truth.yaw_rad)
+        self._stream(setpoint, now_s, holds_yaw=target.yaw_rad is None)
+
+    def _stream(self, setpoint: Setpoint | None, now_s: float, *, holds_yaw: bool) -> None:
+        """Continue the stream by a setpoint; what PX4 ignores keeps no stream alive."""
         if setpoint is not None:
-            self.offboard.receive(
-                setpoint,
-                now_s,
-                self.settings.setpoint_timeout_s,
-                holds_yaw=target.yaw_rad is None,
-            )
+            timeout_s = self.settings.setpoint_timeout_s
+            self.offboard.receive(setpoint, now_s, timeout_s, holds_yaw=holds_yaw)
 
     def react(self, reaction: Reaction) -> None:
         """Carry out the reaction of a failsafe; offboard does not resume after it."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 from sitl.autopilot.flavours.parameters import GainNames, ParameterSpec, ParameterStore
 from sitl.autopilot.settings import FlightSettings, Reaction
@@ -26,7 +27,8 @@ PARAMETERS = (
     ParameterSpec("COM_RCL_EXCEPT", 0, 0, 31, "bits: modes without manual control; not simulated"),
     ParameterSpec("COM_RC_IN_MODE", 3, 0, 4, "manual control: 0 radio only, 4 none, else MAVLink"),
     ParameterSpec("COM_RC_LOSS_T", 0.5, 0.0, 35.0, "manual control silent to lost [s]"),
-    ParameterSpec("GF_ACTION", 2, 0, 5, "geofence: 0 nothing, 1 warn, 2 hold; not simulated"),
+    ParameterSpec("EKF2_HGT_REF", 1, 0, 3, "height from: 0 barometer, 1 GPS; simulated alike"),
+    ParameterSpec("GF_ACTION", 2, 0, 5, "geofence: 1 warn, 2 hold, 3 return, 4 stop, 5 land"),
     ParameterSpec("GF_MAX_HOR_DIST", 0.0, 0.0, 10000.0, "geofence radius [m]; 0: none"),
     ParameterSpec("GF_MAX_VER_DIST", 0.0, 0.0, 10000.0, "geofence height [m]; 0: none"),
     ParameterSpec("MC_PITCH_P", 6.5, 1.0, 12.0, "pitch feedback [1/s]"),
@@ -40,6 +42,7 @@ PARAMETERS = (
     # Higher than PX4's 4 m/s^3 so that hold brakes like the plans do.
     ParameterSpec("MPC_JERK_AUTO", 30.0, 1.0, 80.0, "autonomous jerk [m/s^3]"),
     ParameterSpec("MPC_LAND_SPEED", 0.7, 0.6, 5.0, "sink rate when landing [m/s]"),
+    ParameterSpec("MPC_THR_HOVER", 0.5, 0.1, 0.8, "share of full thrust that carries the vehicle"),
     ParameterSpec("MPC_TILTMAX_AIR", 45.0, 20.0, 89.0, "tilt limit in flight [deg]"),
     ParameterSpec("MPC_TKO_SPEED", 1.5, 1.0, 5.0, "climb rate at take-off [m/s]"),
     ParameterSpec("MPC_VEL_MANUAL", 10.0, 3.0, 20.0, "speed at full stick [m/s]"),
@@ -74,6 +77,9 @@ _LINK_LOSS = (
     Reaction.DISARM,
     Reaction.DISARM,
 )
+
+
+_FENCE = (None, Reaction.NONE, Reaction.HOLD, Reaction.RETURN, Reaction.DISARM, Reaction.LAND)
 
 
 _OFFBOARD_LOSS = (
@@ -131,7 +137,18 @@ def flight_settings(p: ParameterStore) -> FlightSettings:
         failure_injection=bool(p["SYS_FAILURE_EN"]),
         arm_authorizer=int(p["COM_ARM_AUTH_ID"]) if p["COM_ARM_AUTH_REQ"] else None,
         arm_authorization_timeout_s=p["COM_ARM_AUTH_TO"],
+        **_fence_and_thrust(p),
     )
+
+
+def _fence_and_thrust(p: ParameterStore) -> dict[str, Any]:
+    """Return the settings of the fence, and the thrust at hover."""
+    return {
+        "hover_thrust": p["MPC_THR_HOVER"],
+        "fence_reaction": _FENCE[int(p["GF_ACTION"])],
+        "fence_radius_m": p["GF_MAX_HOR_DIST"] or math.inf,
+        "fence_height_m": p["GF_MAX_VER_DIST"] or math.inf,
+    }
 
 
 def _battery_reactions(action: int) -> tuple[Reaction, Reaction]:

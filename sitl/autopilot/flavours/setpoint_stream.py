@@ -84,11 +84,18 @@ def _with_jerk(setpoint: Setpoint, previous: Setpoint, period_s: float) -> Setpo
 
 
 def _coasting(setpoint: Setpoint) -> Setpoint:
-    """Return the setpoint without acceleration and jerk."""
+    """Return the setpoint without jerk, and without acceleration where a velocity is controlled.
+
+    Where nothing else is controlled, the last acceleration or attitude stays until the loss.
+    """
+    north, east, down = (
+        wanted if math.isnan(velocity) else 0.0
+        for velocity, wanted in zip(setpoint[3:6], setpoint[6:9], strict=True)
+    )
     return setpoint._replace(
-        acceleration_north_mps2=0.0,
-        acceleration_east_mps2=0.0,
-        acceleration_down_mps2=0.0,
+        acceleration_north_mps2=north,
+        acceleration_east_mps2=east,
+        acceleration_down_mps2=down,
         jerk_north_mps3=0.0,
         jerk_east_mps3=0.0,
         jerk_down_mps3=0.0,

@@ -1,22 +1,18 @@
-"""Standard modes: AVAILABLE_MODES, CURRENT_MODE, and what MAV_CMD_DO_SET_STANDARD_MODE means.
-
-pymavlink's dialect of ArduPilot does not have the two messages, so they are packed here, from
-MAVLink's definition (common.xml).
-"""
+"""Standard modes: AVAILABLE_MODES, CURRENT_MODE, and what MAV_CMD_DO_SET_STANDARD_MODE means."""
 
 from __future__ import annotations
 
 import math
 import struct
 from collections.abc import Mapping
-from typing import Any, ClassVar, Final
-
-from pymavlink.dialects.v20 import ardupilotmega as mavlink
+from typing import Final
 
 from sitl.autopilot.modes import Mode
+from sitl.autopilot.packed_message import PackedMessage
 
 AVAILABLE_MODES_ID: Final = 435
 CURRENT_MODE_ID: Final = 436
+AVAILABLE_MODES_MONITOR_ID: Final = 437
 _NON_STANDARD: Final = 0
 _PROPERTY_AUTO: Final = 4
 
@@ -37,24 +33,7 @@ def mode_of_standard(number: float) -> Mode | None:
     return _MODE_OF_STANDARD.get(int(number)) if math.isfinite(number) else None
 
 
-class _Packed(mavlink.MAVLink_message):  # type: ignore[misc]  # pymavlink is untyped
-    """A message that pymavlink's dialect lacks."""
-
-    layout: ClassVar[struct.Struct]
-
-    def __init__(self, number: int, name: str, crc_extra: int, *values: Any) -> None:
-        super().__init__(number, name)
-        self.crc_extra = crc_extra
-        self._values = values
-
-    def pack(self, mav: Any, force_mavlink1: bool = False) -> bytes:
-        """Return the frame; see pymavlink."""
-        payload = self.layout.pack(*self._values)
-        packed: bytes = self._pack(mav, self.crc_extra, payload, force_mavlink1=force_mavlink1)
-        return packed
-
-
-class CurrentMode(_Packed):
+class CurrentMode(PackedMessage):
     """CURRENT_MODE: the mode flown, and the one that the user asked for."""
 
     layout = struct.Struct("<IIB")
@@ -66,7 +45,7 @@ class CurrentMode(_Packed):
         )
 
 
-class AvailableMode(_Packed):
+class AvailableMode(PackedMessage):
     """AVAILABLE_MODES: one of them."""
 
     layout = struct.Struct("<IIBBB35s")
@@ -81,3 +60,12 @@ class AvailableMode(_Packed):
             134,
             *(custom_mode, properties, count, index, standard, name),
         )
+
+
+class AvailableModesMonitor(PackedMessage):
+    """AVAILABLE_MODES_MONITOR: a number that changes with the list of modes, here never."""
+
+    layout = struct.Struct("<B")
+
+    def __init__(self) -> None:
+        super().__init__(AVAILABLE_MODES_MONITOR_ID, "AVAILABLE_MODES_MONITOR", 30, 0)

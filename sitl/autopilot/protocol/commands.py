@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Final
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
@@ -20,6 +20,14 @@ from sitl.autopilot.flavours.standard_modes import (
 from sitl.autopilot.geodesy import GeographicPosition, ned_from_geographic
 from sitl.autopilot.mission import ABSOLUTE_FRAMES, RELATIVE_FRAMES
 from sitl.autopilot.modes import Mode
+from sitl.autopilot.protocol.files.file_transfer import FileServer, crc32
+from sitl.autopilot.protocol.files.onboard_files import GENERAL_METADATA
+from sitl.autopilot.protocol.identity_messages import (
+    COMPONENT_METADATA_ID,
+    PROTOCOL_VERSION_ID,
+    ComponentMetadata,
+    ProtocolVersion,
+)
 from sitl.autopilot.protocol.link import MavlinkLink
 from sitl.autopilot.protocol.snapshot import Snapshot
 from sitl.autopilot.protocol.streams import StreamSchedule
@@ -29,6 +37,7 @@ from sitl.config import HomeConfig
 _ARM_FORCE = 21196.0  # the magic number of MAV_CMD_COMPONENT_ARM_DISARM
 _INT32_MAX = 2**31 - 1  # nan in a COMMAND_INT
 _REPOSITION_MAX_M = 100_000.0
+_MESSAGE_ID_MAX = 0xFFFF  # of MESSAGE_INTERVAL
 
 
 @dataclass(frozen=True)
@@ -73,6 +82,7 @@ class CommandContext:
     snapshot: Snapshot
     link: MavlinkLink
     streams: StreamSchedule
+    files: FileServer
 
 
 def execute(command: Command, context: CommandContext) -> Verdict:
@@ -155,11 +165,17 @@ def _set_mission_current(command: Command, context: CommandContext) -> Verdict:
 
 def _inject_failure(command: Command, context: CommandContext) -> Verdict:
     unit, kind, instance = command.parameters[:3]
-    return context.commander.inject_failure(unit, kind, instance)
+    commander = context.commander
+    if not commander.settings.failure_injection:
+        return Verdict.DENIED
+    known = commander.failures.inject(unit, kind, instance, context.snapshot.truth.time_s)
+    return Verdict.ACCEPTED if known else Verdict.UNSUPPORTED
 
 
 def _terminate(command: Command, context: CommandContext) -> Verdict:
-    return context.commander.terminate() if command.parameters[0] > 0.5 else Verdict.DENIED
+    if not command.parameters[0] > 0.5:
+        return Verdict.DENIED
+    return context.commander.disarm(force=True, reason="flight terminated")
 
 
 def _set_message_interval(command: Command, context: CommandContext) -> Verdict:
@@ -177,13 +193,19 @@ def _set_message_interval(command: Command, context: CommandContext) -> Verdict:
 
 
 def _get_message_interval(command: Command, context: CommandContext) -> Verdict:
-    message_id = command.parameters[0]
-    if message_id not in BUILDERS:
+    return _send_message_interval(_whole(command.parameters[0]), context)
+
+
+def _send_message_interval(message_id: int, context: CommandContext) -> Verdict:
+    """Send MESSAGE_INTERVAL: -1 for a message that is switched off, 0 for one that is not sent."""
+    if not 0 <= message_id <= _MESSAGE_ID_MAX:
         return Verdict.DENIED
-    interval_s = context.streams.interval_s(int(message_id))
-    interval_us = round(interval_s * 1e6) if math.isfinite(interval_s) else -1
-    context.link.send(mavlink.MAVLink_message_interval_message(int(message_id), interval_us))
-    return Verdict.ACCEPTED
+    known = message_id in BUILDERS
+    interval_s = context.streams.interval_s(message_id)
+    streamed_us = round(interval_s * 1e6) if math.isfinite(interval_s) else -1
+    interval_us = streamed_us if known else 0
+    context.link.send(mavlink.MAVLink_message_interval_message(message_id, interval_us))
+    return Verdict.ACCEPTED if known else context.flavour.unknown_interval
 
 
 def _set_standard_mode(command: Command, context: CommandContext) -> Verdict:
@@ -205,10 +227,35 @@ def _send_available_modes(index: int, context: CommandContext) -> Verdict:
     return Verdict.ACCEPTED
 
 
+def _send_component_metadata(_: int, context: CommandContext) -> Verdict:
+    content = context.files.content(GENERAL_METADATA)
+    if content is None:
+        return Verdict.UNSUPPORTED
+    context.link.send(ComponentMetadata(context.snapshot.boot_ms, crc32(content), GENERAL_METADATA))
+    return Verdict.ACCEPTED
+
+
+def _send_protocol_version(_: int, context: CommandContext) -> Verdict:
+    if not context.flavour.describes_itself:
+        return Verdict.UNSUPPORTED
+    context.link.send(ProtocolVersion())
+    return Verdict.ACCEPTED
+
+
+# Messages that exist on request only; the second parameter of the request says which one.
+_ON_REQUEST: dict[int, Callable[[int, CommandContext], Verdict]] = {
+    AVAILABLE_MODES_ID: _send_available_modes,
+    COMPONENT_METADATA_ID: _send_component_metadata,
+    PROTOCOL_VERSION_ID: _send_protocol_version,
+    mavlink.MAVLINK_MSG_ID_MESSAGE_INTERVAL: _send_message_interval,
+}
+
+
 def _request_message(command: Command, context: CommandContext) -> Verdict:
-    if command.parameters[0] == AVAILABLE_MODES_ID:
-        return _send_available_modes(_whole(command.parameters[1]), context)
-    builder = BUILDERS.get(_whole(command.parameters[0]))
+    message_id = _whole(command.parameters[0])
+    if message_id in _ON_REQUEST:
+        return _ON_REQUEST[message_id](_whole(command.parameters[1]), context)
+    builder = BUILDERS.get(message_id)
     if builder is None:
         return Verdict.UNSUPPORTED
     message = builder(context.snapshot)
@@ -222,6 +269,37 @@ def _request_capabilities(_: Command, context: CommandContext) -> Verdict:
     if not context.snapshot.realism.legacy_requests:
         return Verdict.UNSUPPORTED
     context.link.send(BUILDERS[mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION](context.snapshot))
+    return Verdict.ACCEPTED
+
+
+def _request_protocol_version(_: Command, context: CommandContext) -> Verdict:
+    if not context.snapshot.realism.legacy_requests:
+        return Verdict.UNSUPPORTED
+    return _send_protocol_version(0, context)
+
+
+def _set_home(command: Command, context: CommandContext) -> Verdict:
+    """Move home here, or to a global position."""
+    here_m = context.snapshot.truth.position_ned_m
+    if command.parameters[0] == 1.0:
+        context.commander.home_ned_m = here_m
+        return Verdict.ACCEPTED
+    if command.frame not in ABSOLUTE_FRAMES:
+        return Verdict.DENIED
+    home_m = ned_from_geographic(context.home, GeographicPosition(*command.parameters[4:]))
+    if not math.dist(home_m, here_m) < _REPOSITION_MAX_M:  # nan, too
+        return Verdict.DENIED
+    context.commander.home_ned_m = home_m
+    return Verdict.ACCEPTED
+
+
+def _check_before_arming(_: Command, context: CommandContext) -> Verdict:
+    """Say what keeps the vehicle from arming."""
+    commander = context.commander
+    if commander.armed:
+        return Verdict.TEMPORARILY_REJECTED
+    for reason in commander.prearm_failures():
+        commander.say(mavlink.MAV_SEVERITY_WARNING, f"Preflight: {reason}")
     return Verdict.ACCEPTED
 
 
@@ -260,4 +338,9 @@ _HANDLERS: dict[int, Callable[[Command, CommandContext], Verdict]] = {
     mavlink.MAV_CMD_REQUEST_MESSAGE: _request_message,
     mavlink.MAV_CMD_REQUEST_AUTOPILOT_CAPABILITIES: _request_capabilities,
     mavlink.MAV_CMD_GET_HOME_POSITION: _get_home,
+    mavlink.MAV_CMD_DO_SET_HOME: _set_home,
+    mavlink.MAV_CMD_REQUEST_PROTOCOL_VERSION: _request_protocol_version,
+    mavlink.MAV_CMD_RUN_PREARM_CHECKS: _check_before_arming,
 }
+
+SUPPORTED: Final = frozenset(_HANDLERS)

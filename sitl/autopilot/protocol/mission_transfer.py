@@ -1,23 +1,22 @@
 """The mission protocol: upload, download, clear, set current; one transfer at a time.
 
-Missions and geofences; rally points are not supported: their list is empty and cannot be uploaded.
+Missions, geofences and rally points; parts of them can be written where the flavour does so.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, Protocol
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from sitl.autopilot.fence import FenceStore
 from sitl.autopilot.mission import ITEMS_MAX, MissionItem, MissionStore
 
 Reply = Callable[[Any], None]
 _ASK_AGAIN_S = 0.5
 _GIVE_UP_S = 5.0
-_MISSION, _FENCE = mavlink.MAV_MISSION_TYPE_MISSION, mavlink.MAV_MISSION_TYPE_FENCE
+_MISSION = mavlink.MAV_MISSION_TYPE_MISSION
 
 
 class ItemStore(Protocol):
@@ -39,7 +38,7 @@ class ItemStore(Protocol):
 
 @dataclass
 class _Upload:
-    """An upload under way."""
+    """An upload under way; ``before`` and ``after`` are the items that it keeps around its own."""
 
     reply: Reply
     sender: tuple[int, int]
@@ -47,15 +46,30 @@ class _Upload:
     count: int
     heard_s: float
     asked_s: float
+    before: tuple[MissionItem, ...] = ()
+    after: tuple[MissionItem, ...] = ()
     items: list[MissionItem] = field(default_factory=list)
+
+    @property
+    def wanted(self) -> int:
+        """Number of the item to ask for."""
+        return len(self.before) + len(self.items)
 
 
 class MissionTransfer:
-    """The vehicle's side of the protocol."""
+    """The vehicle's side of the protocol.
 
-    def __init__(self, mission: MissionStore, fence: FenceStore) -> None:
+    Args:
+        mission: takes the mission.
+        places: takes the other lists, by their MAV_MISSION_TYPE.
+        partial: whether MISSION_WRITE_PARTIAL_LIST is understood.
+    """
+
+    def __init__(
+        self, mission: MissionStore, places: Mapping[int, ItemStore], *, partial: bool
+    ) -> None:
         self._mission = mission
-        self._stores: dict[int, ItemStore] = {_MISSION: mission, _FENCE: fence}
+        self._stores: dict[int, ItemStore] = {_MISSION: mission, **places}
         self._upload: _Upload | None = None
         self._handlers: dict[str, Callable[[Any, Reply, float], None]] = {
             "MISSION_COUNT": self._on_count,
@@ -66,7 +80,10 @@ class MissionTransfer:
             "MISSION_REQUEST": self._on_request,
             "MISSION_CLEAR_ALL": self._on_clear_all,
             "MISSION_SET_CURRENT": self._on_set_current,
+            "MISSION_ACK": self._on_ack,
         }
+        if partial:
+            self._handlers["MISSION_WRITE_PARTIAL_LIST"] = self._on_write_partial
 
     @property
     def messages(self) -> tuple[str, ...]:
@@ -90,17 +107,48 @@ class MissionTransfer:
     # --- upload ---------------------------------------------------------------------------
 
     def _on_count(self, message: Any, reply: Reply, now_s: float) -> None:
+        if message.count > ITEMS_MAX:
+            _acknowledge(message, reply, mavlink.MAV_MISSION_NO_SPACE)
+        else:
+            self._begin_upload(message, reply, now_s, message.count)
+
+    def _on_write_partial(self, message: Any, reply: Reply, now_s: float) -> None:
+        """Take new items from ``start_index`` to ``end_index``, both of which exist."""
+        store = self._stores.get(message.mission_type)
+        items = () if store is None else store.items
+        first, last = message.start_index, message.end_index
+        if store is not None and not 0 <= first <= last < len(items):
+            _acknowledge(message, reply, mavlink.MAV_MISSION_ERROR)
+        else:
+            kept = items[:first], items[last + 1 :]
+            self._begin_upload(message, reply, now_s, last - first + 1, *kept)
+
+    def _begin_upload(
+        self,
+        message: Any,
+        reply: Reply,
+        now_s: float,
+        count: int,
+        before: tuple[MissionItem, ...] = (),
+        after: tuple[MissionItem, ...] = (),
+    ) -> None:
         if message.mission_type not in self._stores:
             _acknowledge(message, reply, mavlink.MAV_MISSION_UNSUPPORTED)
         elif self._upload is not None and self._upload.sender != _sender(message):
             _acknowledge(message, reply, mavlink.MAV_MISSION_DENIED)
-        elif message.count > ITEMS_MAX:
-            _acknowledge(message, reply, mavlink.MAV_MISSION_NO_SPACE)
         else:
             self._upload = _Upload(
-                reply, _sender(message), message.mission_type, message.count, now_s, now_s
+                reply, _sender(message), message.mission_type, count, now_s, now_s, before, after
             )
             self._continue_upload(self._upload, now_s)
+
+    def _on_ack(self, message: Any, _: Reply, __: float) -> None:
+        """Forget the upload that its sender gives up; other acknowledgements end downloads."""
+        upload = self._upload
+        if upload is None or message.type == mavlink.MAV_MISSION_ACCEPTED:
+            return
+        if (upload.sender, upload.mission_type) == (_sender(message), message.mission_type):
+            self._upload = None
 
     def _on_item(self, message: Any, reply: Reply, now_s: float) -> None:
         upload = self._upload
@@ -109,7 +157,7 @@ class MissionTransfer:
             _acknowledge(message, reply, mavlink.MAV_MISSION_ERROR)
             return
         upload.heard_s = now_s
-        if message.seq != len(upload.items):
+        if message.seq != upload.wanted:
             return  # a repetition: `step` requests the right one again
         item = MissionItem.of(message)
         refusal = self._stores[upload.mission_type].refusal(message.seq, item)
@@ -123,14 +171,16 @@ class MissionTransfer:
         if len(upload.items) < upload.count:
             self._ask(upload, now_s)
         else:
-            self._stores[upload.mission_type].replace(tuple(upload.items))
+            items = (*upload.before, *upload.items, *upload.after)
+            self._stores[upload.mission_type].replace(items)
             self._end_upload(mavlink.MAV_MISSION_ACCEPTED)
 
     def _ask(self, upload: _Upload, now_s: float) -> None:
         upload.asked_s = now_s
-        number = len(upload.items)
         upload.reply(
-            mavlink.MAVLink_mission_request_int_message(*upload.sender, number, upload.mission_type)
+            mavlink.MAVLink_mission_request_int_message(
+                *upload.sender, upload.wanted, upload.mission_type
+            )
         )
 
     def _end_upload(self, result: int) -> None:
@@ -144,8 +194,13 @@ class MissionTransfer:
 
     def _on_request_list(self, message: Any, reply: Reply, _: float) -> None:
         store = self._stores.get(message.mission_type)
-        count = 0 if store is None else len(store.items)
-        reply(mavlink.MAVLink_mission_count_message(*_sender(message), count, message.mission_type))
+        if store is None:
+            _acknowledge(message, reply, mavlink.MAV_MISSION_UNSUPPORTED)
+            return
+        count = mavlink.MAVLink_mission_count_message(
+            *_sender(message), len(store.items), message.mission_type
+        )
+        reply(count)
 
     def _on_request(self, message: Any, reply: Reply, _: float) -> None:
         store = self._stores.get(message.mission_type)
@@ -167,6 +222,9 @@ class MissionTransfer:
         )
 
     def _on_clear_all(self, message: Any, reply: Reply, _: float) -> None:
+        if message.mission_type not in {*self._stores, mavlink.MAV_MISSION_TYPE_ALL}:
+            _acknowledge(message, reply, mavlink.MAV_MISSION_UNSUPPORTED)
+            return
         for mission_type, store in self._stores.items():
             if message.mission_type in {mission_type, mavlink.MAV_MISSION_TYPE_ALL}:
                 store.replace(())

@@ -6,7 +6,7 @@ from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from sitl.autopilot.flavours.standard_modes import CurrentMode
+from sitl.autopilot.flavours.standard_modes import AvailableModesMonitor, CurrentMode
 from sitl.autopilot.modes import Mode
 from sitl.autopilot.protocol.snapshot import Snapshot, int16
 
@@ -18,6 +18,9 @@ _ESTIMATOR_SENSORS = (
     | mavlink.MAV_SYS_STATUS_SENSOR_GPS
     | mavlink.MAV_SYS_STATUS_AHRS
 )
+
+
+TEXT_LENGTH = 50
 
 
 _POSITION_CONTROL = mavlink.MAV_SYS_STATUS_SENSOR_XY_POSITION_CONTROL
@@ -49,8 +52,9 @@ def sys_status(s: Snapshot) -> Any:
     """SYS_STATUS: health, battery, and in the pre-arm bit whether arming would succeed."""
     present = _ESTIMATOR_SENSORS | _OTHER_SENSORS | _POSITION_CONTROL
     present |= mavlink.MAV_SYS_STATUS_PREARM_CHECK
-    # The fence is not enforced, hence healthy; MAVProxy announces a breach without this bit.
-    health = _OTHER_SENSORS | mavlink.MAV_SYS_STATUS_GEOFENCE
+    health = _OTHER_SENSORS
+    if not s.commander.fence.breached:  # MAVProxy announces a breach without this bit
+        health |= mavlink.MAV_SYS_STATUS_GEOFENCE
     failed = s.commander.failures.failed_sensors
     if s.estimator.lost_for_s < s.realism.drops_gps_after_s:
         failed &= ~mavlink.MAV_SYS_STATUS_SENSOR_GPS
@@ -111,6 +115,9 @@ def autopilot_version(s: Snapshot) -> Any:
         | mavlink.MAV_PROTOCOL_CAPABILITY_SET_POSITION_TARGET_LOCAL_NED
         | mavlink.MAV_PROTOCOL_CAPABILITY_SET_POSITION_TARGET_GLOBAL_INT
         | mavlink.MAV_PROTOCOL_CAPABILITY_MISSION_INT
+        | mavlink.MAV_PROTOCOL_CAPABILITY_MISSION_FENCE
+        | mavlink.MAV_PROTOCOL_CAPABILITY_MISSION_RALLY
+        | mavlink.MAV_PROTOCOL_CAPABILITY_FTP
         | s.flavour.capabilities
         | mavlink.MAV_PROTOCOL_CAPABILITY_FLIGHT_TERMINATION
     )
@@ -137,8 +144,33 @@ def mission_current(s: Snapshot) -> Any:
     )
 
 
+def available_modes_monitor(_: Snapshot) -> Any:
+    """AVAILABLE_MODES_MONITOR: the list of modes never changes."""
+    return AvailableModesMonitor()
+
+
 def current_mode(s: Snapshot) -> Any:
     """CURRENT_MODE: the mode flown, and the one wanted."""
     flavour, commander = s.flavour, s.commander
     mode, intended = commander.mode, commander.intention
     return CurrentMode(mode, flavour.custom_mode(mode), flavour.custom_mode(intended))
+
+
+def status_texts(severity: int, text: str, number: int) -> list[Any]:
+    """STATUSTEXT: one for a short text, else its chunks, which carry a common number.
+
+    Args:
+        severity: MAV_SEVERITY.
+        text: any length.
+        number: of a text with chunks; not 0.
+    """
+    data = text.encode()
+    chunks = [data[at : at + TEXT_LENGTH] for at in range(0, len(data), TEXT_LENGTH)]
+    if len(chunks) <= 1:
+        return [mavlink.MAVLink_statustext_message(severity, data)]
+    if len(chunks[-1]) == TEXT_LENGTH:
+        chunks.append(b"")  # only a zero byte tells the receiver that the text ends here
+    return [
+        mavlink.MAVLink_statustext_message(severity, chunk, number, index)
+        for index, chunk in enumerate(chunks)
+    ]

@@ -7,7 +7,7 @@ from typing import Any, Final
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from sitl.autopilot.flavours.standard_modes import CURRENT_MODE_ID
+from sitl.autopilot.flavours.standard_modes import AVAILABLE_MODES_MONITOR_ID, CURRENT_MODE_ID
 from sitl.autopilot.protocol import estimator_messages as estimator
 from sitl.autopilot.protocol import position_messages as position
 from sitl.autopilot.protocol import status_messages as status
@@ -36,4 +36,5 @@ BUILDERS: Final[dict[int, Callable[[Snapshot], Any]]] = {
     mavlink.MAVLINK_MSG_ID_EKF_STATUS_REPORT: estimator.ekf_status_report,
     mavlink.MAVLINK_MSG_ID_ESTIMATOR_STATUS: estimator.estimator_status,
     CURRENT_MODE_ID: status.current_mode,
+    AVAILABLE_MODES_MONITOR_ID: status.available_modes_monitor,
 }

@@ -1,4 +1,7 @@
-"""Faults of what the sensor sends: applied to the frames between sensor and service."""
+"""Faults of what the sensor sends: applied to the frames between sensor and service.
+
+Faults that edit a frame leave alone what is not JSON.
+"""
 
 from __future__ import annotations
 
@@ -8,6 +11,7 @@ from collections import deque
 from collections.abc import Callable
 from typing import Any, ClassVar, Final, NamedTuple
 
+from sitl.environment.sensor_message import ZenohMessage
 from sitl.virtual.faults.schedule import FaultSchedule
 from sitl.virtual.faults.schema import FaultKind
 
@@ -40,33 +44,37 @@ class DetectionFaults:
     def __init__(self, schedule: FaultSchedule) -> None:
         self._schedule = schedule
         self._frames = 0
-        self._latest: bytes | None = None
-        self._held_back: bytes | None = None
-        self._delayed: deque[tuple[float, bytes]] = deque()
+        self._latest: ZenohMessage | None = None
+        self._held_back: ZenohMessage | None = None
+        self._delayed: deque[tuple[float, ZenohMessage]] = deque()
         self._editing_since_s: dict[FaultKind, float] = {}
 
     def arriving(
-        self, payloads: list[bytes], position_ned_m: tuple[float, float, float]
-    ) -> list[bytes]:
+        self, sent: list[ZenohMessage], position_ned_m: tuple[float, float, float]
+    ) -> list[ZenohMessage]:
         """Return the frames that reach the service now.
 
         Args:
-            payloads: what the sensor has sent.
+            sent: what the sensors have sent.
             position_ned_m: of the vehicle.
         """
-        changed = [one for payload in payloads for one in self._changed(payload, position_ned_m)]
+        changed = [one for message in sent for one in self._changed(message, position_ned_m)]
         ordered = [one for frame in changed for one in self._in_order(frame)]
         return self._in_time(ordered)
 
-    def _changed(self, payload: bytes, position_ned_m: tuple[float, float, float]) -> list[bytes]:
+    def _changed(
+        self, message: ZenohMessage, position_ned_m: tuple[float, float, float]
+    ) -> list[ZenohMessage]:
         self._frames += 1
         if self._latest is None or not self._schedule.present("detections_stuck"):
-            self._latest = payload
+            self._latest = message
         for kind, replace in self.REPLACEMENTS.items():
             amount = self._schedule.amount(kind)
-            if amount is not None and (frames := replace(self, payload, amount)) is not None:
+            if amount is not None and (frames := replace(self, message, amount)) is not None:
                 return frames
-        return [self._edited(payload, position_ned_m)]
+        if message.key is not None:
+            return [message]
+        return [message._replace(payload=self._edited(message.payload, position_ned_m))]
 
     def _edited(self, payload: bytes, position_ned_m: tuple[float, float, float]) -> bytes:
         now_s = self._schedule.now_s
@@ -81,7 +89,7 @@ class DetectionFaults:
             EDITS[kind](frame, amount, Viewpoint(self._frames, north_m, east_m, present_s))
         return json.dumps(frame).encode()
 
-    def _in_order(self, frame: bytes) -> list[bytes]:
+    def _in_order(self, frame: ZenohMessage) -> list[ZenohMessage]:
         """Hold a frame back until the next one has overtaken it, or let it pass."""
         if self._held_back is not None:
             frames, self._held_back = [frame, self._held_back], None
@@ -92,7 +100,7 @@ class DetectionFaults:
             return []
         return [frame]
 
-    def _in_time(self, frames: list[bytes]) -> list[bytes]:
+    def _in_time(self, frames: list[ZenohMessage]) -> list[ZenohMessage]:
         """Queue frames while they are late; return those that are due."""
         delay_s, now_s = self._schedule.amount("detections_late"), self._schedule.now_s
         if delay_s is None and not self._delayed:
@@ -105,29 +113,34 @@ class DetectionFaults:
 
     # Each returns the frames that arrive instead of one, or None to let it pass.
 
-    def _repeat_latest(self, payload: bytes, _: float) -> list[bytes] | None:
-        fresh = self._latest is None or self._latest is payload
+    def _repeat_latest(self, message: ZenohMessage, _: float) -> list[ZenohMessage] | None:
+        fresh = self._latest is None or self._latest is message
         return None if fresh or self._latest is None else [self._latest]
 
-    def _drop(self, _: bytes, __: float) -> list[bytes] | None:
+    def _drop(self, _: ZenohMessage, __: float) -> list[ZenohMessage] | None:
         return []
 
-    def _drop_some(self, _: bytes, share: float) -> list[bytes] | None:
+    def _drop_some(self, _: ZenohMessage, share: float) -> list[ZenohMessage] | None:
         return [] if self._schedule.chance.random() < share else None
 
-    def _keep_one_in(self, _: bytes, frames: float) -> list[bytes] | None:
+    def _keep_one_in(self, _: ZenohMessage, frames: float) -> list[ZenohMessage] | None:
         return [] if self._frames % int(frames) else None
 
-    def _send_garbage(self, _: bytes, __: float) -> list[bytes] | None:
+    def _send_garbage(self, message: ZenohMessage, _: float) -> list[ZenohMessage] | None:
         chance = self._schedule.chance
-        return [chance.randbytes(chance.randrange(_GARBAGE_MAX_BYTES))]
+        garbage = chance.randbytes(chance.randrange(_GARBAGE_MAX_BYTES))
+        return [message._replace(payload=garbage)]
 
-    def _declare_nan(self, payload: bytes, _: float) -> list[bytes] | None:
-        return [payload.replace(b'"range_m":', b'"range_m":NaN,"was":', 1)]
+    def _declare_nan(self, message: ZenohMessage, _: float) -> list[ZenohMessage] | None:
+        payload = message.payload.replace(b'"range_m":', b'"range_m":NaN,"was":', 1)
+        return [message._replace(payload=payload)]
 
     # The first one that is present and does not let a frame pass decides, in this order.
     REPLACEMENTS: ClassVar[
-        dict[FaultKind, Callable[[DetectionFaults, bytes, float], list[bytes] | None]]
+        dict[
+            FaultKind,
+            Callable[[DetectionFaults, ZenohMessage, float], list[ZenohMessage] | None],
+        ]
     ] = {
         "detections_stuck": _repeat_latest,
         "detections_off": _drop,
@@ -280,6 +293,7 @@ EDITS: Final[dict[FaultKind, Callable[[dict[str, Any], float, Viewpoint], None]]
     "sensor_clock_ahead": _set_clock_ahead,
     "sensor_clock_skewed": _skew_clock,
 }
+CHANGES_JSON: Final[frozenset[FaultKind]] = frozenset((*EDITS, "detections_nan"))
 KINDS: Final[frozenset[FaultKind]] = frozenset(
     (*DetectionFaults.REPLACEMENTS, *EDITS, "detections_out_of_order", "detections_late")
 )

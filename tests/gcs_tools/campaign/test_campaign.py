@@ -48,8 +48,8 @@ from tests.gcs_tools.running import Clearway, is_alive, until
 NOMINAL = GeneratedSource("nominal")
 QUICK = GeneratedSource("quick")
 SEED = 1
-# Short: one obstacle, and fast.
-SHORT = 3
+# Short: two obstacles, fast, and an ideal vehicle.
+SHORT = 112
 
 
 @pytest.fixture(scope="module")
@@ -306,7 +306,7 @@ def test_no_failure_gives_the_rule_of_three() -> None:
 
 
 def test_the_table_gives_back_its_rows(row: FlightRow, tmp_path: Path) -> None:
-    rows = [row, dataclasses.replace(row, number=99, clearance_min_m=None, findings="a\nb")]
+    rows = [row, dataclasses.replace(row, number=999, clearance_min_m=None, findings="a\nb")]
     write_table(rows, tmp_path / "flights.parquet")
     assert read_table(tmp_path / "flights.parquet") == rows
 

@@ -23,6 +23,7 @@ from gcs_tools.campaign.command import (
 )
 from gcs_tools.campaign.flight import FlightRow
 from gcs_tools.campaign.generator.generators import generated
+from gcs_tools.campaign.search import SearchJob
 from gcs_tools.campaign.shrink import Shrunk
 from gcs_tools.campaign.sources import GeneratedSource
 from gcs_tools.campaign.statistics import summarize
@@ -205,3 +206,34 @@ def test_a_class_has_a_collision_rate_if_it_flew(changes: dict[str, Any], rate: 
     (summary,) = summarize([row(**changes)])
     assert _cells(summary)[9] == rate
     assert _cells(summary)[10] == "0.50 m"
+
+
+@pytest.mark.parametrize("changes", [{"search": 5}, {"genes": "late=0.5"}])
+def test_only_an_adversary_searches(tmp_path: Path, changes: dict[str, Any]) -> None:
+    with pytest.raises(CommandError, match="--search and --genes: only the scenario adversary"):
+        run_campaign(request(tmp_path, **changes))
+
+
+def test_an_adversary_searches_near_its_worst_flights(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def fly(jobs: Iterable[FlightJob], _: int) -> Iterator[FlightRow]:
+        for job in jobs:
+            yield row(source="adversary", number=job.number, least_margin_m=1.0 + job.number)
+
+    def search(jobs: Iterable[SearchJob], _: int) -> Iterator[list[FlightRow]]:
+        for job in jobs:
+            yield [
+                row(
+                    source="adversary", number=job.number, least_margin_m=0.25,
+                    least_margin_of="rest", genes="late=0.5000",
+                )
+            ] * job.flights  # fmt: skip
+
+    monkeypatch.setattr(command, "fly_locally", fly)
+    monkeypatch.setattr(command, "search_locally", search)
+    for _ in range(2):  # the second time goes on from the first, and searches again
+        assert run_campaign(request(tmp_path, scenarios=("adversary",), search=3))
+        assert len(read_table(tmp_path / "flights.parquet")) == 7
+    said = capsys.readouterr().out
+    assert "clearway campaign adversary --seed 1 --only 0 --genes late=0.5000" in said

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import pytest
 
 from gcs_tools.campaign import flight
+from gcs_tools.campaign.adversary.shares import ErrorMeter
 from gcs_tools.campaign.flight import _time_limit_s, fly_numbered
 from gcs_tools.campaign.generator.case import FlightCase
 from gcs_tools.campaign.generator.generators import generated
@@ -43,7 +44,7 @@ REFUSED = replace(
 
 
 def test_a_row_has_the_numbers_of_its_contract_and_result(monkeypatch: pytest.MonkeyPatch) -> None:
-    def fly(case: FlightCase) -> Evidence:
+    def fly(case: FlightCase, _: ErrorMeter) -> Evidence:
         return replace(flown(ended=result(collisions=1, violations=("a", "b"))), case=case)
 
     monkeypatch.setattr(flight, "fly_case", fly)
@@ -81,7 +82,7 @@ def test_an_expected_refusal_is_no_finding(changes: dict[str, object]) -> None:
 def test_a_flight_outside_its_contract_is_flown(monkeypatch: pytest.MonkeyPatch) -> None:
     reached: list[Scenario] = []
 
-    def fly(case: FlightCase) -> Evidence:
+    def fly(case: FlightCase, _: ErrorMeter) -> Evidence:
         reached.append(case.scenario)
         raise ZeroDivisionError("far enough")
 
@@ -101,7 +102,7 @@ def test_a_field_that_is_not_known_is_not_checked(monkeypatch: pytest.MonkeyPatc
         for case in (generated("violating", 1, number) for number in range(50))
         if not case.scenario.field_known
     )
-    monkeypatch.setattr(flight, "fly_case", lambda case: replace(flown(), case=case))
+    monkeypatch.setattr(flight, "fly_case", lambda case, _: replace(flown(), case=case))
     assert not fly_numbered(OneCase(violating), 1, 0).refused
     known = replace(violating, scenario=replace(violating.scenario, field_known=True))
     assert fly_numbered(OneCase(known), 1, 0).refused

@@ -14,7 +14,7 @@ from gcs_tools.campaign.command import CampaignRequest, _jobs, _source, scenario
 from gcs_tools.campaign.forest import ForestSource
 from gcs_tools.campaign.generator.case import NO_FAULT
 from gcs_tools.campaign.generator.generators import generated
-from gcs_tools.campaign.sources import FileSource, GeneratedSource
+from gcs_tools.campaign.sources import AdversarySource, FileSource, GeneratedSource
 from gcs_tools.console.errors import CommandError
 from gcs_tools.scenario import load_scenario
 from sitl.virtual.faults.schema import Fault
@@ -61,6 +61,7 @@ def test_a_name_tells_the_kind_of_source(
     tmp_path: Path, written: Callable[[str, Any], Path]
 ) -> None:
     assert _source("nominal") == GeneratedSource("nominal")
+    assert _source("adversary", "late=0.5") == AdversarySource((("late", 0.5),))
     path = written("drawn.yaml", scenario_document(PAPER))
     assert isinstance(_source(str(path)), FileSource)
     stems = tmp_path / "stems.csv"

@@ -30,7 +30,7 @@ def test_an_empty_table_is_a_table(tmp_path: Path) -> None:
 def test_a_column_per_field() -> None:
     assert SCHEMA.names == list(FlightRow.__dataclass_fields__)
     nullable = {field.name for field in SCHEMA if field.nullable}
-    assert nullable == {"clearance_min_m", "rest_margin_min_m"}
+    assert nullable == {"clearance_min_m", "rest_margin_min_m", "least_margin_m"}
 
 
 def test_a_table_of_another_version_is_refused(tmp_path: Path) -> None:

@@ -8,13 +8,13 @@ from typing import Any
 import numpy as np
 import pytest
 
+from gcs_tools.benchmark.run_on_models import coasting_run_on
 from onboard.contract.arithmetic import ARRAY, SCALAR
 from onboard.contract.assessment import Terms, assess
 from onboard.contract.run_on import contract_run_on, frozen_run_m, overshoot, run_on_slope_s
 from onboard.files.contract_file import load_contract
 from onboard.geometry.frames import FloatArray
 from tests.gcs_tools.running import CONFIG
-from tests.onboard.contract.run_on_models import coasting_run_on
 from tests.onboard.contract.stop_and_sidestep import Coasts, FliesOn
 from tests.onboard.contract.test_assessment import as_arrays, contract
 

@@ -6,8 +6,8 @@ from itertools import pairwise
 
 import pytest
 
+from gcs_tools.benchmark.run_on_models import coasting_run_on, frozen_run_on
 from onboard.contract.run_on import RunOn
-from tests.onboard.contract.run_on_models import coasting_run_on, frozen_run_on
 
 RUNS = {
     "coasting": coasting_run_on(

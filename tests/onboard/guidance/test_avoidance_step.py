@@ -147,6 +147,21 @@ def test_an_obstacle_first_seen_late_is_reported(cruising: PerfectFlight) -> Non
     assert text == f"late_first_sight (front/1): {late_m:.2f}, limit {limit_m:.2f} m"
 
 
+def test_an_obstacle_that_grows_into_the_way_within_its_error_is_not_seen_late(
+    cruising: PerfectFlight,
+) -> None:
+    beside = cruising.see(cruising.reference.position_leg_m[0] + 12.0, 3.0, name="beside")
+    low_m, _ = beside.region.conflict_band_y_m
+    error_m = cruising.navigator.assessment.face_error_m
+    here = State((beside.region.approach_x_m + 2.0, low_m + 1.9 * error_m, 0.0), (2.8, 0.0, 0.0))
+    step = cruising.navigator._avoidance_step
+    step._check_pre_condition(here, beside, cruising.now_s)
+    assert cruising.texts("violation") == []
+    deep = State((here.position_leg_m[0], low_m + 2.1 * error_m, 0.0), (2.8, 0.0, 0.0))
+    step._check_pre_condition(deep, beside, cruising.now_s)
+    assert len(cruising.texts("violation")) == 1
+
+
 def test_another_broken_pre_condition_is_reported(cruising: PerfectFlight) -> None:
     obstacle = cruising.see(40.0, 0.0)
     here = State((obstacle.region.approach_x_m, 0.0, 0.0), (3.5, 0.0, 0.0))

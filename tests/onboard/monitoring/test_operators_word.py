@@ -53,3 +53,17 @@ def test_what_was_taken_moves_with_the_frame(word: OperatorsWord) -> None:
     assert word.contradicted_by([FAR], 1.1) is None
     word.forget(frame_stands=False)
     assert word.contradicted_by([FAR], 0.0) is None
+
+
+POINT = ((5.0, 0.0),) * 4
+LINE = ((5.0, -1.0), (5.0, -1.0), (5.0, 1.0), (5.0, 1.0))
+
+
+@pytest.mark.parametrize("box", [POINT, LINE])
+@pytest.mark.parametrize(("margin_m", "found"), [(0.0, None), (-2.1, 0)])
+def test_a_box_without_an_extent_is_where_it_is(
+    word: OperatorsWord, box: tuple[tuple[float, float], ...], margin_m: float, found: int | None
+) -> None:
+    # An adversary's detector reports a thin obstacle as a point; it contradicted every word.
+    word.take(0.0, 0.0, 3.0)
+    assert word.contradicted_by([box], margin_m) == found

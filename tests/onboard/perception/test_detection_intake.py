@@ -6,7 +6,7 @@ from collections.abc import Sequence
 import pytest
 
 from onboard.perception.detection import DetectionFrame
-from onboard.perception.intake import MAX_PENDING_FRAMES, DetectionIntake
+from onboard.perception.intake import MAX_PENDING_FRAMES, DetectionIntake, Refusal
 from onboard.perception.sources.json_v1 import JsonV1Source
 from tests.onboard.perception.messages import detection_frame, frame
 
@@ -94,7 +94,9 @@ def test_a_source_may_complete_several_frames_with_one_message() -> None:
 def test_a_frame_under_the_name_of_another_sensor_is_dropped() -> None:
     intake = DetectionIntake(JsonV1Source())
     intake.names_taken = frozenset({"front"})
-    for source in ("front", "rear"):
+    for source in ("front", "rear", "front"):
         intake.receive(json.dumps(frame(source=source)).encode())
     assert [read.source for read in intake.take(NOW_UNIX_S)] == ["rear"]
-    assert intake.counters.malformed_frames == 1
+    assert intake.counters.malformed_frames == 2
+    assert intake.take_news() == [Refusal("front", "detections as JSON come under its name")]
+    assert intake.take_news() == []

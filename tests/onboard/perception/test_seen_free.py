@@ -208,3 +208,23 @@ def test_the_disc_where_a_leg_begins_ends_at_its_corridor(
     assert disc[:2] == (0.0, 0.0)
     # Whole cells are free, of 0.1 m: their diagonals are lost on either side.
     assert radius_m - 0.3 <= disc[2] <= radius_m
+
+
+@pytest.mark.parametrize("half_width_m", [math.inf, 1.55])
+def test_a_snapshot_by_what_was_freed_is_that_of_the_whole_set(half_width_m: float) -> None:
+    space = seen()
+    space.limit(half_width_m)
+    for number in range(4):
+        before = space.grid().unknown_sum.copy()
+        kept = space.grid()
+        for step in range(2):  # two changes between two snapshots
+            x_m = 0.4 * number + 0.1 * step
+            space.see(View((x_m, 0.0), 0.3 * number, 0.5, 3.0, (Box(2.0, 2.3, 0.2, 0.6),), 0.05))
+        np.testing.assert_array_equal(kept.unknown_sum, before)  # snapshots do not change
+        np.testing.assert_array_equal(
+            space.grid().unknown_sum, space._grid(half_width_m).unknown_sum
+        )
+        assert space.size == np.count_nonzero(space._free)
+    space.confirm(0.0, 0.0, 1.0)
+    np.testing.assert_array_equal(space.grid().unknown_sum, space._grid(half_width_m).unknown_sum)
+    assert space.size == np.count_nonzero(space._free)

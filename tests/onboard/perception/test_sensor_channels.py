@@ -7,9 +7,9 @@ import pytest
 from pydantic import TypeAdapter
 
 from onboard.files.sensor_sources import AnySource
-from onboard.perception.intake import MAX_PENDING_FRAMES, DetectionCounters
+from onboard.perception.intake import MAX_PENDING_FRAMES, DetectionCounters, Refusal
 from onboard.perception.ros2.keys import TYPE_HASHES
-from onboard.perception.sensor_channels import Refusal, SensorChannels
+from onboard.perception.sensor_channels import SensorChannels
 from onboard.perception.sources.registry import LARGE_PENDING_MAX, zenoh_key
 from tests.onboard.perception.ros2.encoding import attachment, point_cloud, scan_all_round
 from tests.onboard.perception.sources.scenes import EPOCH_UNIX_S, pose_at, poses_of

@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from gcs_tools.benchmark.run_on_models import coasting_run_on, frozen_run_on
 from onboard.contract.run_on import NO_RUN_ON, RunOn
 from onboard.geometry.frames import FloatArray
 from onboard.geometry.free_grid import FreeGrid
@@ -21,7 +22,6 @@ from onboard.motion.trajectory import State, Trajectory
 from onboard.planning import rest_certifier
 from onboard.planning.corridor.horizon import PIECES, Horizon, JerkMaps
 from onboard.planning.rest_certifier import RestLimits, certify_rest
-from tests.onboard.contract.run_on_models import coasting_run_on, frozen_run_on
 
 COUNT = int(os.environ.get("REST_TRAJECTORIES", "300"))
 CELL_M, SIDE = 0.1, 240

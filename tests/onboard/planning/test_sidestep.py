@@ -8,6 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from gcs_tools.benchmark.run_on_models import coasting_run_on, frozen_run_on
 from onboard.contract.run_on import NO_RUN_ON, RunOn
 from onboard.geometry.box import Box
 from onboard.geometry.frames import FloatArray
@@ -21,7 +22,6 @@ from onboard.planning.sidestep import (
     rest_to_rest,
     sidesteps,
 )
-from tests.onboard.contract.run_on_models import coasting_run_on, frozen_run_on
 
 COASTING = coasting_run_on(
     0.5, lag_s=0.27, brake_mps2=2.6, speed_max_mps=2.8, acceleration_max_mps2=3.7

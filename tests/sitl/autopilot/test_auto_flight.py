@@ -11,6 +11,7 @@ from sitl.autopilot.flavours.parameters import ParameterStore
 from sitl.autopilot.flavours.px4 import Px4
 from sitl.autopilot.mission import MissionItem, MissionStore
 from sitl.autopilot.modes import Mode
+from sitl.autopilot.plan.rally import RallyStore
 from sitl.autopilot.settings import FlightSettings
 from sitl.config import HomeConfig
 from sitl.plant.truth import Vector
@@ -32,7 +33,9 @@ class Flying:
     def __init__(self, down_m: float = -5.0, *items: MissionItem) -> None:
         self.mission = MissionStore(ORIGIN, 0)
         self.mission.replace(items)
-        self.auto = AutoFlight(SETTINGS, truth_at(position_ned_m=(0.0, 0.0, down_m)), self.mission)
+        self.rally = RallyStore(ORIGIN)
+        truth = truth_at(position_ned_m=(0.0, 0.0, down_m))
+        self.auto = AutoFlight(SETTINGS, truth, self.mission, self.rally)
         self.now_s = 0.0
 
     def fly(self, mode: Mode, time_s: float) -> Mode | None:
@@ -160,3 +163,54 @@ def test_the_nose_points_where_the_item_says_else_ahead(param4: float, yaw_deg: 
     flying.auto.begin(Mode.MISSION, truth_at(position_ned_m=(0.0, 0.0, -8.0)))
     flying.fly(Mode.MISSION, 0.1)
     assert math.degrees(flying.auto.reference.yaw_rad) == pytest.approx(yaw_deg, abs=0.01)
+
+
+def test_return_ends_at_a_rally_point_that_is_nearer_than_home() -> None:
+    flying = Flying()
+    rally = item(mavlink.MAV_CMD_NAV_RALLY_POINT, north=900)  # 10 m north
+    flying.rally.replace((rally,))
+    flying.auto.reference.position_ned_m = (8.0, 0.0, -10.0)
+    assert flying.fly(Mode.RTL, 30.0) is Mode.LAND
+    assert flying.position_ned_m == pytest.approx((10.0, 0.0, -10.0), abs=0.1)
+
+
+@pytest.mark.parametrize(("times", "flown"), [(0, 1), (1, 2), (2, 3)])
+def test_a_jump_repeats_the_items_before_it_so_many_times(times: int, flown: int) -> None:
+    jump = item(mavlink.MAV_CMD_DO_JUMP, param1=0.0, param2=times)
+    flying = Flying(-8.0, item(north=300), item(), jump, item(north=600))
+    flying.fly(Mode.MISSION, 60.0)
+    assert flying.mission.finished
+    assert flying.mission.reached.count(0) == flown
+
+
+def test_jumping_for_ever_never_finishes_and_a_jump_to_nowhere_goes_on() -> None:
+    for_ever = item(mavlink.MAV_CMD_DO_JUMP, param1=0.0, param2=-1.0)
+    flying = Flying(-8.0, item(north=300), item(), for_ever)
+    flying.fly(Mode.MISSION, 60.0)
+    assert flying.mission.reached.count(0) > 3
+    nowhere = item(mavlink.MAV_CMD_DO_JUMP, param1=9.0, param2=-1.0)
+    flying = Flying(-8.0, item(north=300), nowhere, item())
+    flying.fly(Mode.MISSION, 30.0)
+    assert flying.mission.finished
+
+
+@pytest.mark.parametrize(("east", "slowest_mps"), [(0, 4.5), (600, 0.0)])
+def test_a_waypoint_on_a_straight_way_is_flown_through_at_speed(
+    east: int, slowest_mps: float
+) -> None:
+    corner = item(north=2000)
+    after = corner._replace(x=corner.x + (0 if east else 2000), y=corner.y + east * 4)
+    flying = Flying(-8.0, corner, after)
+    flying.fly(Mode.MISSION, 2.0)
+    while flying.mission.current == 0:
+        flying.fly(Mode.MISSION, PERIOD_S)
+    speed_mps = flying.auto.reference.speed_mps
+    assert speed_mps > slowest_mps
+    assert east == 0 or speed_mps < 3.5  # a turn is not
+
+
+def test_without_a_following_place_a_waypoint_is_a_stop() -> None:
+    flying = Flying(-8.0, item(north=1000), item(mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH))
+    while flying.mission.current == 0:
+        flying.fly(Mode.MISSION, PERIOD_S)
+    assert flying.auto.reference.speed_mps < 3.5

@@ -226,7 +226,7 @@ def test_a_second_client_waits_for_the_first_ones_upload() -> None:
     assert result_of(other) == mavlink.MAV_MISSION_DENIED
 
 
-def test_clearing_empties_the_list_and_rally_points_are_not_supported() -> None:
+def test_clearing_empties_the_list() -> None:
     client = on_ground()
     upload(client, [TAKE_OFF, LAND])
     client.send(mavlink.MAVLink_mission_clear_all_message(1, 1))
@@ -237,6 +237,3 @@ def test_clearing_empties_the_list_and_rally_points_are_not_supported() -> None:
     assert result_of(client) == mavlink.MAV_MISSION_INVALID_SEQUENCE
     client.send(mavlink.MAVLink_mission_set_current_message(1, 1, 7))
     assert result_of(client) == mavlink.MAV_MISSION_INVALID_SEQUENCE
-    rally = mavlink.MAV_MISSION_TYPE_RALLY
-    client.send(mavlink.MAVLink_mission_count_message(1, 1, 3, rally))
-    assert result_of(client) == mavlink.MAV_MISSION_UNSUPPORTED

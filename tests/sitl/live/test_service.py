@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import json
 import queue
 import signal
@@ -19,7 +20,14 @@ from mavsdk.asyncio.plugins.action import ActionAsync
 from mavsdk.asyncio.plugins.telemetry import TelemetryAsync
 from mcap.reader import make_reader
 
+from onboard.files.zenoh_endpoints import ZenohEndpoints
+from onboard.zenoh_session import open_session
 from sitl.__main__ import main
+from sitl.config import SitlConfig
+from sitl.environment.formats.ros2_topics import Ros2Publisher, Ros2Topic
+from sitl.environment.sensor import SensorConfig
+from sitl.environment.sensor_message import ZenohMessage
+from sitl.live.service import Bus
 from tests.sitl.process import configured, free_port, running
 
 
@@ -98,6 +106,37 @@ def test_detections_and_truth_on_zenoh_and_a_tcp_client(tmp_path: Path) -> None:
         assert truth["collisions"] == 0
         with socket.create_connection(("127.0.0.1", tcp_port), timeout=60.0) as client:
             assert client.recv(1) == b"\xfd"
+
+
+def test_a_sensor_that_speaks_ros_2_has_the_key_and_the_token_of_its_topic() -> None:
+    sensor = SensorConfig(source="lidar", publishes="laserscan", ros2=Ros2Topic(topic="/scan"))
+    config = SitlConfig(vehicle="kite", sensors=(sensor,))
+    publisher = Ros2Publisher(sensor.ros2, "laserscan", "lidar")
+    endpoint = f"tcp/127.0.0.1:{free_port(socket.SOCK_STREAM)}"
+    samples: queue.Queue[zenoh.Sample] = queue.Queue()
+    with (
+        open_session(ZenohEndpoints(listen=(endpoint,))) as session,
+        open_session(ZenohEndpoints(connect=(endpoint,))) as ros,
+    ):
+        ros.declare_subscriber("0/scan/**", samples.put)
+        bus = Bus(session, config, [publisher])
+        message = ZenohMessage("lidar", b"scan", publisher.key, publisher.attachment(5.0))
+        sample = None
+        while sample is None:  # until the two have found each other
+            bus.publish(message)
+            with contextlib.suppress(queue.Empty):
+                sample = samples.get(timeout=0.1)
+        tokens = [
+            str(reply.ok.key_expr)
+            for key in ("@ros2_lv/**", "clearway/kite/obstacles/*")
+            for reply in ros.liveliness().get(key)
+            if reply.ok is not None
+        ]
+    assert str(sample.key_expr) == publisher.key
+    assert sample.payload.to_bytes() == b"scan"
+    assert sample.attachment is not None
+    assert sample.attachment.to_bytes() == message.attachment
+    assert tokens == [publisher.token(tokens[0].split("/")[2])]
 
 
 def test_several_vehicles_in_one_process(tmp_path: Path) -> None:

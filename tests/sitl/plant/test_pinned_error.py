@@ -131,3 +131,21 @@ def test_the_simulator_has_no_contract_so_the_size_has_to_be_given() -> None:
 def test_a_scenario_pins_the_error_at_its_contracts() -> None:
     read = load_scenario(CONFIG / "paper.yaml")
     assert read.sitl_config().tracking.error_m == read.contract.vehicle.tracking_error_m
+
+
+def test_what_is_seen_late_of_the_error_stays_within_its_size() -> None:
+    # An older position is judged as if it were a newer one: flying east at 3 m/s, the vehicle seems
+    # 3 cm farther west, and the estimate adds 2 cm.
+    error = PinnedError(0.3, seen_late_s=0.01)
+    for toward in ((0.0, -1.0), (0.6, -0.8), (1.0, 0.0), (0.0, 1.0)):
+        for _ in range(100):
+            error.advance(toward, 0.02, (0.0, 3.0), (0.0, -0.02))
+        seen_m = math.hypot(error.north_m, error.east_m - 0.05)
+        assert max(seen_m, math.hypot(error.north_m, error.east_m)) <= 0.3 + 1e-9
+    assert error.east_m == pytest.approx(0.3)  # ahead, nothing of it is lost
+
+
+def test_a_reset_error_may_be_what_the_estimate_causes() -> None:
+    error = PinnedError(0.3)
+    error.forget(0.02, -0.01)
+    assert (error.north_m, error.east_m) == (0.02, -0.01)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import random
+from dataclasses import replace
 from typing import get_args
 
 import numpy as np
@@ -11,11 +12,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from gcs_tools.campaign.generator.airframes import ARDUPILOT, IDEAL, PX4, Airframe
 from gcs_tools.campaign.generator.case import FULL, QUICK, Extent
-from gcs_tools.campaign.generator.contracts import (
-    compliant_contract,
-    flies_as_in_the_field,
-)
+from gcs_tools.campaign.generator.contracts import compliant_contract, required_range_m
 from gcs_tools.campaign.generator.faults import (
     _AMOUNT_RANGES,
     _PASSING_S,
@@ -41,10 +40,10 @@ SCENARIO = generated("nominal", 1, 0).scenario
 seeds = st.integers(0, 2**32)
 
 
-def drawn_contract(seed: int, extent: Extent = FULL, **more: float) -> Contract:
+def drawn_contract(seed: int, airframe: Airframe = IDEAL, **more: float) -> Contract:
     draw = random.Random(seed)
     while True:
-        contract = compliant_contract(draw, extent, stop=True, passive_safety=False, **more)
+        contract = compliant_contract(draw, FULL, airframe, stop=True, passive_safety=False, **more)
         if contract is not None:
             return contract
 
@@ -53,14 +52,15 @@ def drawn_contract(seed: int, extent: Extent = FULL, **more: float) -> Contract:
 
 
 @settings(max_examples=15, deadline=None)
-@given(seeds)
-def test_a_drawn_contract_complies_with_little_to_spare(seed: int) -> None:
-    contract = drawn_contract(seed)
+@given(seeds, st.sampled_from((IDEAL, PX4, ARDUPILOT)))
+def test_a_drawn_contract_complies_with_little_to_spare(seed: int, airframe: Airframe) -> None:
+    contract = drawn_contract(seed, airframe)
     assessment = assess(contract)
     assert assessment.compliant
     required = {clause.name: clause.required for clause in assessment.clauses}
     separation_m = contract.environment.separation_any_way_m
     assert separation_m == pytest.approx(required["separation"], rel=0.02)
+    assert contract.sensor.detection_range_m <= 1.51 * required_range_m(assessment)
     assert FULL.speed_mps[0] <= contract.vehicle.cruise_speed_mps <= FULL.speed_mps[1]
 
 
@@ -73,16 +73,21 @@ def test_the_size_may_be_given(size_m: float) -> None:
 def test_a_leg_too_short_for_one_obstacle_gives_no_contract() -> None:
     extent = Extent((3.0, 3.0), (4.0, 5.0), airborne=True)
     draw = random.Random(1)
-    drawn = [compliant_contract(draw, extent, stop=True, passive_safety=True) for _ in range(50)]
+    drawn = [
+        compliant_contract(draw, extent, IDEAL, stop=True, passive_safety=True) for _ in range(50)
+    ]
     assert drawn == [None] * 50
 
 
-def test_field_realism_is_told_by_the_heading() -> None:
-    contract = drawn_contract(3)
-    vehicle = contract.vehicle.model_copy(update={"heading_error_deg": 1.2})
-    assert flies_as_in_the_field(contract.model_copy(update={"vehicle": vehicle}))
-    vehicle = contract.vehicle.model_copy(update={"heading_error_deg": 0.0})
-    assert not flies_as_in_the_field(contract.model_copy(update={"vehicle": vehicle}))
+def test_where_no_range_suffices_for_the_heading_s_error_there_is_no_contract() -> None:
+    swinging = replace(
+        PX4, terms=lambda draw, mps: PX4.terms(draw, mps) | {"heading_error_deg": 40.0}
+    )
+    draw = random.Random(1)
+    drawn = [
+        compliant_contract(draw, FULL, swinging, stop=True, passive_safety=True) for _ in range(5)
+    ]
+    assert drawn == [None] * 5
 
 
 # ---------------------------------------------------------------------------- fields

@@ -91,6 +91,8 @@ def checked(
     sensor_ahead_s: float = -0.01,
     *,
     accept_no_progress: bool = False,
+    sensors: tuple[str, ...] = (),
+    sensors_said: dict[str, Any] | None = None,
     **said: Any,
 ) -> dict[str, Finding]:
     """Return the findings by subject and name, the flight authorization among them."""
@@ -100,10 +102,10 @@ def checked(
     with (
         open_session(listen) as theirs,
         open_session(connect) as ours,
-        Onboard(theirs, ahead_s, sensor_ahead_s, said).running(),
+        Onboard(theirs, ahead_s, sensor_ahead_s, said | {"sensors": sensors_said or {}}).running(),
     ):
         bus = BusCheck(ours, "vehicle")
-        found = bus.run(assess(CONTRACT))
+        found = bus.run(assess(CONTRACT), sensors)
         authorized = bus.authorize(
             CONTRACT, found, compliant=True, accept_no_progress=accept_no_progress
         )
@@ -114,7 +116,9 @@ def checked(
 @pytest.mark.parametrize("ahead_s", [0.0, 1199.9, -1199.9])
 def test_a_daemon_by_whose_clock_all_is_well_is_cleared(ahead_s: float) -> None:
     """Also one whose clock this computer does not share."""
-    found = checked(ahead_s)
+    heard = {"lidar": {"age_s": 0.04, "stamp_ahead_s": -0.01}}
+    found = checked(ahead_s, sensors=("lidar",), sensors_said=heard)
+    assert "sensor lidar" in found
     assert {each.verdict for each in found.values()} == {Verdict.HOLDS}, found
     assert found["daemon flight authorization"].text == "given, and confirmed by the daemon"
 

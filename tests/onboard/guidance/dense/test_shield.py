@@ -142,6 +142,26 @@ def test_a_blind_sensor_ends_in_rest_and_not_in_a_hold_and_the_flight_goes_on(
     flight.run_until(FlightState.ARRIVED, seconds=60.0)
 
 
+def test_what_a_range_that_suffices_to_stop_shows_in_its_region_is_not_late(
+    contract: Contract,
+) -> None:
+    changes = {
+        "requirements": contract.requirements.model_copy(update={"stop": True}),
+        "vehicle": contract.vehicle.model_copy(update={"cruise_speed_mps": 5.0}),
+        "sensor": contract.sensor.model_copy(update={"detection_range_m": 13.5}),
+    }
+    fast, wide = contract.model_copy(update=changes), Stem(30.0, 0.1, 1.9)
+    mission = mission_to((60.0, 0.0)).model_copy(update={"start_clear_m": 3.0})
+    flight = ShieldedFlight(fast, mission, (wide,), IdealSeenSpace())
+    assert flight.navigator.assessment.compliant
+    flight.depart()
+    flight.run_until(FlightState.LOOKING, FlightState.AVOIDING)
+    (seen,) = flight.situation.obstacles
+    late_m = flight.reference.position_leg_m[0] - seen.region.approach_x_m
+    assert late_m > 5.0 * flight.navigator.assessment.terms.reaction_time_s
+    assert flight.texts("violation") == []
+
+
 # ------------------------------------------------------------------ the start
 
 
@@ -157,6 +177,21 @@ def test_a_start_that_nobody_has_confirmed_is_looked_at_all_round_before_the_cru
         FlightState.CRUISING,
     ]
     assert flight.seen.confirmed == 1
+
+
+def test_while_a_start_is_looked_at_nothing_is_held_and_nothing_called_uncertified(
+    shielded: Shielded,
+) -> None:
+    flight = shielded(start_clear_m=None)
+    shield = flight.navigator.shield
+    assert shield is not None
+    flight.depart()
+    flight.run_until(FlightState.LOOKING)
+    while flight.state is FlightState.LOOKING:
+        assert shield.rest_certified is None
+        flight.tick()
+    flight.run_until(FlightState.CRUISING)
+    assert shield.rest_certified is True
 
 
 def test_a_start_that_is_not_free_is_not_left(shielded: Shielded) -> None:

@@ -7,7 +7,7 @@ import pytest
 
 from onboard.contract.run_on import NO_RUN_ON
 from onboard.geometry.free_grid import FreeGrid
-from onboard.guidance.dense.way_to_rest import WayToRest, moves
+from onboard.guidance.dense.way_to_rest import WayToRest, largest_margin_m, moves
 from onboard.guidance.reference import Reference
 from onboard.motion.trajectory import State, Trajectory
 from onboard.perception.seen_free import SeenFree
@@ -202,3 +202,20 @@ def test_a_trajectory_that_starts_later_takes_over_then_and_moves_with_the_estim
     resting = way._reference.sample(1.5)
     assert resting is not None
     assert resting.position_leg_m[:2] == pytest.approx((0.6, 2.0))
+
+
+@pytest.mark.parametrize(
+    ("greatest_m", "margin_m"),
+    [(0.0, 0.0), (0.05, 0.05), (0.1, 0.1), (0.19, 0.1), (0.2, 0.2), (0.3, 0.2), (0.4, 0.4)],
+)
+def test_the_largest_margin_is_found_by_few_certificates(
+    greatest_m: float, margin_m: float
+) -> None:
+    asked_m: list[float] = []
+
+    def certifies(more_m: float) -> bool:
+        asked_m.append(more_m)
+        return more_m <= greatest_m
+
+    assert largest_margin_m(certifies) == margin_m
+    assert len(asked_m) <= 3

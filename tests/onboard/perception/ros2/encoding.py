@@ -126,3 +126,29 @@ def occupancy_grid(
 def attachment(publisher: bytes = bytes(16), sequence: int = 1, sent_ns: int = 5) -> bytes:
     """Return what rmw_zenoh attaches since 0.2.4."""
     return struct.pack("<qqB", sequence, sent_ns, 16) + publisher
+
+
+# Parent, child, position, rotation as (x, y, z, w).
+Link = tuple[str, str, tuple[float, float, float], tuple[float, float, float, float]]
+
+
+def transforms(*links: Link, order: str = "<") -> bytes:
+    """Return a tf2_msgs/TFMessage."""
+    writer = CdrWriter(order).add("I", len(links))
+    for parent, child, position_m, rotation in links:
+        writer.header(STAMP, parent).text(child).add("ddddddd", *position_m, *rotation)
+    return writer.payload()
+
+
+def odometry(
+    position_m: tuple[float, float, float] = (0.0, 0.0, 0.0),
+    rotation: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 1.0),
+    *,
+    stamp_unix_s: float,
+    velocity_mps: tuple[float, float, float] = (0.0, 0.0, 0.0),
+    frame_id: str = "odom",
+) -> bytes:
+    """Return a nav_msgs/Odometry."""
+    writer = CdrWriter().header(stamp_of(stamp_unix_s), frame_id).text("base_link")
+    writer.add("ddddddd", *position_m, *rotation).add("d" * 36, *[0.0] * 36)
+    return writer.add("dddddd", *velocity_mps, 0.0, 0.0, 0.0).add("d" * 36, *[0.0] * 36).payload()

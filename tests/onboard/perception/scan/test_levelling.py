@@ -8,11 +8,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from onboard.files.sensor_sources import Mounting
+from onboard.files.sensor_sources import Axes, Mounting
 from onboard.perception.scan.levelling import (
     FRD_FROM,
     BodyMotion,
     in_sectors,
+    mounting_of,
     mounting_offset_m,
     mounting_rotation,
 )
@@ -98,3 +99,12 @@ def test_sectors_run_clockwise(
     found = in_sectors(np.radians([bearing_deg]), [sector])
     assert found.tolist() == [inside]
     assert in_sectors(np.radians([bearing_deg]), []).tolist() == [False]
+
+
+@pytest.mark.parametrize("axes", ["flu", "optical"])
+def test_the_mounting_of_a_pose_turns_as_the_pose_does(axes: Axes) -> None:
+    mounting = Mounting(x_m=0.1, y_m=-0.2, z_m=0.3, roll_deg=20.0, pitch_deg=-35.0, yaw_deg=130.0)
+    pose = np.eye(4)
+    pose[:3, :3] = FRD_FROM["flu"] @ mounting_rotation(mounting) @ FRD_FROM[axes]
+    pose[:3, 3] = FRD_FROM["flu"] @ (0.1, -0.2, 0.3)
+    assert mounting_of(pose, axes).model_dump() == pytest.approx(mounting.model_dump())

@@ -134,6 +134,22 @@ def test_what_returns_from_outside_the_band_is_neither_obstacle_nor_free() -> No
     assert free_at(frame, 0.3) == pytest.approx(5.5, abs=0.02)
 
 
+def test_the_ground_is_no_obstacle_during_take_off() -> None:
+    # 0.6 m up and tilted, the plane ahead meets the ground after 3.5 m.
+    pose = pose_at(position_ned_m=(0.0, 0.0, -0.6), pitch_deg=-10.0)
+    ranges_m = NOTHING.copy()
+    ranges_m[340:380] = 0.6 / math.sin(math.radians(10.0))
+    frame = read(ranges_m, pose, height_band_m=(6.0, 3.5))
+    assert frame.obstacles == ()
+    # At this height 0.1 m below the vehicle the ground begins; higher up what is declared counts.
+    assert free_at(frame, 0.3) == pytest.approx(0.1 / math.tan(math.radians(10.0)), abs=0.01)
+    above = pose._replace(position_ned_m=(0.0, 0.0, -6.0))
+    assert len(read(ranges_m, above, height_band_m=(6.0, 3.5), box_max_m=9.0).obstacles) == 1
+    # Without a margin, errors of height make the ground an obstacle.
+    bold = read(ranges_m, pose, height_band_m=(6.0, 3.5), box_max_m=9.0, ground_margin_m=0.0)
+    assert len(bold.obstacles) == 1
+
+
 def test_the_range_is_that_of_the_view_which_is_counted_on() -> None:
     pose = pose_at(roll_deg=15.0)
     assert read(NOTHING, pose, no_return_is_free_to_m=12.0).range_m == pytest.approx(3.73, abs=0.02)

@@ -64,6 +64,19 @@ def test_ground_and_branches_above_are_no_obstacles_and_show_nothing_free(
     assert free_at(frame, 0.0) == 0.0
 
 
+def test_a_vehicle_on_the_ground_does_not_take_it_for_an_obstacle() -> None:
+    left, ahead = (axis.ravel() for axis in np.mgrid[-3.0:3.0:0.04, 1.0:6.0:0.04])
+    ground = np.column_stack((ahead, left, np.full(ahead.size, -0.15)))
+    tall: dict[str, Any] = {"height_band_m": (6.0, 3.5), "no_return_is_free_to_m": 8.0}
+    on_it = pose_at(position_ned_m=(0.0, 0.0, 0.0))
+    assert read(ground, on_it, **tall).obstacles == ()
+    # What stands on it is one.
+    post = np.vstack((ground, wall(5.0, (-0.5, 0.5), (-0.1, 2.0))))
+    assert len(read(post, on_it, **tall).obstacles) == 1
+    # At 4 m it is a shrub, which a vehicle may descend to.
+    assert read(ground, pose_at(), **tall).obstacles != ()
+
+
 def test_it_is_levelled_by_the_attitude() -> None:
     """Pitched down by 20 degrees, what is at flight height lies above the axis."""
     level = wall(5.0, (-0.5, 0.5), (-0.3, 0.3))

@@ -8,10 +8,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
+from gcs_tools.benchmark.run_on_models import frozen_run_on
 from onboard.contract.run_on import NO_RUN_ON
 from onboard.geometry.frames import FloatArray
 from onboard.planning.corridor.horizon import PIECE_S, PIECES, Horizon, JerkMaps, state_of
-from tests.onboard.contract.run_on_models import frozen_run_on
 
 RUN_ON = frozen_run_on(1.14, gain_per_s=0.95, velocity_gain_per_s=1.8)
 MAPS = JerkMaps(RUN_ON)

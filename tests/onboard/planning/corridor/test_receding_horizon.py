@@ -7,6 +7,7 @@ import math
 import numpy as np
 import pytest
 
+from gcs_tools.benchmark.run_on_models import coasting_run_on
 from onboard.contract.run_on import NO_RUN_ON, RunOn
 from onboard.geometry.box import Box
 from onboard.geometry.free_grid import FreeGrid
@@ -18,7 +19,6 @@ from onboard.planning.corridor.receding_horizon import (
     RecedingHorizonPlanner,
 )
 from onboard.planning.rest_certifier import RestLimits, certify_rest
-from tests.onboard.contract.run_on_models import coasting_run_on
 
 COAST = coasting_run_on(
     0.2, lag_s=0.19, brake_mps2=2.63, speed_max_mps=2.8, acceleration_max_mps2=2.63

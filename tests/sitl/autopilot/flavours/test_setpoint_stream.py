@@ -91,3 +91,11 @@ def test_a_setpoint_without_position_stays_without() -> None:
         holds_yaw=True,
     )
     assert math.isnan(made.setpoint(0.5, 0.0).north_m)
+
+
+def test_an_acceleration_alone_acts_until_the_loss() -> None:
+    stream = OffboardStream(0.06)
+    nothing = (math.nan, math.nan, math.nan)
+    alone = Setpoint.of(nothing, nothing, (1.0, 0.0, -2.0), (0.0, 0.0, 0.0), 0.0, 0.0)
+    stream.receive(alone, 1.0, 1.0, holds_yaw=False)
+    assert stream.setpoint(1.8, 0.0)[6:9] == (1.0, 0.0, -2.0)

@@ -11,6 +11,8 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from sitl.autopilot.decisions import Verdict
 from sitl.autopilot.modes import Mode
 from sitl.autopilot.protocol.commands import Command, CommandContext, execute
+from sitl.autopilot.protocol.files.file_transfer import FileServer
+from sitl.autopilot.protocol.files.onboard_files import metadata_files
 from sitl.autopilot.protocol.link import MavlinkLink
 from sitl.autopilot.protocol.snapshot import Snapshot
 from sitl.autopilot.protocol.streams import StreamSchedule
@@ -46,7 +48,13 @@ class Bench:
             autopilot.estimator,
         )
         self._context = CommandContext(
-            autopilot.commander, autopilot.flavour, vehicle.home, snapshot, self.link, self.streams
+            autopilot.commander,
+            autopilot.flavour,
+            vehicle.home,
+            snapshot,
+            self.link,
+            self.streams,
+            FileServer(metadata_files(autopilot.parameters)),
         )
 
     def do(self, number: int, *parameters: float, frame: int = mavlink.MAV_FRAME_GLOBAL) -> Verdict:
@@ -80,7 +88,9 @@ class Bench:
         (mavlink.MAV_CMD_INJECT_FAILURE, (4.0, 1.0, 0.0), DENIED),
         (mavlink.MAV_CMD_SET_MESSAGE_INTERVAL, (9999.0, 1000.0), DENIED),
         (mavlink.MAV_CMD_SET_MESSAGE_INTERVAL, (30.0, NAN), DENIED),
-        (mavlink.MAV_CMD_GET_MESSAGE_INTERVAL, (9999.0,), DENIED),
+        (mavlink.MAV_CMD_GET_MESSAGE_INTERVAL, (9999.0,), ACCEPTED),
+        (mavlink.MAV_CMD_GET_MESSAGE_INTERVAL, (70_000.0,), DENIED),
+        (mavlink.MAV_CMD_GET_MESSAGE_INTERVAL, (NAN,), DENIED),
         (mavlink.MAV_CMD_REQUEST_MESSAGE, (9999.0,), UNSUPPORTED),
         (mavlink.MAV_CMD_REQUEST_MESSAGE, (30.5,), UNSUPPORTED),
         (mavlink.MAV_CMD_REQUEST_MESSAGE, (85.0,), Verdict.TEMPORARILY_REJECTED),

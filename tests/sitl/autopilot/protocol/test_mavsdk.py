@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import asyncio
+import json
+import lzma
 import socket
 from collections.abc import Awaitable, Callable
 from pathlib import Path
@@ -11,7 +13,9 @@ from typing import Any
 import pytest
 from mavsdk.asyncio import ComponentType, Configuration, Mavsdk
 from mavsdk.asyncio.plugins.action import ActionAsync, ActionError
+from mavsdk.asyncio.plugins.component_metadata import ComponentMetadataAsync, MetadataType
 from mavsdk.asyncio.plugins.failure import FailureAsync, FailureError, FailureType, FailureUnit
+from mavsdk.asyncio.plugins.ftp import FtpAsync, FtpError
 from mavsdk.asyncio.plugins.info import InfoAsync
 from mavsdk.asyncio.plugins.mission import MissionAsync, MissionItem, MissionPlan
 from mavsdk.asyncio.plugins.offboard import OffboardAsync, PositionNedYaw, VelocityNedYaw
@@ -63,6 +67,24 @@ async def disarmed(telemetry: TelemetryAsync) -> None:
             return
 
 
+async def files_and_metadata(system: Any, directory: Path) -> None:
+    files, metadata = FtpAsync(system), ComponentMetadataAsync(system)
+    listing = await files.list_directory("/etc/extras")
+    names = {entry.name for entry in listing.entries}
+    assert names == {"component_general.json.xz", "parameters.json.xz"}
+    async for _ in files.download("/etc/extras/parameters.json.xz", str(directory), True):
+        pass
+    content = (directory / "parameters.json.xz").read_bytes()
+    described = json.loads(lzma.decompress(content))["parameters"]
+    with pytest.raises(FtpError, match="FILE_DOES_NOT_EXIST"):
+        await files.list_directory("/fs/microsd")
+    await metadata.request_autopilot_component()
+    async for found in metadata.subscribe_metadata_available():
+        if found.type == MetadataType.PARAMETER:
+            assert json.loads(found.json_metadata)["parameters"] == described
+            break
+
+
 async def parameters_and_identity(system: Any) -> None:
     info, params = InfoAsync(system), ParamAsync(system)
     version = await info.get_version()
@@ -90,7 +112,11 @@ async def parameters_and_identity(system: Any) -> None:
 
 
 def test_info_param_and_failure_plugins(tmp_path: Path) -> None:
-    talk(tmp_path, parameters_and_identity)
+    async def script(system: Any) -> None:
+        await files_and_metadata(system, tmp_path)
+        await parameters_and_identity(system)
+
+    talk(tmp_path, script)
 
 
 async def mission(system: Any) -> None:

@@ -6,14 +6,16 @@ from typing import Any
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from sitl.autopilot.fence import FenceStore
 from sitl.autopilot.mission import ITEMS_MAX, MissionStore
-from sitl.autopilot.protocol.mission_transfer import MissionTransfer
+from sitl.autopilot.plan.fence import FenceStore
+from sitl.autopilot.plan.rally import RallyStore
+from sitl.autopilot.protocol.mission_transfer import ItemStore, MissionTransfer
 from sitl.config import HomeConfig
 
 FENCE = mavlink.MAV_MISSION_TYPE_FENCE
 RALLY = mavlink.MAV_MISSION_TYPE_RALLY
 ALL = mavlink.MAV_MISSION_TYPE_ALL
+UNKNOWN = 77
 
 
 class Peer:
@@ -44,8 +46,9 @@ class Vehicle:
 
     def __init__(self) -> None:
         self.mission = MissionStore(HomeConfig(), 0)
-        self.fence = FenceStore()
-        self.transfer = MissionTransfer(self.mission, self.fence)
+        self.fence, self.rally = FenceStore(HomeConfig()), RallyStore(HomeConfig())
+        places: dict[int, ItemStore] = {FENCE: self.fence, RALLY: self.rally}
+        self.transfer = MissionTransfer(self.mission, places, partial=True)
         self.peer = Peer(self.transfer)
 
 
@@ -105,7 +108,20 @@ def test_an_empty_upload_empties_the_mission() -> None:
 @pytest.mark.parametrize(
     ("message", "result"),
     [
-        (count(1, RALLY), mavlink.MAV_MISSION_UNSUPPORTED),
+        (count(1, UNKNOWN), mavlink.MAV_MISSION_UNSUPPORTED),
+        (
+            mavlink.MAVLink_mission_request_list_message(1, 1, UNKNOWN),
+            mavlink.MAV_MISSION_UNSUPPORTED,
+        ),
+        (
+            mavlink.MAVLink_mission_clear_all_message(1, 1, UNKNOWN),
+            mavlink.MAV_MISSION_UNSUPPORTED,
+        ),
+        (
+            mavlink.MAVLink_mission_write_partial_list_message(1, 1, 0, 0, UNKNOWN),
+            mavlink.MAV_MISSION_UNSUPPORTED,
+        ),
+        (mavlink.MAVLink_mission_write_partial_list_message(1, 1, 0, 0), mavlink.MAV_MISSION_ERROR),
         (count(ITEMS_MAX + 1), mavlink.MAV_MISSION_NO_SPACE),
         (item(0), mavlink.MAV_MISSION_ERROR),
         (
@@ -192,10 +208,56 @@ def test_a_download_returns_what_was_uploaded(request_of: Any) -> None:
         assert found.current == (index == 0)
 
 
-def test_there_are_no_rally_points() -> None:
-    peer = uploaded(1).peer
-    peer.send(mavlink.MAVLink_mission_request_list_message(1, 1, RALLY))
-    assert (peer.last.get_type(), peer.last.count) == ("MISSION_COUNT", 0)
+def test_rally_points_are_a_list_of_their_own() -> None:
+    vehicle = uploaded(1)
+    vehicle.peer.send(count(1, RALLY))
+    vehicle.peer.send(item(0, RALLY, mavlink.MAV_CMD_NAV_RALLY_POINT))
+    assert vehicle.peer.result == mavlink.MAV_MISSION_ACCEPTED
+    vehicle.peer.send(mavlink.MAVLink_mission_request_list_message(1, 1, RALLY))
+    assert (vehicle.peer.last.get_type(), vehicle.peer.last.count) == ("MISSION_COUNT", 1)
+    assert (len(vehicle.mission.items), len(vehicle.rally.items)) == (1, 1)
+
+
+def test_a_part_of_the_mission_is_replaced() -> None:
+    vehicle = uploaded(4)
+    before = vehicle.mission.items
+    vehicle.peer.send(mavlink.MAVLink_mission_write_partial_list_message(1, 1, 1, 2))
+    for index in (1, 2):
+        assert vehicle.peer.last.seq == index
+        vehicle.peer.send(item(index, command=mavlink.MAV_CMD_NAV_LOITER_UNLIM))
+    assert vehicle.peer.result == mavlink.MAV_MISSION_ACCEPTED
+    first, second, third, fourth = vehicle.mission.items
+    assert (first, fourth) == (before[0], before[3])
+    assert {second.command, third.command} == {mavlink.MAV_CMD_NAV_LOITER_UNLIM}
+
+
+@pytest.mark.parametrize(("first", "last"), [(-1, 0), (2, 1), (3, 4)])
+def test_a_part_that_does_not_exist_is_refused(first: int, last: int) -> None:
+    vehicle = uploaded(4)
+    vehicle.peer.send(mavlink.MAVLink_mission_write_partial_list_message(1, 1, first, last))
+    assert vehicle.peer.result == mavlink.MAV_MISSION_ERROR
+
+
+@pytest.mark.parametrize(
+    ("system", "result", "kind", "ended"),
+    [
+        (255, mavlink.MAV_MISSION_OPERATION_CANCELLED, 0, True),
+        (254, mavlink.MAV_MISSION_OPERATION_CANCELLED, 0, False),
+        (255, mavlink.MAV_MISSION_OPERATION_CANCELLED, FENCE, False),
+        (255, mavlink.MAV_MISSION_ACCEPTED, 0, False),
+    ],
+)
+def test_only_its_sender_cancels_an_upload(
+    system: int, result: int, kind: int, ended: bool
+) -> None:
+    vehicle = uploaded(1)
+    vehicle.peer.send(count(2))
+    other = Peer(vehicle.transfer, system)
+    other.send(mavlink.MAVLink_mission_ack_message(1, 1, result, kind))
+    asked = len(vehicle.peer.heard)
+    vehicle.transfer.step(1.0)
+    assert (len(vehicle.peer.heard) == asked) is ended
+    assert len(vehicle.mission.items) == 1
 
 
 @pytest.mark.parametrize(

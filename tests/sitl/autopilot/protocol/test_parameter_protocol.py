@@ -8,7 +8,7 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sitl.autopilot.flavours.parameters import ParameterSpec, ParameterStore
-from sitl.autopilot.protocol.parameter_protocol import ParameterProtocol
+from sitl.autopilot.protocol.parameter_protocol import TYPE_MISMATCH, ParameterProtocol
 
 SPECS = (
     ParameterSpec("ALFA", 3, 0, 10, "an integer"),
@@ -38,7 +38,7 @@ def read(name: str = "", index: int = -1) -> Any:
 
 
 def test_the_list_has_every_parameter_in_order() -> None:
-    _, listed = answers(mavlink.MAVLink_param_request_list_message(1, 1))
+    _, listed = answers(mavlink.MAVLink_param_request_list_message(1, 1), bytewise=False)
     assert [message.param_id for message in listed] == ["ALFA", "BRAVO", "CHARLIE"]
     assert [message.param_index for message in listed] == [0, 1, 2]
     assert {message.param_count for message in listed} == {3}
@@ -77,8 +77,31 @@ def test_an_integer_is_set_bytewise_or_as_a_float() -> None:
     assert store["ALFA"] == 5
     store, _ = answers(param_set("ALFA", 6.0, mavlink.MAV_PARAM_TYPE_INT32), bytewise=False)
     assert store["ALFA"] == 6
-    store, _ = answers(param_set("ALFA", 7.0))  # as MAVSDK does to PX4 with a float
+    store, _ = answers(param_set("ALFA", 7.0), bytewise=False)  # ArduPilot ignores the type
     assert store["ALFA"] == 7
+
+
+def bits(value: Any) -> bytes:
+    return struct.pack("<f", value.param_value)
+
+
+def test_px4_lists_a_hash_first_which_changes_with_any_value() -> None:
+    store = ParameterStore(SPECS, {})
+    protocol = ParameterProtocol(store, bytewise=True)
+    first, *listed = protocol.receive(received(mavlink.MAVLink_param_request_list_message(1, 1)))
+    assert (first.param_id, first.param_index, first.param_count) == ("_HASH_CHECK", 65_535, 3)
+    assert first.param_type == mavlink.MAV_PARAM_TYPE_UINT32
+    assert len(listed) == 3
+    (again,) = protocol.receive(received(read("_HASH_CHECK")))
+    assert bits(again) == bits(first)
+    store.set("BRAVO", 1.0)
+    (changed,) = protocol.receive(received(read("_HASH_CHECK")))
+    assert bits(changed) != bits(first)
+
+
+def test_ardupilot_has_no_hash() -> None:
+    _, (error,) = answers(read("_HASH_CHECK"), bytewise=False)
+    assert error.error == mavlink.MAV_PARAM_ERROR_DOES_NOT_EXIST
 
 
 @pytest.mark.parametrize(
@@ -87,7 +110,8 @@ def test_an_integer_is_set_bytewise_or_as_a_float() -> None:
         (param_set("DELTA", 1.0), mavlink.MAV_PARAM_ERROR_DOES_NOT_EXIST),
         (param_set("BRAVO", 3.0), mavlink.MAV_PARAM_ERROR_VALUE_OUT_OF_RANGE),
         (param_set("BRAVO", math.nan), mavlink.MAV_PARAM_ERROR_VALUE_OUT_OF_RANGE),
-        (param_set("ALFA", 2.5), mavlink.MAV_PARAM_ERROR_VALUE_OUT_OF_RANGE),
+        (param_set("ALFA", 2.0), TYPE_MISMATCH),
+        (param_set("BRAVO", 1.0, mavlink.MAV_PARAM_TYPE_INT32), TYPE_MISMATCH),
         (param_set("CHARLIE", 7.0), mavlink.MAV_PARAM_ERROR_READ_ONLY),
     ],
 )

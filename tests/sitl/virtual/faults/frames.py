@@ -2,6 +2,8 @@
 
 import json
 
+from sitl.environment.sensor_message import ZenohMessage
+from sitl.virtual.faults.detections import DetectionFaults
 from sitl.virtual.faults.schedule import FaultSchedule
 from sitl.virtual.faults.schema import Fault, FaultKind
 
@@ -35,3 +37,9 @@ def present(kind: FaultKind, amount: float | None = None) -> FaultSchedule:
     schedule = FaultSchedule((Fault(kind=kind, amount=amount),), seed=1)
     schedule.advance(0.0, "cruise")
     return schedule
+
+
+def arriving(faults: DetectionFaults, payloads: list[bytes]) -> list[bytes]:
+    """Return what arrives of detections as JSON."""
+    sent = [ZenohMessage("front", payload) for payload in payloads]
+    return [message.payload for message in faults.arriving(sent, HERE_NED_M)]

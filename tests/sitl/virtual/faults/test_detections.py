@@ -5,10 +5,11 @@ from typing import Any
 
 import pytest
 
+from sitl.environment.sensor_message import ZenohMessage
 from sitl.virtual.faults.detections import EDITS, KINDS, DetectionFaults
 from sitl.virtual.faults.schedule import FaultSchedule
 from sitl.virtual.faults.schema import Fault, FaultKind
-from tests.sitl.virtual.faults.frames import HERE_NED_M, frame, present, two_boxes
+from tests.sitl.virtual.faults.frames import HERE_NED_M, arriving, frame, present, two_boxes
 
 
 def changed(
@@ -16,7 +17,7 @@ def changed(
 ) -> list[Any]:
     """Return the parsed frames that arrive of one."""
     faults = DetectionFaults(present(kind, amount))
-    return [json.loads(data) for data in faults.arriving([payload or frame()], HERE_NED_M)]
+    return [json.loads(data) for data in arriving(faults, [payload or frame()])]
 
 
 @pytest.mark.parametrize(
@@ -70,7 +71,7 @@ def test_without_faults_frames_pass_untouched(kind: FaultKind) -> None:
     schedule = FaultSchedule((Fault(kind=kind, start_s=1.0),), seed=1)
     schedule.advance(0.5, "cruise")
     payloads = [frame(), b"not even JSON"]
-    assert DetectionFaults(schedule).arriving(payloads, HERE_NED_M) == payloads
+    assert arriving(DetectionFaults(schedule), payloads) == payloads
 
 
 def test_body_frames_are_hidden_and_haunted_relative_to_the_body() -> None:
@@ -111,7 +112,7 @@ def test_swapped_boxes_exchange_their_names() -> None:
     faults = DetectionFaults(present("detections_swapped"))
     names = []
     for _ in range(2):
-        (data,) = faults.arriving([two_boxes()], HERE_NED_M)
+        (data,) = arriving(faults, [two_boxes()])
         names.append([box["id"] for box in json.loads(data)["obstacles"]])
     assert sorted(names) == [["1", "2"], ["2", "1"]]
 
@@ -120,7 +121,7 @@ def test_names_change_every_fifth_frame() -> None:
     faults = DetectionFaults(present("detections_renamed"))
     names = []
     for _ in range(12):
-        (data,) = faults.arriving([frame()], HERE_NED_M)
+        (data,) = arriving(faults, [frame()])
         names.append(json.loads(data)["obstacles"][0]["id"])
     assert names == ["1-0"] * 4 + ["1-1"] * 5 + ["1-2"] * 3
 
@@ -134,7 +135,7 @@ def test_a_skewed_clock_runs_away_and_starts_again_with_the_next_fault() -> None
     faults, stamps = DetectionFaults(schedule), []
     for now_s in (1.0, 2.0, 3.0, 4.0, 5.0, 6.0):
         schedule.advance(now_s, "cruise")
-        (data,) = faults.arriving([frame()], HERE_NED_M)
+        (data,) = arriving(faults, [frame()])
         stamps.append(json.loads(data)["stamp_unix_s"])
     assert stamps == pytest.approx([100.0, 100.1, 100.2, 100.0, 100.0, 100.1])
 
@@ -144,13 +145,13 @@ def test_a_stuck_sensor_repeats_the_last_frame_before_the_fault() -> None:
     faults, arrived = DetectionFaults(schedule), []
     for step in range(6):
         schedule.advance(step * 0.5, "cruise")
-        arrived += faults.arriving([b"%d" % step], HERE_NED_M)
+        arrived += arriving(faults, [b"%d" % step])
     assert arrived == [b"0", b"1", b"1", b"1", b"4", b"5"]
 
 
 def test_a_sensor_stuck_from_the_start_repeats_its_first_frame() -> None:
     faults = DetectionFaults(present("detections_stuck"))
-    assert [faults.arriving([b"%d" % step], HERE_NED_M) for step in range(3)] == [[b"0"]] * 3
+    assert [arriving(faults, [b"%d" % step]) for step in range(3)] == [[b"0"]] * 3
 
 
 def test_a_sensor_that_is_off_sends_nothing() -> None:
@@ -164,7 +165,7 @@ def test_a_declared_range_that_is_no_number_is_still_json_to_python() -> None:
 
 def test_garbage_is_seeded() -> None:
     sent = [DetectionFaults(present("detections_garbage")) for _ in range(2)]
-    first, second = ([one.arriving([frame()], HERE_NED_M) for _ in range(20)] for one in sent)
+    first, second = ([arriving(one, [frame()]) for _ in range(20)] for one in sent)
     assert first == second
     assert len({data for (data,) in first}) > 10
     assert all(len(data) < 400 for (data,) in first)
@@ -172,13 +173,13 @@ def test_garbage_is_seeded() -> None:
 
 def test_an_intermittent_sensor_loses_its_share_of_frames() -> None:
     faults = DetectionFaults(present("detections_intermittent", 0.25))
-    arrived = sum(len(faults.arriving([frame()], HERE_NED_M)) for _ in range(1000))
+    arrived = sum(len(arriving(faults, [frame()])) for _ in range(1000))
     assert 700 < arrived < 800
 
 
 def test_a_slow_sensor_lets_one_frame_in_four_through() -> None:
     faults = DetectionFaults(present("detections_slow"))
-    heard = [faults.arriving([frame()], HERE_NED_M) for _ in range(40)]
+    heard = [arriving(faults, [frame()]) for _ in range(40)]
     assert sum(map(len, heard)) == 10
 
 
@@ -188,7 +189,7 @@ def test_late_frames_arrive_late_and_in_order() -> None:
     for step in range(20):
         schedule.advance(step * 0.05, "cruise")
         sent = [b"%d" % step] if step < 5 else []
-        heard.append([int(data) for data in faults.arriving(sent, HERE_NED_M)])
+        heard.append([int(data) for data in arriving(faults, sent)])
     assert heard[:8] == [[], [], [0], [1], [2], [3], [4], []]
 
 
@@ -198,20 +199,29 @@ def test_frames_in_the_queue_are_not_overtaken_when_the_delay_ends() -> None:
     faults, heard = DetectionFaults(schedule), []
     for step in range(10):
         schedule.advance(step * 0.1, "cruise")
-        heard += faults.arriving([b"%d" % step], HERE_NED_M)
+        heard += arriving(faults, [b"%d" % step])
     assert heard == [b"%d" % step for step in range(10)]
 
 
 def test_a_frame_out_of_order_follows_the_next() -> None:
     faults = DetectionFaults(present("detections_out_of_order", 1.0))
     one, other = frame((1.0, 0.0)), frame((2.0, 0.0))
-    assert faults.arriving([one, other], HERE_NED_M) == [other, one]
+    assert arriving(faults, [one, other]) == [other, one]
 
 
 def test_edits_of_two_faults_add_up() -> None:
     kinds: tuple[FaultKind, ...] = ("detections_oversized", "detections_uncertain")
     schedule = FaultSchedule(tuple(Fault(kind=kind) for kind in kinds), seed=1)
     schedule.advance(0.0, "cruise")
-    (data,) = DetectionFaults(schedule).arriving([frame()], HERE_NED_M)
+    (data,) = arriving(DetectionFaults(schedule), [frame()])
     (box,) = json.loads(data)["obstacles"]
     assert (box["size_m"], box["uncertainty_m"]) == ([3.0, 6.0], 0.15)
+
+
+def test_what_is_not_json_is_lost_and_garbled_but_not_edited() -> None:
+    scan = ZenohMessage("lidar", b"\x00\x01\x00\x00...", "0/scan/type/hash", b"attached")
+    assert DetectionFaults(present("detections_ghost")).arriving([scan], HERE_NED_M) == [scan]
+    assert DetectionFaults(present("detections_off")).arriving([scan], HERE_NED_M) == []
+    (garbled,) = DetectionFaults(present("detections_garbage")).arriving([scan], HERE_NED_M)
+    assert garbled.payload != scan.payload
+    assert garbled._replace(payload=scan.payload) == scan

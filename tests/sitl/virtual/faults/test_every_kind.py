@@ -11,7 +11,7 @@ from sitl.virtual.faults.detections import DetectionFaults
 from sitl.virtual.faults.mavlink import MavlinkFaults
 from sitl.virtual.faults.schedule import FaultSchedule
 from sitl.virtual.faults.schema import Fault, FaultKind
-from tests.sitl.virtual.faults.frames import HERE_NED_M, two_boxes
+from tests.sitl.virtual.faults.frames import arriving, two_boxes
 
 STEPS, STEP_S = 60, 0.02
 KINDS: tuple[FaultKind, ...] = get_args(FaultKind)
@@ -23,7 +23,7 @@ def frames_through(*faults: Fault) -> list[list[bytes]]:
     for step in range(STEPS):
         schedule.advance(step * STEP_S, "cruise")
         sent = two_boxes().replace(b"100.0", b"%.2f" % (100.0 + step * STEP_S))
-        arrived.append(applied.arriving([sent], HERE_NED_M))
+        arrived.append(arriving(applied, [sent]))
     return arrived
 
 

@@ -1,0 +1,199 @@
+"""Flights through the whole service in virtual time: detections, monitors, autopilot and all.
+
+The same legs as `planner_flight` flies at the level of references, with contracts of the
+configuration and a vehicle that flies as it does in the field.
+"""
+
+from __future__ import annotations
+
+import math
+import tempfile
+from pathlib import Path
+from typing import Any, Final, Literal, NamedTuple
+
+import numpy as np
+
+from gcs_tools.benchmark.obstacles import Obstacles
+from gcs_tools.benchmark.scenes import Scene
+from gcs_tools.logs.flight_log import read_log
+from gcs_tools.logs.result import Result, result_of
+from gcs_tools.scenario import Expectation, Plant, Scenario
+from onboard.contract.assessment import assess
+from onboard.files.contract_file import Contract
+from onboard.files.mission_file import Leg, Mission
+from onboard.files.obstacle_field import ObstacleField
+from onboard.files.yaml_file import read_mapping, validate
+from onboard.geometry.frames import FloatArray
+from onboard.guidance.phases import FLYING_PHASES, Phase
+from sitl.config import EstimatorConfig, MultirotorConfig
+from sitl.environment.sensor import SensorConfig
+from sitl.virtual.simulation import SimulatedFlight
+from sitl.virtual.simulation import fly as simulate
+
+_ALTITUDE_M: Final = 4.0
+_VIEW_DEG: Final = 120.0
+# Successive legs head that much farther to the right, so that nothing is along an axis by chance.
+_TURN_RAD: Final = math.radians(37.0)
+
+
+class _Set(NamedTuple):
+    """A vehicle: file of its contract, or of a scenario that has it, and how it is set up.
+
+    Where a heading error is stated, declared and simulated, it takes the place of the contract's.
+    """
+
+    file: str
+    flavour: Literal["px4", "ardupilot"]
+    parameters: dict[str, float]
+    heading_error_deg: float | None = None
+
+
+SERVICE_VEHICLES: Final = {
+    # Of Copter, with the jerk that the contract's lag allows for, and a heading as two antennas
+    # give it: with the 2 degrees of a compass, faces at 12 m are off by 0.4 m more.
+    "ardupilot": _Set(
+        "uniform_forest.yaml",
+        "ardupilot",
+        {"GUID_TIMEOUT": 0.5, "PSC_JERK_XY": 20.0, "WPNAV_ACCEL": 600.0},
+        heading_error_deg=0.5,
+    ),
+    # As docs/vehicles.md sets PX4 up.
+    "px4": _Set(
+        "px4_contract.yaml",
+        "px4",
+        {"MPC_XY_P": 1.5, "MPC_JERK_AUTO": 15.0, "MPC_ACC_HOR": 5.0},
+    ),
+}
+
+
+class Served(NamedTuple):
+    """One leg that the service flew.
+
+    Attributes:
+        result: as in ``result.json``.
+        length_m: of the leg.
+        first_look_s: from taking control until it set off, the turn on the spot included.
+    """
+
+    result: Result
+    length_m: float
+    first_look_s: float
+
+    @property
+    def arrived(self) -> bool:
+        """Whether it came to the end of the leg without touching anything."""
+        return self.result.outcome == "arrived" and not self.result.collisions
+
+    @property
+    def speed_mps(self) -> float:
+        """Length of the leg over the time since it set off."""
+        return self.length_m / max(self.result.duration_s - self.first_look_s, 1.0)
+
+
+def service_contract(vehicle: str, wish_m: float = 0.0) -> Contract:
+    """Return the contract of a vehicle of `SERVICE_VEHICLES`, for fields that no separation covers.
+
+    Raises:
+        FileError: its file cannot be used.
+    """
+    path = Path(__file__).parent / "scenarios" / SERVICE_VEHICLES[vehicle].file
+    document = read_mapping(path)
+    contract = validate(document.get("contract", document), Contract, source=str(path))
+    heading_deg = SERVICE_VEHICLES[vehicle].heading_error_deg
+    heading = {} if heading_deg is None else {"heading_error_deg": heading_deg}
+    parts: dict[str, dict[str, Any]] = {
+        "vehicle": {"clearance_wish_m": wish_m, **heading},
+        "sensor": {"field_of_view_deg": _VIEW_DEG},
+        "requirements": {"progress": "best_effort"},
+        "environment": {"obstacle_separation_min_m": 1.0},
+    }
+    changed = {
+        name: getattr(contract, name).model_copy(update=update) for name, update in parts.items()
+    }
+    return contract.model_copy(update=changed)
+
+
+def service_margin_m(vehicle: str) -> float:
+    """Return how far the service's contract keeps the reference from a reported face."""
+    return assess(service_contract(vehicle)).inflation_m()
+
+
+def fly_by_service(
+    scene: Scene,
+    number: int,
+    *,
+    vehicle: str = "ardupilot",
+    seed: int | None = None,
+    wish_m: float = 0.0,
+    time_max_s: float = 600.0,
+) -> Served:
+    """Fly one leg through the whole system.
+
+    Args:
+        scene: the leg.
+        number: of the leg, which decides where it heads.
+        vehicle: of `SERVICE_VEHICLES`.
+        seed: of the simulation; None takes the number.
+        wish_m: distance to obstacles that is preferred.
+        time_max_s: the flight is given up after this.
+    """
+    seed = number if seed is None else seed
+    scenario = scenario_of(scene, number * _TURN_RAD, vehicle, wish_m)
+    planned = SimulatedFlight(
+        contract=scenario.contract,
+        mission=scenario.mission,
+        sitl=scenario.sitl_config(seed=seed),
+        obstacles=scenario.obstacles,
+        seed=seed,
+        time_limit_s=time_max_s,
+    )
+    with tempfile.TemporaryDirectory() as name:
+        directory = Path(name)
+        report = simulate(planned, directory)
+        flight, truth = (read_log(directory / f"{log}.mcap") for log in ("flight", "truth"))
+    result = result_of(flight, truth, seed=seed, aborted=report.aborted, progress="best_effort")
+    flown = [state for state in flight.states if state.phase in FLYING_PHASES]
+    moving = (state.time_s - flown[0].time_s for state in flown if state.phase == Phase.THREAD)
+    return Served(result, scene.length_m, next(moving, 0.0))
+
+
+def scenario_of(scene: Scene, heading_rad: float, vehicle: str, wish_m: float = 0.0) -> Scenario:
+    """Return the scenario that flies a leg towards a heading, from the origin."""
+    contract, chosen = service_contract(vehicle, wish_m), SERVICE_VEHICLES[vehicle]
+    end_ned_m = (scene.length_m * math.cos(heading_rad), scene.length_m * math.sin(heading_rad))
+    leg = Leg(end_ned_m=end_ned_m, target_half_width_m=scene.half_width_m)
+    sensor = contract.sensor
+    plant = Plant(
+        flavour=chosen.flavour,
+        realism="field",
+        multirotor=MultirotorConfig(radius_m=contract.vehicle.radius_m),
+        estimator=EstimatorConfig(heading_deg=chosen.heading_error_deg),
+        parameters=chosen.parameters,
+        sensors=(
+            SensorConfig(
+                range_m=sensor.detection_range_m,
+                field_of_view_deg=sensor.field_of_view_deg,
+                uncertainty_m=sensor.position_error_m,
+            ),
+        ),
+    )
+    return Scenario(
+        name=scene.name,
+        contract=contract,
+        mission=Mission(altitude_m=_ALTITUDE_M, heading="path", legs=(leg,)),
+        obstacles=field_of(scene.obstacles, heading_rad),
+        plant=plant,
+        faults=(),
+        field_known=False,
+        fly_outside_contract=False,
+        expect=Expectation(),
+    )
+
+
+def field_of(obstacles: Obstacles, heading_rad: float) -> ObstacleField:
+    """Return the field in local NED, leg along a heading; a stem is the box around its trunk."""
+    c, s = math.cos(heading_rad), math.sin(heading_rad)
+    turned: FloatArray = obstacles.centre_m @ np.array(((c, s), (-s, c)))
+    half_m = obstacles.half_m + obstacles.radius_m[:, None]
+    names = tuple(f"obstacle {k}" for k in range(len(half_m)))
+    return ObstacleField(names, turned, half_m, obstacles.turn_rad + heading_rad)

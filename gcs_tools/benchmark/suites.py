@@ -1,0 +1,328 @@
+"""The benchmarks: their scenes, their rule, and what peers report of them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final, NamedTuple
+
+from gcs_tools.benchmark.formats import read_box_scenes, read_forest, read_pillars, read_ways
+from gcs_tools.benchmark.legs import Rule
+from gcs_tools.benchmark.scenes import (
+    PILLARS_HALF_WIDTH_M,
+    WALLS,
+    Scene,
+    blocked_legs,
+    drawn_walls,
+    forest_legs,
+    pillar_legs,
+    random_forest,
+)
+from gcs_tools.benchmark.world_file import read_world
+from gcs_tools.console.errors import CommandError
+
+_SANDO_LEG_M: Final = 105.0
+_DIFFICULTIES: Final = ("easy", "medium", "hard")
+_DENSITIES: Final = ("500", "1000", "1500")
+_DENSITY_MAX_PER_HA: Final = 10_000.0
+_LONGLEAF_LEG_M, _FOREST_LEG_M = 60.0, 50.0
+_LATER: Final = (
+    "is not flown yet: its obstacles move, or end above or below the flight, which Clearway does "
+    "not cover"
+)
+_ARRIVES: Final = Rule("the leg is flown to its end and nothing is touched")
+
+
+class Peer(NamedTuple):
+    """What another system did.
+
+    Attributes:
+        name: of the system.
+        reported: the figure, in words.
+        source: who reports it.
+    """
+
+    name: str
+    reported: str
+    source: str
+
+
+class Selection(NamedTuple):
+    """What to fly of a benchmark.
+
+    Attributes:
+        scenes: names of scenes; none means all that there are.
+        data: file or folder; None of benchmarks that need none.
+        legs: how many of each scene at most.
+        seed: of what is drawn.
+    """
+
+    scenes: tuple[str, ...]
+    data: Path | None
+    legs: int
+    seed: int
+
+
+@dataclass(frozen=True)
+class Benchmark:
+    """One benchmark.
+
+    Attributes:
+        name: on the command line.
+        title: for people.
+        scenes: yields the legs of a selection.
+        rule: when a leg passes.
+        legs: of each scene, unless the command says otherwise.
+        wish_m: distance to obstacles that is preferred, unless the command says otherwise.
+        origin: whose scenes these are, with the licence, and how they are flown here.
+        differences: what is not as in the peers' tests.
+        peers: what others report.
+    """
+
+    name: str
+    title: str
+    scenes: Callable[[Selection], Iterator[Scene]]
+    rule: Rule
+    legs: int
+    origin: str
+    differences: str
+    peers: tuple[Peer, ...]
+    wish_m: float = 0.0
+
+
+def benchmark_named(name: str) -> Benchmark:
+    """Return a benchmark.
+
+    Raises:
+        CommandError: there is none of that name, or it is not flown yet.
+    """
+    if name in {"dodgedrone", "sando-dynamic"}:
+        raise CommandError(f"{name}: {_LATER}")
+    if name not in BENCHMARKS:
+        raise CommandError(f"{name}: unknown benchmark; expected one of {', '.join(BENCHMARKS)}")
+    return BENCHMARKS[name]
+
+
+# ------------------------------------------------------------------ the scenes of each
+
+
+def _sando(selection: Selection) -> Iterator[Scene]:
+    for path in _sando_files(selection):
+        pillars = (read_world if path.suffix == ".world" else read_pillars)(path)
+        yield from pillar_legs(
+            path.stem, pillars, _SANDO_LEG_M, selection.legs, PILLARS_HALF_WIDTH_M
+        )
+
+
+def _sando_files(selection: Selection) -> list[Path]:
+    data = _data(selection, "sando")
+    moving = next((each for each in (*selection.scenes, data.name) if "dynamic" in each), None)
+    if moving is not None:
+        raise CommandError(f"sando {moving}: {_LATER}")
+    wrong = next((each for each in selection.scenes if each not in _DIFFICULTIES), None)
+    if wrong is not None:
+        raise CommandError(
+            f"sando: unknown scene {wrong!r}; expected one of {', '.join(_DIFFICULTIES)}"
+        )
+    if not data.is_dir():
+        return [data]
+    wanted = selection.scenes or _DIFFICULTIES
+    found = [
+        _found(data, f"static_{each}.csv", "sando")
+        or _found(data, f"{each}_forest.world", "worlds")
+        for each in wanted
+    ]
+    missing = [f"static_{each}.csv" for each, path in zip(wanted, found, strict=True) if not path]
+    if missing and (selection.scenes or len(missing) == len(wanted)):
+        raise CommandError(f"{data}: has no {' or '.join(missing)} of SANDO")
+    return [path for path in found if path is not None]
+
+
+def _competition(selection: Selection) -> Iterator[Scene]:
+    _no_scenes("competition", selection)
+    data = _data(selection, "competition")
+    path = _file(data, "two_box_scenes.csv", "uav_testing_competition")
+    scenes = list(read_box_scenes(path))
+    ways = read_ways(path.with_name("missions.json"))
+    return blocked_legs(path.stem, scenes, ways, selection.legs)
+
+
+def _longleaf(selection: Selection) -> Iterator[Scene]:
+    _no_scenes("longleaf", selection)
+    path = _file(_data(selection, "longleaf"), "longleaf_pines.csv", "longleaf")
+    forest = read_forest(path)
+    return forest_legs(path.stem, forest, _LONGLEAF_LEG_M, selection.legs, selection.seed)
+
+
+def _forest(selection: Selection) -> Iterator[Scene]:
+    _no_data("forest", selection)
+    for text in selection.scenes or _DENSITIES:
+        density = _density(text)
+        forest = random_forest(density, selection.seed)
+        name = f"{density:g} stems/ha"
+        yield from forest_legs(name, forest, _FOREST_LEG_M, selection.legs, selection.seed)
+
+
+def _walls(selection: Selection) -> Iterator[Scene]:
+    _no_data("walls", selection)
+    if not selection.scenes:
+        raise CommandError(f"walls: name the scenes to fly: {WALLS}")
+    for scene in map(drawn_walls, selection.scenes):
+        for _ in range(selection.legs):  # the errors of the faces differ
+            yield scene
+
+
+def _density(text: str) -> float:
+    try:
+        density = float(text)
+    except ValueError:
+        density = math.nan
+    if not 0.0 < density <= _DENSITY_MAX_PER_HA:
+        raise CommandError(
+            f"forest: {text!r} is not a density [stems/ha] above 0 and up to "
+            f"{_DENSITY_MAX_PER_HA:g}"
+        )
+    return density
+
+
+def _data(selection: Selection, name: str) -> Path:
+    if selection.data is None:
+        raise CommandError(f"{name} needs --data PATH: its scenes are not part of Clearway")
+    return selection.data
+
+
+def _no_data(name: str, selection: Selection) -> None:
+    if selection.data is not None:
+        raise CommandError(f"--data {selection.data}: {name} has no data files")
+
+
+def _no_scenes(name: str, selection: Selection) -> None:
+    if selection.scenes:
+        raise CommandError(f"{name}: has no scenes to name, got {selection.scenes[0]!r}")
+
+
+def _file(data: Path, name: str, folder: str) -> Path:
+    """Return the file itself, or the one of that name in a folder."""
+    if not data.is_dir():
+        return data
+    found = _found(data, name, folder)
+    if found is None:
+        raise CommandError(f"{data}: has no {name}, nor {folder}/{name}")
+    return found
+
+
+def _found(data: Path, name: str, folder: str) -> Path | None:
+    places: Sequence[Path] = (data, data / folder, data / "benchmarks" / folder)
+    return next((place / name for place in places if (place / name).is_file()), None)
+
+
+# ------------------------------------------------------------------ what each is
+
+BENCHMARKS: Final = {
+    each.name: each
+    for each in (
+        Benchmark(
+            name="sando",
+            title="SANDO, static forests",
+            scenes=_sando,
+            rule=_ARRIVES,
+            legs=10,
+            origin=(
+                "Upright cylinders of 1.0 to 1.5 m radius, 41 (easy) and 81 (medium), from "
+                "[mit-acl/sando](https://github.com/mit-acl/sando), `worlds/*.world`, BSD-3; one "
+                "leg of 105 m, flown several times with other errors of the faces"
+            ),
+            differences=(
+                "The peers fly a box of 0.2 m at up to 5 m/s, and over and under; here the radius "
+                "is 0.3 m, the tracking error 0.35 m, the speed 2.8 m/s, the height constant."
+            ),
+            peers=(
+                Peer("SANDO", "100 % without collision", "its repository and paper, 2026"),
+                Peer("MIGHTY", "100 % without collision", "SANDO's paper, 2026"),
+            ),
+        ),
+        Benchmark(
+            name="competition",
+            title="UAV Testing Competition, two boxes",
+            scenes=_competition,
+            rule=Rule(
+                "the leg is flown to its end with the vehicle's centre at 1.5 m or more from "
+                "every box (less than 0.25 m counts as a crash)",
+                1.5,
+            ),
+            legs=100_000,
+            wish_m=1.5,
+            origin=(
+                "Scenes that tools generated to make PX4-Avoidance fail, from the "
+                "[UAV Testing Competition](https://github.com/skhatiri/UAV-Testing-Competition), "
+                "MIT; every leg of its missions that a scene blocks and whose ends are 3 m clear"
+            ),
+            differences=(
+                "The peers fly whole missions in Gazebo with cameras; here each leg is flown for "
+                "itself, with a wish for 1.5 m of clearance. A peer's distance is of the scene's "
+                "own mission."
+            ),
+            peers=(
+                Peer(
+                    "PX4-Avoidance",
+                    "fails in 2 to 20 of 20 tests, by tool and case",
+                    "reports of the competition",
+                ),
+                Peer("EGO-Planner", "crashes in 25 % of random scenes", "forks of the competition"),
+            ),
+        ),
+        Benchmark(
+            name="longleaf",
+            title="Longleaf pines, a real forest",
+            scenes=_longleaf,
+            rule=_ARRIVES,
+            legs=40,
+            origin=(
+                "584 stems of an inventory of longleaf pines, 146 a hectare but clumped; legs of "
+                "60 m anywhere, in any direction, with clear ends and a corridor of ±9 m"
+            ),
+            differences="The peer flew in another pine forest, with a real vehicle and cameras.",
+            peers=(
+                Peer(
+                    "Jarin-Lipschitz et al.",
+                    "flies in a real pine forest at 2.5 m/s",
+                    "their paper, 2022",
+                ),
+            ),
+        ),
+        Benchmark(
+            name="forest",
+            title="Uniform forests",
+            scenes=_forest,
+            rule=_ARRIVES,
+            legs=12,
+            origin=(
+                "Stems of 0.1 to 0.4 m diameter, placed uniformly in a square of 120 m, by the "
+                "seed; legs of 50 m anywhere, in any direction, with clear ends and a corridor of "
+                "±9 m"
+            ),
+            differences=(
+                "No peer reports these forests; the figures are of other fields, for scale."
+            ),
+            peers=(
+                Peer(
+                    "FASTER",
+                    "7.8 m/s on hardware, with a safe way held",
+                    "Tordesillas et al., 2022",
+                ),
+            ),
+        ),
+        Benchmark(
+            name="walls",
+            title="Doors, slaloms, an S, a trap",
+            scenes=_walls,
+            rule=_ARRIVES,
+            legs=5,
+            origin="Walls drawn for Clearway: what is passed, and how narrow it may be",
+            differences="These scenes are ours; no peer has flown them.",
+            peers=(),
+        ),
+    )
+}

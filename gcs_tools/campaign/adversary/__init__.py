@@ -1,0 +1,1 @@
+"""An adversary inside the contract: what it draws, what it uses, what it leaves of the margins."""

@@ -1,0 +1,107 @@
+"""Checks what the sensors of a daemon's file declare against the contract.
+
+In flight every frame is checked against it: a sensor that declares less violates the contract.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+
+from gcs_tools.preflight.finding import Finding, Verdict
+from onboard.contract.assessment import Assessment
+from onboard.files.mission_file import Mission
+from onboard.files.sensor_sources import (
+    AnySource,
+    DetectionsSource,
+    LaserScanSource,
+    MavlinkSource,
+    ObstacleDistanceSource,
+    PointCloudSource,
+)
+
+
+def check_sources(
+    sources: Sequence[AnySource], assessment: Assessment, mission: Mission | None
+) -> tuple[Finding, ...]:
+    """Check each sensor; a finding for each thing that is wrong, or one that all is well.
+
+    Args:
+        sources: of the daemon's file.
+        assessment: the contract.
+        mission: what is to be flown.
+    """
+    findings = []
+    for source in sources:
+        wrong = [
+            *_against_contract(source, assessment),
+            *_against_tilt(source, assessment),
+            *_against_ground(source, mission),
+        ]
+        text = f"{source.kind}, {source.range_m:g} m, ±{source.uncertainty_m:g} m: as the contract"
+        if not wrong:
+            findings.append(Finding("sensor", f"{source.name} declares", Verdict.HOLDS, text))
+        for key, reason in wrong:
+            findings.append(Finding("sensor", f"{source.name} {key}", Verdict.BROKEN, reason))
+    return tuple(findings)
+
+
+def _against_contract(source: AnySource, assessment: Assessment) -> Iterator[tuple[str, str]]:
+    terms = assessment.terms
+    if source.range_m < terms.detection_range_m:
+        need = f"detection_range_m {terms.detection_range_m:g} m"
+        yield "range_m", f"{source.range_m:g} m, the contract's {need}"
+    if source.uncertainty_m > terms.position_error_m:
+        need = f"position_error_m {terms.position_error_m:g} m"
+        yield "uncertainty_m", f"{source.uncertainty_m:g} m, the contract's {need}"
+    if source.box_max_m > terms.obstacle_size_max_m:
+        need = f"obstacle_size_max_m {terms.obstacle_size_max_m:g} m"
+        yield "box_max_m", f"{source.box_max_m:g} m, the contract's {need}"
+    need_deg = math.degrees(terms.field_of_view_rad)
+    view_deg = _view_deg(source)
+    if view_deg < need_deg - 1e-9:
+        text = f"{view_deg:.0f}° around the nose, the contract's field_of_view_deg {need_deg:.0f}°"
+        yield "field of view", text
+    if isinstance(source, MavlinkSource) and source.latency_s >= terms.reaction_time_s:
+        need = f"reaction_time_s {terms.reaction_time_s:g} s"
+        yield "latency_s", f"{source.latency_s:g} s, the contract's {need}"
+
+
+def _view_deg(source: AnySource) -> float:
+    """Return the view around the nose, at most: what the file takes away from it is not seen."""
+    half_deg = source.field_of_view_deg / 2.0
+    if isinstance(source, PointCloudSource | DetectionsSource):
+        half_deg = min(half_deg, source.view_deg[0] / 2.0 - abs(source.mounting.yaw_deg))
+    for first_deg, last_deg in source.blind_sectors_deg:
+        width_deg = (last_deg - first_deg) % 360.0
+        begin_deg = (first_deg + 180.0) % 360.0 - 180.0
+        if begin_deg <= 0.0 <= begin_deg + width_deg:
+            half_deg = 0.0
+        nearest_deg = min(abs(begin_deg), abs((begin_deg + width_deg + 180.0) % 360.0 - 180.0))
+        half_deg = min(half_deg, nearest_deg)
+    return max(2.0 * half_deg, 0.0)
+
+
+def _against_tilt(source: AnySource, assessment: Assessment) -> Iterator[tuple[str, str]]:
+    """Check that a plane that tilts with the body stays in the height band up to the range."""
+    if not isinstance(source, LaserScanSource | ObstacleDistanceSource):
+        return
+    vehicle, need_m = assessment.contract.vehicle, assessment.terms.detection_range_m
+    tilt_deg = max(vehicle.roll_max_deg, vehicle.pitch_max_deg)
+    band_m = min(source.height_band_m)
+    seen_m = band_m / math.tan(math.radians(tilt_deg))
+    if seen_m < need_m:
+        need = f"the contract's detection_range_m {need_m:g} m"
+        text = (
+            f"at a tilt of {tilt_deg:g}° the scan leaves {band_m:g} m after {seen_m:.1f} m, {need}"
+        )
+        yield "height_band_m", f"{text}: state the heights that every obstacle spans"
+
+
+def _against_ground(source: AnySource, mission: Mission | None) -> Iterator[tuple[str, str]]:
+    if mission is None:
+        return
+    below_m = source.height_band_m[1]
+    if below_m >= mission.altitude_m:
+        text = f"{below_m:g} m below, the mission's altitude_m {mission.altitude_m:g} m: the ground"
+        yield "height_band_m", f"{text} is seen as an obstacle"

@@ -1,0 +1,1 @@
+"""``clearway replay``: what the daemon would have seen of a recording of sensors."""

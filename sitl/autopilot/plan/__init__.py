@@ -1,0 +1,1 @@
+"""Places of the plan beside the mission: the geofence and the rally points."""

@@ -1,0 +1,1 @@
+"""Messages as the drivers of real sensors publish them: ROS 2 over Zenoh, and MAVLink."""

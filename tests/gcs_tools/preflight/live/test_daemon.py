@@ -1,0 +1,49 @@
+"""What a daemon says of each sensor of its file."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from gcs_tools.preflight.finding import Verdict
+from gcs_tools.preflight.live.daemon import Status, sensor_findings
+from gcs_tools.preflight.live.detections import check_detections
+from onboard.contract.assessment import assess
+from onboard.files.contract_file import load_contract
+from tests.gcs_tools.running import CONFIG
+
+TERMS = assess(load_contract(CONFIG / "default_contract.yaml")).terms
+
+
+@pytest.mark.parametrize(
+    ("said", "verdict", "words"),
+    [
+        ({"age_s": 0.05, "stamp_ahead_s": -0.02}, Verdict.HOLDS, "0.050 s old"),
+        ({"age_s": 60.0}, Verdict.BROKEN, "60.000 s old"),
+        ({"age_s": None}, Verdict.BROKEN, "clearway sensor check"),
+        ({"age_s": None, "refused": {"truncated": 3}}, Verdict.BROKEN, "dropped: truncated"),
+        ({"age_s": 0.0, "stamp_ahead_s": 2.5}, Verdict.BROKEN, "2.50 s ahead"),
+        ({"age_s": 0.05, "refused": {"two publishers": 9}}, Verdict.HOLDS, "two publishers"),
+        (None, Verdict.BROKEN, "started with another file"),
+        ({"age_s": "old", "refused": 3}, Verdict.BROKEN, "nothing that can be used"),
+    ],
+)
+def test_each_sensor_is_judged_by_name(said: Any, verdict: Verdict, words: str) -> None:
+    statuses = [Status(0.0, {"sensors": {"lidar": {"age_s": 9.0}}})]
+    statuses.append(Status(1.0, {"sensors": {} if said is None else {"lidar": said}}))
+    (found,) = sensor_findings(statuses, ("lidar",), TERMS)
+    assert (found.subject, found.name, found.verdict) == ("sensor", "lidar", verdict)
+    assert words in found.text
+
+
+def test_without_a_status_nothing_is_known() -> None:
+    found = sensor_findings([], ("lidar", "sectors"), TERMS)
+    assert {each.verdict for each in found} == {Verdict.UNKNOWN}
+    (odd,) = sensor_findings([Status(0.0, {"sensors": [1]})], ("lidar",), TERMS)
+    assert odd.verdict is Verdict.BROKEN
+
+
+def test_detections_as_json_are_needed_only_without_other_sensors() -> None:
+    assert [each.name for each in check_detections([], [], TERMS, 3.0, None)] == ["frames"]
+    assert check_detections([], [], TERMS, 3.0, None, needed=False) == []
