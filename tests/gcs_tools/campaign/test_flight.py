@@ -109,7 +109,9 @@ def test_a_field_that_is_not_known_is_not_checked(monkeypatch: pytest.MonkeyPatc
 
 
 def test_a_longer_or_slower_mission_has_more_time() -> None:
-    scenario = CASE.scenario
+    requirements = CASE.scenario.contract.requirements.model_copy(update={"stop": False})
+    pure = CASE.scenario.contract.model_copy(update={"requirements": requirements})
+    scenario = replace(CASE.scenario, contract=pure)
     limit_s = _time_limit_s(scenario)
     (leg,) = scenario.mission.legs
     north_m, east_m = leg.end_ned_m

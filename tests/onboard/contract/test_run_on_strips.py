@@ -61,6 +61,7 @@ def test_a_strip_of_a_triangle_is_as_high_as_the_triangle_there(turned: float) -
     """Points within the triangle, or on its edges, change nothing."""
     inner = ((1.0, 0.5), (1.5, 0.0), (1.5, 1.5), (0.5, 0.2))
     run = RunOn(tuple((turned * k, c) for k, c in ((2.0, 0.0), *inner, (2.0, 2.0))))
+    assert len(run.strips) == len(RunOn(((0.1, 0.0), (0.1, 0.1))).strips) > 1
     for strip in run.strips:
         kappas_s, cs_s2 = zip(*strip, strict=True)
         assert min(cs_s2) == pytest.approx(0.0, abs=1e-12)
