@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 # Position (NED, m) and velocity (NED, m/s); NaN where there is none.
 Target = tuple[tuple[float, float, float], tuple[float, float, float]]
+
+# An autopilot without a heartbeat for this long has not granted anything, nor is it known to obey.
+AUTOPILOT_SILENCE_S: Final = 3.0
 
 
 class Setpoint(NamedTuple):

@@ -12,8 +12,8 @@ from typing import Final, NamedTuple
 
 from onboard.contract.assessment import TICK_S
 from onboard.files.contract_file import Contract
-from onboard.guidance.authority import AUTOPILOT_SILENCE_S
 from onboard.monitoring.loop_overrun import TICK_OVERRUN_S
+from onboard.vehicle_state import AUTOPILOT_SILENCE_S
 from sitl.virtual.faults.schema import Fault
 
 # Longest time between two frames of a campaign's sensor, latency included; two ticks to act on it.
@@ -105,6 +105,8 @@ _BROKEN_BY: Final[dict[str, _BrokenAssumption]] = {
     "setpoints_lost": _BrokenAssumption(
         (), lambda _, contract: contract.vehicle.setpoint_loss_timeout_s + _HEARTBEAT_S
     ),
-    "heartbeats_lost": _BrokenAssumption((), lambda _, __: AUTOPILOT_SILENCE_S + _HEARTBEAT_S),
+    "heartbeats_lost": _BrokenAssumption(
+        ("telemetry_age",), lambda _, __: AUTOPILOT_SILENCE_S + _HEARTBEAT_S
+    ),
     "operator_takes_over": _BrokenAssumption((), lambda _, __: _OPERATOR_S + _HEARTBEAT_S),
 }

@@ -30,10 +30,8 @@ from onboard.mavlink.profiles.setpoint_loss import loss_model_refusal
 from onboard.monitoring.estimator.position_quality import DEAD_RECKONING_S
 from onboard.monitoring.flight_authorization import FlightAuthorizationGate
 from onboard.monitoring.supervisor import MonitorSupervisor
-from onboard.vehicle_state import Pose, Setpoint
+from onboard.vehicle_state import AUTOPILOT_SILENCE_S, Pose, Setpoint
 
-# An autopilot without a heartbeat for this long has not granted anything.
-AUTOPILOT_SILENCE_S: Final = 3.0
 # A hover without a position for longer than this is left to the autopilot.
 HANDOVER_AFTER_S: Final = 2.0
 # And is taken back once the position has been there for so long: it may flicker.
@@ -100,7 +98,18 @@ class ControlAuthority:
     def _granted(self, now_s: float) -> bool:
         status = self._link.status
         obeys = status.armed and status.external_control and status.airborne is True
-        return obeys and self._heard(now_s)
+        return obeys and (self._heard(now_s) or self._comes_to_rest(now_s))
+
+    def _comes_to_rest(self, now_s: float) -> bool:
+        """Tell whether the reference moves, and the vehicle may still follow it.
+
+        A silent autopilot may still follow: it is led to rest on the way that is held, before
+        control counts as ended.
+        """
+        if self._left_to_autopilot or self._navigator.phase is Phase.STANDBY:
+            return False
+        setpoint = self._navigator.setpoint(now_s)
+        return setpoint is not None and math.hypot(*setpoint.velocity_ned_mps) > STOPPED_MPS
 
     def _give_back(self, pose: Pose, now_s: float) -> None:
         status, navigator, heard = self._link.status, self._navigator, self._heard(now_s)
@@ -109,6 +118,11 @@ class ControlAuthority:
         # silent nor one whose failsafe acts has handed anything back.
         stands = self._hold_stands or navigator.phase is Phase.HOLD or doubted
         self._hold_stands = stands and (not heard or status.failsafe)
+        # A silent autopilot may still follow: it keeps the last place, not one that drifts with it.
+        if not heard:
+            self._standby_setpoint = navigator.setpoint(now_s) or self._standby_setpoint
+        if heard or self._standby_setpoint is None:
+            self._standby_setpoint = hovering_at(pose)
         if navigator.phase is not Phase.STANDBY:
             if heard and status.failsafe:
                 text = f"the autopilot's failsafe has taken over ({status.mode})"
@@ -117,7 +131,6 @@ class ControlAuthority:
         if status.airborne is not True:
             self._supervisor.end_flight()
             self._authorization.end_flight()
-        self._standby_setpoint = hovering_at(pose)
         self._refusals.end()
 
     def _depart(self, pose: Pose, now_s: float, now_unix_s: float) -> None:

@@ -303,8 +303,8 @@ class MonitorSupervisor:
     # ------------------------------------------------------------------ single checks
 
     def telemetry_age_violation(self, pose: Pose, now_s: float) -> Violation | None:
-        """Tell whether the position is too old."""
-        return self._pose_monitor.check_age(pose, now_s)
+        """Tell whether the position or the autopilot's latest heartbeat is too old."""
+        return self._pose_monitor.check_age(pose, now_s, self._link.status.heard_s)
 
     def environment_violations(self, now_s: float) -> list[Violation]:
         """Check the obstacles that the flight is about to meet; others are not constrained."""

@@ -18,7 +18,6 @@ from onboard.contract.region import RegionOfInfluence, boundary_depth_at
 from onboard.events import Event
 from onboard.geometry.box import Box
 from onboard.geometry.frames import FloatArray, LegFrame
-from onboard.guidance.authority import AUTOPILOT_SILENCE_S
 from onboard.guidance.avoidance_step import PlannedStep
 from onboard.motion.trajectory import Trajectory
 from onboard.perception.obstacle_map import Obstacle
@@ -38,6 +37,7 @@ from onboard.recording.messages import (
 )
 from onboard.recording.seen_space import SeenSpaceJournal
 from onboard.recording.state import finite, state_of, unix_time_s
+from onboard.vehicle_state import AUTOPILOT_SILENCE_S
 
 PATH_STEP_S: Final = 0.1
 # A plan's record is bounded, however long the plan is.

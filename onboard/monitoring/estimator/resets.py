@@ -19,7 +19,7 @@ from typing import Final, NamedTuple
 from onboard.contract.assessment import TICK_S
 from onboard.events import Event, EventData, EventName, Severity
 from onboard.monitoring.assumptions import Assumption, Violation
-from onboard.vehicle_state import Pose
+from onboard.vehicle_state import AUTOPILOT_SILENCE_S, Pose
 
 # Positions and velocities of real estimators disagree by up to 0.04 m from one message to the next
 # (0.2 m while dead-reckoning without GPS); an obstacle's place must not be off by much more.
@@ -81,12 +81,16 @@ class PoseMonitor:
         self._telemetry_timeout_s = telemetry_timeout_s
         self._previous: Pose | None = None
 
-    def check_age(self, pose: Pose | None, now_s: float) -> Violation | None:
-        """Tell whether the position is too old."""
+    def check_age(self, pose: Pose | None, now_s: float, heard_s: float) -> Violation | None:
+        """Tell whether the position or the latest heartbeat, of ``heard_s``, is too old."""
         age_s = now_s - pose.time_s if pose is not None else math.inf
-        if age_s <= self._telemetry_timeout_s:
+        if age_s > self._telemetry_timeout_s:
+            return Violation(Assumption.TELEMETRY_AGE, age_s, self._telemetry_timeout_s, "s")
+        silent_s = now_s - heard_s
+        if silent_s <= AUTOPILOT_SILENCE_S:
             return None
-        return Violation(Assumption.TELEMETRY_AGE, age_s, self._telemetry_timeout_s, "s")
+        note = "no heartbeat of the autopilot"
+        return Violation(Assumption.TELEMETRY_AGE, silent_s, AUTOPILOT_SILENCE_S, "s", note=note)
 
     def check_jump(self, pose: Pose) -> EstimatorReset | None:
         """Tell whether the estimator, not the motors, moved the vehicle since the last pose."""

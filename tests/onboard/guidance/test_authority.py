@@ -11,7 +11,6 @@ from onboard.contract.assessment import TICK_S, Assessment, assess
 from onboard.events import Event
 from onboard.files.contract_file import Contract, load_contract
 from onboard.guidance.authority import (
-    AUTOPILOT_SILENCE_S,
     HANDOVER_AFTER_S,
     TAKE_BACK_AFTER_S,
     ControlAuthority,
@@ -26,7 +25,7 @@ from onboard.monitoring.assumptions import Assumption, Violation
 from onboard.monitoring.estimator.position_quality import DEAD_RECKONING_S, Sign, Worth
 from onboard.monitoring.flight_authorization import FlightAuthorizationGate
 from onboard.monitoring.supervisor import MonitorSupervisor
-from onboard.vehicle_state import Pose, Setpoint
+from onboard.vehicle_state import AUTOPILOT_SILENCE_S, Pose, Setpoint
 from tests.onboard.conftest import CONTRACTS
 
 STILL = (0.0, 0.0, 0.0)
@@ -312,6 +311,21 @@ def test_a_hold_that_the_pilot_did_not_end_stands_until_the_pilot_takes_over(
     bench.grant()
     bench.tick()
     assert bench.phase is not Phase.STANDBY
+
+
+def test_a_silent_autopilot_is_led_to_rest_before_control_counts_as_ended(bench: Bench) -> None:
+    bench.in_phase(Phase.HOLD)
+    moving = PLANNED._replace(velocity_ned_mps=(0.5, 0.0, 0.0))
+    bench.navigator.planned = moving
+    bench.silent = True
+    assert bench.tick(AUTOPILOT_SILENCE_S + 1.0) == moving
+    phases = [bench.phase]
+    bench.navigator.planned = PLANNED
+    assert bench.tick() == PLANNED
+    assert [*phases, bench.phase] == [Phase.HOLD, Phase.STANDBY]
+    # It stays there, rather than drift with the vehicle that is to follow it.
+    bench.north_m += 3.0
+    assert bench.tick() == PLANNED
 
 
 @pytest.mark.parametrize(("doubted", "resumes"), [(False, True), (True, False)])

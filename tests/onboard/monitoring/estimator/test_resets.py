@@ -15,7 +15,7 @@ from onboard.monitoring.estimator.resets import (
     PoseMonitor,
     ResetLedger,
 )
-from onboard.vehicle_state import Pose
+from onboard.vehicle_state import AUTOPILOT_SILENCE_S, Pose
 
 Vector = tuple[float, float, float]
 PERIOD_S = 0.02
@@ -33,11 +33,19 @@ def pose(
 
 def test_telemetry_grows_stale() -> None:
     monitor = PoseMonitor(telemetry_timeout_s=0.5)
-    assert monitor.check_age(pose(1.0, STILL), 1.5) is None
-    stale = monitor.check_age(pose(1.0, STILL), 1.51)
+    assert monitor.check_age(pose(1.0, STILL), 1.5, heard_s=1.0) is None
+    stale = monitor.check_age(pose(1.0, STILL), 1.51, heard_s=1.0)
     assert stale is not None
     assert stale.assumption is Assumption.TELEMETRY_AGE
-    assert monitor.check_age(None, 0.0) is not None
+    assert monitor.check_age(None, 0.0, heard_s=0.0) is not None
+
+
+def test_a_silent_autopilot_is_old_telemetry_although_its_positions_arrive() -> None:
+    monitor = PoseMonitor(telemetry_timeout_s=0.5)
+    assert monitor.check_age(pose(9.0, STILL), 9.0, heard_s=9.0 - AUTOPILOT_SILENCE_S) is None
+    silent = monitor.check_age(pose(9.0, STILL), 9.0, heard_s=8.9 - AUTOPILOT_SILENCE_S)
+    assert silent is not None
+    assert str(silent) == "telemetry_age: 3.10, limit 3.00 s; no heartbeat of the autopilot"
 
 
 velocities = st.tuples(*[st.floats(-8.0, 8.0)] * 3)
