@@ -201,7 +201,12 @@ SHIPPED = (ROOT / "config" / "onboard.yaml").read_text(encoding="utf-8")
 
 def snippets() -> list[str]:
     """What the sensors' page has a user add to the daemon's file, and what the file suggests."""
-    page = blocks(ROOT / "docs" / "sensors.md", "yaml")
+    of_scenarios = re.compile(r"^sitl:", re.MULTILINE)
+    page = [
+        block
+        for block in blocks(ROOT / "docs" / "sensors.md", "yaml")
+        if not of_scenarios.search(block)
+    ]
     suggested = re.findall(
         r"^# ((?:sources|outputs):\n(?:#(?: -|   ).*\n)+)", SHIPPED, re.MULTILINE
     )

@@ -464,7 +464,7 @@ def _outside(variant: str, count: int) -> list[FlightRow]:
 
 
 def test_a_failing_flight_shrinks_to_what_fails() -> None:
-    """Of two faults and a windy field only what makes the flight hold is left."""
+    """Of two faults and a windy field only what makes the flight wait for ever is left."""
     case = QUICK.case(SEED, 0)
     document = scenario_document(case.scenario)
     document["faults"] = [
@@ -476,7 +476,7 @@ def test_a_failing_flight_shrinks_to_what_fails() -> None:
     assert [fault["kind"] for fault in shrunk.document["faults"]] == ["detections_off"]
     assert len(shrunk.document["field"]) == 1
     assert "wind" not in shrunk.document["sitl"]
-    assert "outcome: held" in shrunk.findings
+    assert "outcome: aborted (the mission did not end)" in shrunk.findings
     assert shrunk.flights <= 12
     assert shrink(document, frozenset({"tracking"}), case.seed, flights_max=2) is None
 

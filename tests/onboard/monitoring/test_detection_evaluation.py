@@ -273,7 +273,9 @@ def test_what_is_said_of_sensors_is_json_before_any_frame_could_be_used(rig: Rig
     rig.autonomy.receive_detection(early, 0.0)
     rig.autonomy.tick(0.0)
     said = json.loads(as_json(state_of(rig.autonomy, 0.0)))["sensors"]["front"]
-    assert said == {"age_s": None, "heard_age_s": 0.0, "stamp_ahead_s": pytest.approx(99.0)}
+    assert said == {
+        "age_s": None, "heard_age_s": 0.0, "stamp_ahead_s": pytest.approx(99.0), "refused": {},
+    }  # fmt: skip
 
 
 # ------------------------------------------------------------------ refusals
