@@ -92,7 +92,8 @@ PARTS: Final = {
             *_files("onboard/guidance/dense", "tails", "way_to_rest", "limits"),
         ),
         (
-            *_tests("onboard/planning", "certifier", "rest_certifier", "moving_keep_outs"),
+            *_tests("onboard/planning", "certifier", "certifier_by_hand", "rest_certifier"),
+            *_tests("onboard/planning", "moving_keep_outs"),
             *_tests("onboard/guidance/dense", "limits", "way_to_rest", "shield"),
         ),
     ),
