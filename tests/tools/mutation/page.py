@@ -17,8 +17,8 @@ score is the share noticed of the mutants that can be; the aim is 95 %. A mutant
 notice counts as equivalent: its reason stands in `tests/tools/mutation/survivors.yaml` and below.
 
 A mutant that hangs counts as noticed when its tests use eight times the processor time that they
-use without it. Tests that take more than a second are left out, whole flights among them: a mutant
-that survives here may still be noticed by a flight.
+use without it. Tests that take more than half a second are left out, whole flights among them: a
+mutant that survives here may still be noticed by a flight.
 
 `python -m tests.tools.mutation --page` writes this page from the verdicts below `build/mutation`.
 """
