@@ -34,7 +34,7 @@ def test_a_sector_is_shown_that_lies_wholly_in_view() -> None:
     assert shown(view(12.4)) == [0, 1, 71]
     assert shown(view(12.6), math.radians(90.0)) == [16, 17, 18, 19, 20]
     assert shown(view(12.6), math.radians(-179.0)) == [35, 36, 37, 38]
-    assert len(shown(view(177.4))) == 71
+    assert len(shown(view(177.4))) == 69
     assert len(shown(view(177.6))) == len(shown(view(180.0))) == 72
 
 
