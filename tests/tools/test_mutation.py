@@ -9,7 +9,7 @@ from pathlib import Path
 import yaml
 
 from tests.tools.mutation.__main__ import PARTS, SCORE_MIN, SURVIVORS, drawn, stated_reasons
-from tests.tools.mutation.injection import Holders
+from tests.tools.mutation.injection import Holders, codes_of
 from tests.tools.mutation.measuring import Test
 from tests.tools.mutation.mutants import Mutant, mutants_of, mutated
 from tests.tools.mutation.page import page
@@ -70,11 +70,11 @@ def test_code_is_exchanged_wherever_a_function_has_been_imported(tmp_path: Path)
     assert held(4.0) == -6.0
     mutants = {mutant.change: mutant for mutant in mutants_of("f.py", SOURCE)}
     divided = mutated(SOURCE, mutants["-a * LIMIT: Div"])
-    holders = Holders.of([str(path)])
-    assert holders.exchange(path, ast.parse(SOURCE), divided)
+    holders, codes = Holders.of([str(path)]), codes_of(path, ast.parse(SOURCE))
+    assert holders.exchange(path, codes, divided)
     assert held(4.0) == -4.0 / 1.5
     constant = mutated(SOURCE, mutants["1.5: one more"])
-    assert not holders.exchange(path, ast.parse(SOURCE), constant)
+    assert not holders.exchange(path, codes, constant)
 
 
 def test_tests_are_chosen_by_the_lines_that_they_reach() -> None:

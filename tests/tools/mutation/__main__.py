@@ -7,8 +7,8 @@ change, which must fail.  Prints the mutants that survive without a reason state
 continuous integration: it takes minutes.
 
 With ``--share 0.3`` it tries a seeded sample of so many.  Every verdict is written as it comes
-below ``build/mutation``; ``--resume`` tries only what is not noticed there, and ``--page`` writes
-the results of all parts to ``docs/mutation.md``.
+below ``build/mutation``; ``--resume`` tries only what is not noticed there, so that a first run may
+be ``--quick``.  ``--page`` writes the results of all parts to ``docs/mutation.md``.
 """
 
 from __future__ import annotations
@@ -134,7 +134,8 @@ def run(name: str, options: argparse.Namespace) -> None:
     if mutants:
         limits = options.jobs, options.budget, options.slowest
         trials = Trials(part.files, mutants, *limits, judged)
-        code = pytest.main([*OPTIONS, *part.tests], plugins=[trials])
+        drawing = ("-m", "not hypothesis") if options.quick else ()
+        code = pytest.main([*OPTIONS, *drawing, *part.tests], plugins=[trials])
         if code == pytest.ExitCode.INTERRUPTED:
             print(f"{name}: interrupted", file=sys.stderr)
         elif code != pytest.ExitCode.OK:
@@ -172,6 +173,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument(
         *("--slowest",), type=float, default=0.5, metavar="S", help="leave out slower tests"
     )
+    parser.add_argument("--quick", action="store_true", help="without the tests of Hypothesis")
     parser.add_argument("--resume", action="store_true", help="try only what is not noticed yet")
     parser.add_argument("--page", action="store_true", help=f"write {PAGE}, of what was tried")
     options = parser.parse_args(arguments)

@@ -48,12 +48,15 @@ class Holders:
                 caches.append(found)
         return cls(functions, caches)
 
-    def exchange(self, path: Path, before: ast.Module, after: ast.Module) -> bool:
-        """Give every function of a file its changed code; tell whether one holds the change."""
-        old, new = (
-            dict(_functions(compile(tree, str(path), "exec", dont_inherit=True)))
-            for tree in (before, after)
-        )
+    def exchange(self, path: Path, old: Places, after: ast.Module) -> bool:
+        """Give every function of a file its changed code; tell whether one holds the change.
+
+        Args:
+            path: of the file.
+            old: its code, by `codes_of`.
+            after: the file, changed.
+        """
+        new = codes_of(path, after)
         if old.keys() != new.keys():
             return False
         places = {code: place for place, code in old.items()}
@@ -72,6 +75,11 @@ class Holders:
         """Forget what `functools.cache` remembers of our functions."""
         for cache in self.caches:
             cache.cache_clear()
+
+
+def codes_of(path: Path, tree: ast.Module) -> Places:
+    """Compile a file; return the code of each function by where it stands."""
+    return dict(_functions(compile(tree, str(path), "exec", dont_inherit=True)))
 
 
 def _functions(code: CodeType, within: str = "") -> Iterator[tuple[tuple[str, int], CodeType]]:

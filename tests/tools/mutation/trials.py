@@ -22,7 +22,7 @@ from typing import NoReturn
 
 import pytest
 
-from tests.tools.mutation.injection import ChangedFile, Holders
+from tests.tools.mutation.injection import ChangedFile, Holders, Places, codes_of
 from tests.tools.mutation.measuring import Measurements, Test, limit_own_use, passes
 from tests.tools.mutation.mutants import Mutant, mutated
 
@@ -68,6 +68,7 @@ class Trials:
     judged: Callable[[Mutant, Verdict, int], None]
     tests: list[Test] = field(default_factory=list)
     _holders: Holders = field(default_factory=Holders)
+    _codes: dict[str, Places] = field(default_factory=dict)
     _items: dict[str, pytest.Item] = field(default_factory=dict)
     _running: dict[int, tuple[Mutant, int, float]] = field(default_factory=dict)
 
@@ -78,6 +79,8 @@ class Trials:
         names = {str(ROOT / path): path for path in self.files}
         gc.collect()
         self._holders = Holders.of(names)
+        for name, path in names.items():
+            self._codes[path] = codes_of(Path(name), ast.parse(Path(name).read_text("utf-8")))
         gc.freeze()
         self.tests = Measurements(FOLDER / "tests.pickle", names, self.slowest_s).of(session.items)
         try:
@@ -128,7 +131,7 @@ class Trials:
         path = ROOT / mutant.path
         source = path.read_text(encoding="utf-8")
         after = mutated(source, mutant)
-        if mutant.in_function and self._holders.exchange(path, ast.parse(source), after):
+        if mutant.in_function and self._holders.exchange(path, self._codes[mutant.path], after):
             self._holders.clear_caches()
             return not all(passes(self._items[name]) for name in names)
         ChangedFile(path, ROOT, after).import_again()
