@@ -11,17 +11,28 @@ import numpy as np
 import pytest
 
 from onboard.contract.agility import GRAVITY_MPS2, AccelerationLimits
+from onboard.contract.run_on import NO_RUN_ON
 from onboard.geometry.box import Box
 from onboard.geometry.frames import FloatArray
+from onboard.geometry.free_grid import FreeGrid
 from onboard.motion.axis_profile import Profile, Segment
 from onboard.motion.trajectory import State, Trajectory
 from onboard.planning import certifier, rest_certifier
 from onboard.planning.certifier import certify_avoidance, certify_clear
 from onboard.planning.closed_form import vertex_manoeuvre
+from onboard.planning.corridor.horizon import PIECES, Horizon
 from onboard.planning.problem import AvoidanceProblem, Envelope
 from onboard.planning.rest_certifier import certify_rest
 from tests.onboard.planning.avoidance_cases import Variety, draw
-from tests.onboard.planning.test_rest_certifier import LIMITS, all_free, standing, swaying
+from tests.onboard.planning.test_rest_certifier import (
+    LIMITS,
+    MAPS,
+    SIDE,
+    Case,
+    all_free,
+    standing,
+    swaying,
+)
 
 WEAK = AccelerationLimits(0.9, 0.8, 0.7, 0.6)
 FREE = Envelope(AccelerationLimits(*[90.0] * 4), 600.0, (math.inf,) * 3, 99.0)
@@ -221,13 +232,16 @@ def test_the_reach_of_a_coast_is_the_sampled_one(
     assert passed_m == -math.inf
 
 
-def test_a_coast_from_the_fastest_end_of_a_piece_counts() -> None:
-    """Speeding up all the time: the last instant reaches farthest, 1 + 2 x 0.5 + 4/4 m."""
+@pytest.mark.parametrize(("brake_mps2", "farthest_m"), [(2.0, 3.0), (0.5, 6.0)])
+def test_a_coast_from_the_fastest_end_of_a_piece_counts(
+    brake_mps2: float, farthest_m: float
+) -> None:
+    """Speeding up all the time: the last instant reaches farthest, 1 + 2 x 0.5 + 4/2b m."""
     plan = Trajectory.from_profiles(
         0.0, Profile(0.0, 1.0), Profile(0.0, 0.0, (Segment(1.0, 2.0),)), Profile(0.0, 0.0)
     )
-    reach_m, time_s = certifier._coast_reach(plan, 1.0, 0.5, 2.0, 2.99)
-    assert reach_m == pytest.approx(3.0)
+    reach_m, time_s = certifier._coast_reach(plan, 1.0, 0.5, brake_mps2, farthest_m - 0.01)
+    assert reach_m == pytest.approx(farthest_m)
     assert time_s == 1.0
 
 
@@ -391,3 +405,92 @@ def test_a_height_that_changes_and_an_end_that_moves_are_named() -> None:
             array[-1, 1] += sign * 0.01
             failures = rest_failures(dataclasses.replace(plan, **{key: array}))
             assert any(text in failure for failure in failures)
+
+
+def with_unknown(*cells: tuple[int, int]) -> FreeGrid:
+    """A grid in which some cells are unknown, counted from the origin."""
+    unknown = np.zeros((SIDE, SIDE), bool)
+    for i, j in cells:
+        unknown[SIDE // 2 + i, SIDE // 2 + j] = True
+    return Case(swaying(), unknown, NO_RUN_ON, 0.5).grid
+
+
+@pytest.mark.parametrize("cell", [(5, 0), (-6, 0), (0, 5), (0, -6)])
+def test_the_body_ends_two_millimetres_beyond_its_radius_on_every_side(
+    cell: tuple[int, int],
+) -> None:
+    """At a place off the origin: a cell whose near face is 0.5 m from it."""
+    plan = Horizon.at_rest(0.0, 2.0, -3.0).trajectory(-5.0)
+    grid = with_unknown((20 + cell[0], -30 + cell[1]))
+    for radius_m, free in ((0.4975, True), (0.4985, False)):
+        limits = replace(LIMITS, body_radius_m=radius_m)
+        assert certify_rest(plan, plan.sample(0.0), 0.0, limits, grid).valid is free
+    disc = replace(all_unknown(), free_disc=(2.0, -3.0, 0.5))
+    for radius_m, free in ((0.4975, True), (0.4985, False)):
+        limits = replace(LIMITS, body_radius_m=radius_m)
+        assert certify_rest(plan, plan.sample(0.0), 0.0, limits, disc).valid is free
+
+
+def all_unknown() -> FreeGrid:
+    return Case(swaying(), np.ones((SIDE, SIDE), bool), NO_RUN_ON, 0.5).grid
+
+
+def test_a_way_past_a_corner_is_split_until_it_fits() -> None:
+    """Along a diagonal, 0.4 m a piece on each axis: 2 cm after four halvings, 7 cm after two."""
+    start = np.zeros((3, 2))
+    start[1] = 2.0
+    jerk = np.zeros((PIECES, 2))
+    for axis in (0, 1):
+        jerk[:, axis] = MAPS.ending_at_rest(start[:, axis], jerk[:, axis])
+    grid = with_unknown((0, 0))
+    for slack_m, free in ((0.035, True), (-0.003, False)):
+        start[0] = (-0.55, -0.45 + math.sqrt(2.0) * (0.052 + slack_m))
+        plan = Horizon.integrated(0.0, start, jerk).trajectory(-5.0)
+        limits = replace(LIMITS, body_radius_m=0.05)
+        certificate = certify_rest(plan, plan.sample(0.0), 0.0, limits, grid)
+        assert certificate.valid is free, certificate.failures
+
+
+def test_the_first_piece_that_leaves_the_free_space_is_named() -> None:
+    plan = swaying().trajectory(-5.0)
+    (failure,) = certify_rest(plan, plan.sample(0.0), 0.0, LIMITS, all_unknown()).failures
+    assert failure == "leaves the seen-free space in the piece from 0.000 s"
+    x_m, y_m, _ = plan.final.position_leg_m
+    touched = with_unknown((math.floor((x_m + LIMITS.body_radius_m) / 0.1), math.floor(y_m / 0.1)))
+    (failure,) = certify_rest(plan, plan.sample(0.0), 0.0, LIMITS, touched).failures
+    assert float(failure.rpartition(" from ")[2].rstrip(" s")) > 0.5
+
+
+@dataclasses.dataclass
+class Asked:
+    """A grid that remembers which rectangles it was asked about."""
+
+    free_disc: None = None
+    rectangles: list[FloatArray] = dataclasses.field(default_factory=list)
+
+    def are_free(self, *faces: FloatArray) -> FloatArray:
+        self.rectangles.append(np.array(np.broadcast_arrays(*faces)))
+        return np.zeros(faces[0].shape, bool)
+
+
+def test_the_boxes_asked_about_hold_every_point_of_the_run_and_the_body() -> None:
+    points = np.random.default_rng(12).uniform(-1.0, 1.0, (3, 5, 4, 2))
+    gains, asked = ((0.0, 0.0), (0.6, 0.0), (0.9, 0.3)), Asked()
+    rest_certifier._are_free(points, gains, 0.25, asked)  # type: ignore[arg-type]  # two calls of it
+    square, covering = asked.rectangles
+    for piece in range(5):
+        p, v, a = points[:, piece]
+        run = np.concatenate([p + kappa * v + c * a for kappa, c in gains])
+        low, high = run.min(axis=0), run.max(axis=0)
+        expected = (low[0] - 0.25, high[0] + 0.25, low[1] - 0.25, high[1] + 0.25)
+        assert square[:, piece] == pytest.approx(expected)
+        # Rectangles around the same box, which cover its corners grown by a disc.
+        for turn in np.linspace(0.0, math.pi / 2.0, 91):
+            x_m, y_m = 0.25 * math.cos(turn) - 1e-9, 0.25 * math.sin(turn) - 1e-9
+            x0_m, x1_m, y0_m, y1_m = covering[:, :, piece]
+            holds = (x1_m >= high[0] + x_m) & (y1_m >= high[1] + y_m)
+            holds &= (x0_m <= low[0] - x_m) & (y0_m <= low[1] - y_m)
+            assert holds.any()
+        assert covering[1, :, piece].max() == pytest.approx(high[0] + 0.25)
+        assert np.hypot(x1_m - high[0], y1_m - high[1]).max() < 1.1 * 0.25
+        assert np.hypot(low[0] - x0_m, low[1] - y0_m).max() < 1.1 * 0.25
