@@ -95,15 +95,16 @@ def test_verdicts_are_kept_as_they_come_and_counted(tmp_path: Path) -> None:
     assert [record.verdict for record in found] == list(verdicts)
     # What cannot be noticed does not count; what is undecided is not noticed.
     reasons = {mutants[1].key: "equivalent"}
-    tally = Tally.of(found, reasons)
-    assert str(tally) == "1 of 3 mutants noticed, 1 cannot be, 1 survive: 50.0 %"
+    tally = Tally.of(4, found, reasons)
+    counts = "1 of 3 mutants noticed (1 not tried), 1 cannot be, 1 survive: 50.0 %"
+    assert str(tally) == counts
     text = page({Sample("run-on", 0.01): {mutants[0].path: tally}}, reasons)
-    assert "| **run-on** | 3 | 1 | 1 | 1 | 50.0 % |" in text
+    assert "| **run-on** | 4 | 3 | 1 | 1 | 1 | 50.0 % |" in text
     assert "python -m tests.tools.mutation run-on --share 0.01 --seed 1" in text
     assert mutants[2].change.replace("|", "\\|") in text
     # The last verdict counts, and none of a file that has changed since.
     Records(file).add(mutants[2], Verdict.NOTICED, tests=4)
-    assert Tally.of(Records(file).of(mutants), reasons).score == 1.0
+    assert Tally.of(4, Records(file).of(mutants), reasons).score == 1.0
     file.write_text(re.sub('"digest": "[^"]*"', '"digest": "0"', file.read_text("utf-8")))
     assert Records(file).of(mutants) == []
 

@@ -35,11 +35,11 @@ def page(tried: Mapping[Sample, Mapping[str, Tally]], reasons: Mapping[Key, str]
 
 
 def _table(tried: Mapping[Sample, Mapping[str, Tally]]) -> Iterator[str]:
-    yield "| Module | Mutants run | Noticed | Equivalent | Survive | Score |"
-    yield "| --- | ---: | ---: | ---: | ---: | ---: |"
+    yield "| Module | Drawn | Run | Noticed | Equivalent | Survive | Score |"
+    yield "| --- | ---: | ---: | ---: | ---: | ---: | ---: |"
     for sample, files in tried.items():
         for path, tally in files.items():
-            if tally.tried:
+            if tally.drawn:
                 yield _row(f"`{path}`", tally)
         total = Tally.together(files.values())
         yield _row(f"**{sample.part}**", total)
@@ -53,8 +53,9 @@ def _table(tried: Mapping[Sample, Mapping[str, Tally]]) -> Iterator[str]:
 
 
 def _row(name: str, tally: Tally) -> str:
-    counts = tally.tried, tally.noticed, tally.explained, len(tally.survivors)
-    return f"| {name} | {' | '.join(map(str, counts))} | {100.0 * tally.score:.1f} % |"
+    counts = tally.drawn, tally.tried, tally.noticed, tally.explained, len(tally.survivors)
+    score = f"{100.0 * tally.score:.1f} %" if tally.tried else "not run"
+    return f"| {name} | {' | '.join(map(str, counts))} | {score} |"
 
 
 def _survivors(tried: Mapping[Sample, Mapping[str, Tally]]) -> Iterator[str]:

@@ -133,30 +133,33 @@ class Tally:
     """Counts of the mutants of a file or of a part.
 
     Attributes:
-        tried: all of them.
+        drawn: all of them.
+        tried: those that there is a verdict on, unless a run was interrupted all of them.
         noticed: by a test.
         explained: not noticed, and the reason why no test can is stated.
         survivors: not noticed, or without a verdict, and without a reason.
     """
 
+    drawn: int
     tried: int
     noticed: int
     explained: int
     survivors: tuple[Record, ...] = ()
 
     @classmethod
-    def of(cls, records: Sequence[Record], reasons: Mapping[Key, str]) -> Tally:
-        """Count records."""
+    def of(cls, drawn: int, records: Sequence[Record], reasons: Mapping[Key, str]) -> Tally:
+        """Count the records of some mutants, of which so many were drawn."""
         missed = [record for record in records if record.verdict is not Verdict.NOTICED]
         survivors = tuple(record for record in missed if record.key not in reasons)
         noticed = len(records) - len(missed)
-        return cls(len(records), noticed, len(missed) - len(survivors), survivors)
+        return cls(drawn, len(records), noticed, len(missed) - len(survivors), survivors)
 
     @classmethod
     def together(cls, tallies: Iterable[Tally]) -> Tally:
         """Return the counts of several files."""
         each = list(tallies)
         return cls(
+            sum(tally.drawn for tally in each),
             sum(tally.tried for tally in each),
             sum(tally.noticed for tally in each),
             sum(tally.explained for tally in each),
@@ -170,7 +173,8 @@ class Tally:
         return self.noticed / possible if possible else 1.0
 
     def __str__(self) -> str:
+        left = "" if self.tried == self.drawn else f" ({self.drawn - self.tried} not tried)"
         return (
-            f"{self.noticed} of {self.tried} mutants noticed, {self.explained} cannot be,"
+            f"{self.noticed} of {self.tried} mutants noticed{left}, {self.explained} cannot be,"
             f" {len(self.survivors)} survive: {100.0 * self.score:.1f} %"
         )
