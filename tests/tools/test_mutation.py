@@ -3,18 +3,20 @@
 from __future__ import annotations
 
 import ast
+import os
 import re
+import signal
 from pathlib import Path
 
 import yaml
 
 from tests.tools.mutation.__main__ import PARTS, SCORE_MIN, SURVIVORS, drawn, stated_reasons
 from tests.tools.mutation.injection import Holders, codes_of
-from tests.tools.mutation.measuring import Test
+from tests.tools.mutation.measuring import Test, limit_own_use
 from tests.tools.mutation.mutants import Mutant, mutants_of, mutated
 from tests.tools.mutation.page import page
 from tests.tools.mutation.records import Records, Sample, Tally
-from tests.tools.mutation.trials import ROOT, Verdict
+from tests.tools.mutation.trials import _NOTICED, _SURVIVED, ROOT, Verdict, _verdict
 
 SOURCE = """
 LIMIT = 1.5
@@ -82,6 +84,22 @@ def test_tests_are_chosen_by_the_lines_that_they_reach() -> None:
     assert Test("one", 0.1, {"f.py": {2, 7}}).reaches(mutant)
     assert not Test("other", 0.1, {"f.py": {2, 8}}).reaches(mutant)
     assert not Test("elsewhere", 0.1, {"g.py": {6}}).reaches(mutant)
+
+
+def test_a_fork_that_the_limit_of_processor_time_ended_has_noticed() -> None:
+    assert _verdict(_NOTICED) is Verdict.NOTICED
+    assert _verdict(-signal.SIGKILL) is Verdict.NOTICED
+    assert _verdict(_SURVIVED) is Verdict.SURVIVED
+    assert _verdict(-signal.SIGTERM) is Verdict.UNDECIDED  # it waited for something
+
+
+def test_a_process_is_ended_by_its_processor_time() -> None:
+    child = os.fork()
+    if not child:
+        limit_own_use(0.1)
+        while True:
+            pass
+    assert os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == -signal.SIGKILL
 
 
 def test_verdicts_are_kept_as_they_come_and_counted(tmp_path: Path) -> None:
