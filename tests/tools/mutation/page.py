@@ -10,11 +10,11 @@ from tests.tools.mutation.records import Key, Sample, Tally
 PAGE: Final = "docs/mutation.md"
 _HEAD: Final = """# Mutants
 
-How well do the unit tests check the code that the guarantee rests on? The command below changes one
-operator, comparison, constant, sign, condition, or choice between minimum and maximum at a time, and
-runs the unit tests that reach the change. A test must fail. The score is the share noticed of the
-mutants that can be; the aim is 95 %. A mutant that no test can notice counts as equivalent: its
-reason stands in `tests/tools/mutation/survivors.yaml` and below.
+How well do the unit tests check the code that the guarantee rests on? The command below changes
+one operator, comparison, constant, sign, condition, or choice between minimum and maximum at a
+time, and runs the unit tests that reach the change. A test must fail. The score is the share
+noticed of the mutants that can be; the aim is 95 %. A mutant that no test can notice counts as
+equivalent: its reason stands in `tests/tools/mutation/survivors.yaml` and below.
 
 A mutant that hangs counts as noticed when its tests use eight times the processor time that they
 use without it. Tests that take more than half a second are left out, whole flights among them: a
