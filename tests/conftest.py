@@ -4,6 +4,6 @@ from hypothesis import Phase, settings
 settings.register_profile("clearway", deadline=None)
 # Shrinking a failure that detects a mutant would only take time.
 settings.register_profile(
-    "mutation", deadline=None, max_examples=40, phases=(Phase.explicit, Phase.generate)
+    "mutation", deadline=None, max_examples=12, phases=(Phase.explicit, Phase.generate)
 )
 settings.load_profile("clearway")

@@ -3,14 +3,20 @@
 from __future__ import annotations
 
 import ast
+import os
+import re
+import signal
 from pathlib import Path
 
 import yaml
 
-from tests.tools.mutation.__main__ import PARTS, SCORE_MIN, SURVIVORS, Tally, drawn, stated_reasons
-from tests.tools.mutation.injection import exchange
+from tests.tools.mutation.__main__ import PARTS, SCORE_MIN, SURVIVORS, drawn, stated_reasons
+from tests.tools.mutation.injection import Holders, codes_of
+from tests.tools.mutation.measuring import Test, limit_own_use
 from tests.tools.mutation.mutants import Mutant, mutants_of, mutated
-from tests.tools.mutation.trials import ROOT, Test
+from tests.tools.mutation.page import page
+from tests.tools.mutation.records import Records, Sample, Tally
+from tests.tools.mutation.trials import _NOTICED, _SURVIVED, ROOT, Verdict, _verdict
 
 SOURCE = """
 LIMIT = 1.5
@@ -66,10 +72,11 @@ def test_code_is_exchanged_wherever_a_function_has_been_imported(tmp_path: Path)
     assert held(4.0) == -6.0
     mutants = {mutant.change: mutant for mutant in mutants_of("f.py", SOURCE)}
     divided = mutated(SOURCE, mutants["-a * LIMIT: Div"])
-    assert exchange(path, ast.parse(SOURCE), divided)
+    holders, codes = Holders.of([str(path)]), codes_of(path, ast.parse(SOURCE))
+    assert holders.exchange(path, codes, divided)
     assert held(4.0) == -4.0 / 1.5
     constant = mutated(SOURCE, mutants["1.5: one more"])
-    assert not exchange(path, ast.parse(SOURCE), constant)
+    assert not holders.exchange(path, codes, constant)
 
 
 def test_tests_are_chosen_by_the_lines_that_they_reach() -> None:
@@ -79,11 +86,45 @@ def test_tests_are_chosen_by_the_lines_that_they_reach() -> None:
     assert not Test("elsewhere", 0.1, {"g.py": {6}}).reaches(mutant)
 
 
-def test_what_cannot_be_noticed_does_not_count() -> None:
-    mutant = Mutant("f.py", 0, 0, 6, (6, 7), in_function=True, function="f", change="x")
-    tally = Tally({mutant.key: "equivalent"})
-    tally.judge(mutant, noticed=False, count=3)
-    assert (tally.score, tally.explained, tally.survivors) == (1.0, 1, [])
+def test_a_fork_that_the_limit_of_processor_time_ended_has_noticed() -> None:
+    assert _verdict(_NOTICED) is Verdict.NOTICED
+    assert _verdict(-signal.SIGKILL) is Verdict.NOTICED
+    assert _verdict(_SURVIVED) is Verdict.SURVIVED
+    assert _verdict(-signal.SIGTERM) is Verdict.UNDECIDED  # it waited for something
+
+
+def test_a_process_is_ended_by_its_processor_time() -> None:
+    child = os.fork()
+    if not child:
+        limit_own_use(0.1)
+        while True:
+            pass
+    assert os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == -signal.SIGKILL
+
+
+def test_verdicts_are_kept_as_they_come_and_counted(tmp_path: Path) -> None:
+    mutants = drawn(PARTS["run-on"], 0.01, seed=1)
+    assert len(mutants) == 4
+    file = tmp_path / "run-on.jsonl"
+    verdicts = (Verdict.NOTICED, Verdict.SURVIVED, Verdict.UNDECIDED)
+    for mutant, verdict in zip(mutants, verdicts, strict=False):
+        Records(file).add(mutant, verdict, tests=3)
+    found = Records(file).of(mutants)
+    assert [record.verdict for record in found] == list(verdicts)
+    # What cannot be noticed does not count; what is undecided is not noticed.
+    reasons = {mutants[1].key: "equivalent"}
+    tally = Tally.of(4, found, reasons)
+    counts = "1 of 3 mutants noticed (1 not tried), 1 cannot be, 1 survive: 50.0 %"
+    assert str(tally) == counts
+    text = page({Sample("run-on", 0.01): {mutants[0].path: tally}}, reasons)
+    assert "| **run-on** | 4 | 3 | 1 | 1 | 1 | 50.0 % |" in text
+    assert "python -m tests.tools.mutation run-on --share 0.01 --seed 1" in text
+    assert mutants[2].change.replace("|", "\\|") in text
+    # The last verdict counts, and none of a file that has changed since.
+    Records(file).add(mutants[2], Verdict.NOTICED, tests=4)
+    assert Tally.of(4, Records(file).of(mutants), reasons).score == 1.0
+    file.write_text(re.sub('"digest": "[^"]*"', '"digest": "0"', file.read_text("utf-8")))
+    assert Records(file).of(mutants) == []
 
 
 def test_every_part_names_files_and_tests_that_exist_and_a_sample_is_the_same_again() -> None:

@@ -12,6 +12,7 @@ import pytest
 from onboard.contract.arithmetic import ARRAY, SCALAR
 from onboard.contract.clauses import PROGRESS_CLAUSES, TICK_S, Clause, clauses, recentring_drift
 from onboard.contract.derivation import Derived, derive
+from onboard.contract.recentring import required_view
 from onboard.contract.terms import Terms
 from onboard.geometry.frames import FloatArray
 from tests.onboard.contract.example_terms import TERMS
@@ -145,3 +146,38 @@ def test_the_drift_waits_for_whichever_is_noticed_later() -> None:
     silent_s = TERMS.frame_age_max_s + TICK_S
     assert late_drift.ending_s - quick_drift.ending_s == pytest.approx(0.9 - silent_s)
     assert quick_drift.speed_min_mps == TERMS.cruise_speed_mps - TERMS.velocity_error_x_mps
+
+
+def test_a_view_of_90_degrees_suffices_and_a_heading_error_widens_it_on_both_sides() -> None:
+    square = math.radians(90.0)
+    assert found(field_of_view_rad=square)["seen_free_view"].holds
+    assert not found(field_of_view_rad=square - 1e-3)["seen_free_view"].holds
+    turned = found(field_of_view_rad=square + 0.2, heading_error_rad=0.1)["seen_free_view"]
+    assert turned.required == pytest.approx(90.0 + math.degrees(0.2))
+    assert turned.declared == pytest.approx(90.0 + math.degrees(0.2))
+    # Where no obstacle is stopped for, what must be seen ahead is seen best from the full range.
+    swerving = found(stop=False, heading_error_rad=0.1)["field_of_view"]
+    edge_m = derived(stop=False, heading_error_rad=0.1).edge_offset_m
+    half_rad = math.asin(edge_m / TERMS.detection_range_m) + 0.1
+    assert swerving.required == pytest.approx(math.degrees(2.0 * half_rad))
+    near = found(stop=False, detection_range_m=1.0)["field_of_view"]
+    assert near.required == pytest.approx(180.0)
+    assert near.declared == pytest.approx(math.degrees(TERMS.field_of_view_rad))
+
+
+def test_the_view_of_a_drift_counts_the_heading_error_on_both_sides() -> None:
+    changes: dict[str, Any] = {"recentring_speed_mps": 0.3, "heading_error_rad": 0.1}
+    terms = replace(TERMS, **changes)
+    drift = recentring_drift(terms, derived(**changes), SCALAR)
+    clause = found(**changes)["recentring"]
+    view_rad = required_view(drift, TERMS.detection_range_m, SCALAR) + 0.2
+    assert clause.required == pytest.approx(math.degrees(view_rad))
+    assert clause.declared == pytest.approx(math.degrees(TERMS.field_of_view_rad))
+
+
+def test_a_pair_of_separations_requires_the_diagonal_that_both_of_its_shares_allow() -> None:
+    along_m, across_m = derived().required_separation_box_m
+    for along, across in ((0.6, 0.8), (0.99, 0.141)):
+        clause = found(separation_shares=(along, across))["separation"]
+        assert clause.required == pytest.approx(max(along_m / along, across_m / across))
+    assert found()["separation"].required == pytest.approx(math.hypot(along_m, across_m))

@@ -131,3 +131,44 @@ def test_stopping_counts_reaction_and_lag() -> None:
     e = found.encounter
     late_m = e.speed_mps * (TERMS.reaction_time_s + TERMS.attitude_lag_s)
     assert found.stopping_distance_m == pytest.approx(e.speed_mps**2 / (2 * e.brake_mps2) + late_m)
+
+
+def test_a_measured_run_below_its_speed_by_hand() -> None:
+    """Shorter by the share of the speed of what a start from rest would not have flown."""
+    measured = {"setpoint_loss_run_on_m": 4.5, "setpoint_loss_run_on_speed_mps": 2.8}
+    e = met(**measured, cruise_speed_mps=2.0)
+    timeout_s, lag_s = TERMS.setpoint_loss_timeout_s, TERMS.attitude_lag_s
+    from_rest_m = e.brake_mps2 * timeout_s * (timeout_s + lag_s)
+    assert from_rest_m < 4.5
+    shorter_m = (4.5 - from_rest_m) * (1.0 - 2.2 / 3.0)
+    assert e.run_on_m == pytest.approx(4.5 - shorter_m)
+    assert e.coast_time_s == pytest.approx(4.5 / 3.0 - 3.0 / (2.0 * e.brake_mps2))
+    # No longer than from rest: it is as long at every speed.
+    brief = measured | {"setpoint_loss_run_on_m": 0.9 * from_rest_m}
+    assert met(**brief, cruise_speed_mps=2.0).run_on_m == pytest.approx(0.9 * from_rest_m)
+
+
+@pytest.mark.parametrize("size_min_m", [0.0, 0.5])
+@pytest.mark.parametrize("size_max_m", [0.6, 8.0])
+def test_the_published_length_by_hand(size_min_m: float, size_max_m: float) -> None:
+    found = derived(obstacle_size_min_m=size_min_m, obstacle_size_max_m=size_max_m)
+    half_m, region = found.encounter.size_along_m / 2.0, found.region
+    thin_m = size_min_m + 2.0 * (TERMS.radius_m + TERMS.tracking_error_m)
+    behind_m = region.recovery_m - found.encounter.run_on_m - thin_m / 2.0
+    assert found.roi_length_m == pytest.approx(region.front_m + half_m + max(behind_m, half_m))
+
+
+def test_what_a_region_of_stopping_needs_by_hand() -> None:
+    found = derive(changed(recentring_speed_mps=0.4), SCALAR)
+    size_m, region = TERMS.obstacle_size_max_m + 2.0 * found.margin_m, found.region
+    assert found.roi_length_m == pytest.approx(size_m + region.front_m)
+    assert found.roi_width_m == pytest.approx(size_m + 2.0 * region.overhang_left_m)
+    assert found.edge_offset_m == pytest.approx(found.margin_m + region.drift_left_m)
+    assert region.drift_left_m > 0.0
+    swerve = found.manoeuvre
+    lanes_m = swerve.overhang_left_m + swerve.overhang_right_m
+    coasts_m = swerve.coast_left_m + swerve.coast_right_m
+    assert found.manoeuvre_width_m == pytest.approx(size_m + lanes_m + coasts_m)
+    late_m = TERMS.cruise_speed_mps * (TERMS.reaction_time_s + TERMS.attitude_lag_s)
+    braking_m = TERMS.cruise_speed_mps**2 / (2.0 * found.encounter.brake_mps2)
+    assert found.stopping_distance_m == pytest.approx(braking_m + late_m)

@@ -631,3 +631,81 @@ def test_what_is_on_a_collision_course() -> None:
     assert not region.on_collision_course(0.0, 5.061)
     assert region.on_collision_course(11.0, 0.0)
     assert not region.on_collision_course(11.001, 0.0)
+
+
+def stopping_encounter(obstacle: Box) -> Encounter[float]:
+    return replace(
+        ideal_encounter(AccelerationLimits(2.0, 4.0, 1.0, 3.0), 2.0, obstacle.size_m),
+        lateral_speed_mps=0.5,
+        coast_time_s=0.4,
+    )
+
+
+def stopping_region(obstacle: Box) -> RegionOfInfluence:
+    """A region of stopping and sidestepping that shares no figure with the published form."""
+    stop = Dimensions(
+        flat=True,
+        collision_set_depth_m=1.0,
+        front_m=7.0,
+        overhang_left_m=0.6,
+        overhang_right_m=0.8,
+        coast_left_m=0.2,
+        coast_right_m=0.4,
+        drift_left_m=0.1,
+        drift_right_m=0.1,
+        recovery_m=3.0,
+        pob_depth_m=9.0,
+        avoidance_time_s=1.0,
+    )
+    return RegionOfInfluence.around(obstacle, stopping_encounter(obstacle), stop)
+
+
+WALL = Box(10.0, 11.0, -3.0, 5.0)
+
+
+def test_a_region_of_stopping_keeps_that_of_the_manoeuvre_too() -> None:
+    region = stopping_region(WALL)
+    published = RegionOfInfluence.around(WALL, stopping_encounter(WALL))
+    assert tuple(vars(region.extent).values()) == pytest.approx((3.0, 19.0, -3.8, 6.2))
+    # Half of what lies beside it, and all of what lies before and behind.
+    assert tuple(vars(region.apart).values()) == pytest.approx((3.0, 19.0, -3.4, 5.6))
+    assert region.manoeuvre == published.extent == published.apart == published.manoeuvre
+    assert region.x_pob_m == published.extent.x_max_m < 19.0
+
+
+def test_approach_and_departure_are_those_of_the_farther_form() -> None:
+    region = stopping_region(WALL)
+    farther = replace(region, manoeuvre=Box(2.0, 20.0, -3.0, 5.0))
+    for one, front_m, border_m in ((region, 3.0, 19.0), (farther, 2.0, 20.0)):
+        assert one.approach_x_m == pytest.approx(front_m)
+        assert one.departure_x_m == pytest.approx(border_m)
+
+
+def test_a_region_moves_with_all_that_it_has() -> None:
+    region = stopping_region(WALL)
+    moved = region.shifted_by(2.0, -1.0)
+    for name in ("obstacle", "keep_out", "extent", "apart", "manoeuvre"):
+        before, after = getattr(region, name), getattr(moved, name)
+        shift_m = np.subtract(list(vars(after).values()), list(vars(before).values()))
+        assert shift_m == pytest.approx([2.0, 2.0, -1.0, -1.0]), name
+    assert moved.lane_left_m == pytest.approx(region.lane_left_m - 1.0)
+    assert moved.lane_right_m == pytest.approx(region.lane_right_m - 1.0)
+    assert (moved.drift_left_m, moved.drift_right_m) == (region.drift_left_m, region.drift_right_m)
+    low_m, high_m = moved.conflict_band_y_m
+    assert low_m == pytest.approx(WALL.y_min_m - 1.0 - region.drift_left_m)
+    assert high_m == pytest.approx(WALL.y_max_m - 1.0 + region.drift_right_m)
+    # Of two regions the halves must be disjoint: 8 m and twice a quarter of 2 m.
+    assert region.conflicts_with(region.shifted_by(0.0, 8.9))
+    assert not region.conflicts_with(region.shifted_by(0.0, 9.1))
+
+
+def test_the_depth_of_the_boundary_ends_at_the_side_faces() -> None:
+    limits, obstacle = AccelerationLimits(2.0, 4.0, 1.0, 4.0), Box(10.0, 11.0, -3.0, 5.0)
+
+    def depth_m(y_m: float) -> float:
+        return boundary_depth_at(y_m, obstacle, limits, 6.0)
+
+    assert [depth_m(y_m) for y_m in (-4.0, -3.0, 5.0, 6.0)] == [0.0] * 4
+    # To the left 0.5 m at 1 m/s² in a second, to the right 2 m at 4 m/s²: 6 m less 1 m braked.
+    assert depth_m(-2.5) == pytest.approx(5.0)
+    assert depth_m(3.0) == pytest.approx(5.0)

@@ -335,3 +335,30 @@ def test_the_longest_modelled_run_by_hand() -> None:
     assert kappa_s * 0.05 < c_s2
     whole_m = (c_s2 - kappa_s * 0.05 / 2.0) * 2.0
     assert frozen_run_m(quick, 2.8, 2.0, SCALAR) == pytest.approx(kappa_s * 2.8 + whole_m)
+
+
+def with_lag(terms: Terms[float], lag_s: float) -> Terms[float]:
+    return Terms(**{**vars(terms), "attitude_lag_s": lag_s})
+
+
+@pytest.mark.parametrize("lag_s", [0.0, 0.4])
+def test_a_coast_shorter_than_the_lag_and_one_without_a_lag_by_hand(lag_s: float) -> None:
+    """Of a jerk that takes a lag to act only the timeout counts: t²/2T; without a lag all of t."""
+    terms = with_lag(Terms.of(contract(setpoint_loss_timeout_s=0.1)), lag_s)
+    limits = limits_of(terms)
+    gained_s = 0.1**2 / (2.0 * lag_s) if lag_s else 0.1
+    fastest_mps = terms.cruise_speed_mps + float(np.hypot(*limits)) * gained_s
+    stopping_s = lag_s + fastest_mps / (2.0 * float(limits.min()))
+    assert contract_run_on(terms).gains[-1][0] == pytest.approx(0.1 + stopping_s, rel=1e-6)
+
+
+def test_without_a_lag_the_last_setpoint_keeps_its_acceleration() -> None:
+    terms = with_lag(Terms.of(contract(setpoint_loss=frozen(0.8, 1.8))), 0.0)
+    expected_m = 2.8 / 0.8 + 2.0 / (0.8 * 1.8)
+    assert frozen_run_m(terms, 2.8, 2.0, SCALAR) == pytest.approx(expected_m)
+
+
+def test_a_slow_cruise_runs_on_as_at_its_own_speed() -> None:
+    slow = Terms(**{**vars(Terms.of(contract())), "cruise_speed_mps": 0.5})
+    assert contract_run_on(slow) == contract_run_on(slow, 0.5)
+    assert contract_run_on(slow).gains[-1][0] < contract_run_on(slow, 0.9).gains[-1][0]

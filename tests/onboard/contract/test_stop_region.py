@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -10,16 +11,24 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from onboard.contract.agility import AccelerationLimits
 from onboard.contract.arithmetic import ARRAY, SCALAR
 from onboard.contract.assessment import Assessment, assess
 from onboard.contract.derivation import derive
 from onboard.contract.run_on import contract_run_on
-from onboard.contract.stop_region import OVERHANG_M, PASSIVE_OVERHANG_M, PLANNING_ROOM_M
+from onboard.contract.stop_region import (
+    OVERHANG_M,
+    PASSIVE_OVERHANG_M,
+    PLANNING_ROOM_M,
+    run_on_ahead_m,
+    stop_dimensions,
+)
 from onboard.contract.terms import Terms
 from onboard.files.contract_file import Contract, load_contract
 from onboard.geometry.box import Box
 from onboard.perception.seen_free import CELL_M
 from tests.gcs_tools.running import CONFIG
+from tests.onboard.contract.ideal_encounter import ideal_encounter
 from tests.onboard.contract.test_assessment import (
     GRAVITY_MPS2,
     as_arrays,
@@ -213,3 +222,40 @@ def test_the_front_is_that_of_the_worked_example() -> None:
     assert b / 0.95 < 2.8  # beyond κb: the run is farthest on the way
     reach_m = 2.8**2 / (2.0 * b) + b / (2.0 * 0.95**2)
     assert assessment.inflated.region.front_m == pytest.approx(reach_m + 2.8 * 0.4 + 0.15)
+
+
+@pytest.mark.parametrize(("left_mps2", "right_mps2"), [(1.0, 4.0), (4.0, 1.0)])
+@pytest.mark.parametrize(("passive_safety", "least_m"), [(True, 0.5), (False, 0.3)])
+def test_sides_that_differ_by_hand(
+    left_mps2: float, right_mps2: float, *, passive_safety: bool, least_m: float
+) -> None:
+    """2 m/s against 2 m/s², 0.4 m/s aside, a lag of 0.2 s, a reaction of 0.3 s, a run of 0.5 s."""
+    limits = AccelerationLimits(2.0, 3.0, left_mps2, right_mps2)
+    e = replace(
+        ideal_encounter(limits, 2.0, (1.5, 2.5)),
+        lateral_speed_mps=0.4,
+        attitude_lag_s=0.2,
+        reaction_time_s=0.3,
+        run_on_m=0.7,
+    )
+    region = stop_dimensions(e, 0.5, passive_safety=passive_safety, ops=SCALAR)
+    assert region.drift_left_m == pytest.approx(0.4 * 0.7 + 0.16 / (2.0 * left_mps2))
+    assert region.drift_right_m == pytest.approx(0.4 * 0.7 + 0.16 / (2.0 * right_mps2))
+    # The weaker side is 0.28 + 0.08 m: a little more than the least without passive safety.
+    overhang_m = max(least_m, 0.36) + 0.36
+    assert region.overhang_left_m == region.overhang_right_m == pytest.approx(overhang_m)
+    assert region.collision_set_depth_m == pytest.approx(1.0)
+    assert region.front_m == pytest.approx(0.7 + 1.0 + 2.0 * 0.5 + 0.15)
+    assert (region.coast_left_m, region.coast_right_m) == (0.0, 0.0)
+    assert (region.recovery_m, region.pob_depth_m) == (1.5, 1.5)
+    assert region.avoidance_time_s == pytest.approx(1.0)
+    assert region.flat
+    still = replace(e, lateral_speed_mps=0.0, speed_mps=0.0)
+    assert stop_dimensions(still, 0.0, passive_safety=passive_safety, ops=SCALAR).flat
+
+
+def test_the_farthest_of_braking_and_running_on_by_hand() -> None:
+    """At 2 m/s and 2 m/s² a run of 0.5 s per speed is farthest at 1 m/s, one of 1.5 s at 2 m/s."""
+    assert run_on_ahead_m(2.0, 2.0, 0.5, SCALAR) == pytest.approx(0.25)
+    assert run_on_ahead_m(2.0, 2.0, 1.5, SCALAR) == pytest.approx(3.0 - 1.0)
+    assert run_on_ahead_m(2.0, 2.0, 1.0, SCALAR) == pytest.approx(1.0)

@@ -80,3 +80,15 @@ def test_the_ideal_has_no_size_no_errors_no_delays_and_no_wind() -> None:
     assert not ideal.stop
     assert all(getattr(ideal, name) == getattr(real, name) for name in kept)
     assert ideal.idealised() == ideal
+
+
+def test_a_drift_of_the_frame_counts_with_the_body_and_with_the_map() -> None:
+    drifting = replace(TERMS, position_drift_mps=0.01, flight_time_max_s=100.0)
+    assert drifting.drift_m == pytest.approx(1.0)
+    assert drifting.body_m == pytest.approx(TERMS.body_m + 1.0)
+    assert drifting.map_error_m == pytest.approx(TERMS.position_error_m + 1.0)
+    assert replace(TERMS, position_drift_mps=0.01).drift_m == 0.0
+    assert replace(TERMS, flight_time_max_s=100.0).drift_m == 0.0
+    assert TERMS.stops
+    assert not replace(TERMS, stop=False).stops
+    assert not replace(TERMS, input_set="paper").stops

@@ -1,5 +1,6 @@
 """The operator's word about the start: taken once, in the frame in which it was given."""
 
+import numpy as np
 import pytest
 
 from onboard.monitoring.seen.operators_word import OperatorsWord
@@ -67,3 +68,21 @@ def test_a_box_without_an_extent_is_where_it_is(
     # An adversary's detector reports a thin obstacle as a point; it contradicted every word.
     word.take(0.0, 0.0, 3.0)
     assert word.contradicted_by([box], margin_m) == found
+
+
+def test_the_distance_of_a_box_is_that_of_its_nearest_point(word: OperatorsWord) -> None:
+    """Turned boxes around a disc off the origin, against dense points of their edges."""
+    random = np.random.default_rng(11)
+    for _ in range(60):
+        centre_m, turn_rad = random.uniform(-4.0, 4.0, 2), random.uniform(-3.0, 3.0)
+        half_m = random.uniform(0.05, 1.5, 2)
+        signs = np.array(((-1, -1), (1, -1), (1, 1), (-1, 1)))[:: random.choice((-1, 1))]
+        cosine, sine = np.cos(turn_rad), np.sin(turn_rad)
+        corners_m = centre_m + signs * half_m @ np.array(((cosine, sine), (-sine, cosine)))
+        offset_m = np.array((0.7, -1.2)) - centre_m
+        beyond_m = np.abs((offset_m @ (cosine, sine), offset_m @ (-sine, cosine))) - half_m
+        distance_m = float(np.hypot(*np.maximum(beyond_m, 0.0)))
+        box = tuple((float(x), float(y)) for x, y in corners_m)
+        word.take(0.7, -1.2, 2.0)
+        assert word.contradicted_by([box], 2.0 - distance_m - 1e-6) == 0
+        assert word.contradicted_by([box], 2.0 - distance_m + 1e-6) is None

@@ -9,8 +9,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from onboard.geometry.box import Box
-from onboard.perception.line_of_sight import View
-from onboard.perception.seen_free import SeenFree
+from onboard.perception.line_of_sight import View, seen_free
+from onboard.perception.seen_free import SeenFree, _eroded, _shifted
 
 ALL_ROUND = View((0.0, 0.0), 0.0, math.pi, 5.0, (), 0.05)
 FOUR_STEPS_M = 4.0
@@ -228,3 +228,128 @@ def test_a_snapshot_by_what_was_freed_is_that_of_the_whole_set(half_width_m: flo
     space.confirm(0.0, 0.0, 1.0)
     np.testing.assert_array_equal(space.grid().unknown_sum, space._grid(half_width_m).unknown_sum)
     assert space.size == np.count_nonzero(space._free)
+
+
+# --- the parts against slow ones
+
+
+def speckled(seed: int = 6, free: float = 0.9) -> SeenFree:
+    """A small set with cells at random, off the middle of its frame."""
+    space = SeenFree(frames_needed=1, reach_m=2.0)
+    space._free[:] = np.random.default_rng(seed).random(space._free.shape) < free
+    space._has_changed()
+    return space
+
+
+def test_the_middle_and_the_reach_of_the_grid() -> None:
+    space = SeenFree(reach_m=5.0)
+    assert space.reach_m == pytest.approx(9.0)
+    assert space.centre_leg_m == (0.0, 0.0)
+    for x_m, y_m, middle_m in ((1.9, -1.9, (0.0, 0.0)), (2.1, -6.1, (4.0, -8.0))):
+        space.centre_on(x_m, y_m)
+        assert space.centre_leg_m == pytest.approx(middle_m)
+
+
+@pytest.mark.parametrize(("di", "dj"), [(0, 0), (2, -1), (-3, 2), (0, 6), (-7, 0), (7, 7)])
+def test_cells_are_moved_one_by_one(di: int, dj: int) -> None:
+    cells = np.random.default_rng(7).random((7, 7)) < 0.5
+    moved = _shifted(cells, di, dj)
+    for i in range(7):
+        for j in range(7):
+            inside = 0 <= i + di < 7 and 0 <= j + dj < 7
+            assert moved[i, j] == (inside and cells[i + di, j + dj])
+
+
+def test_a_cell_with_an_unknown_neighbour_is_eroded() -> None:
+    cells = np.random.default_rng(8).random((9, 9)) < 0.95
+    eroded = _eroded(cells)
+    for i in range(9):
+        for j in range(9):
+            inner = 0 < i < 8 and 0 < j < 8
+            assert eroded[i, j] == (inner and cells[i - 1 : i + 2, j - 1 : j + 2].all())
+
+
+def test_a_set_is_the_same_asked_for_points_rectangles_and_snapshots() -> None:
+    space = speckled()
+    size, corner = space._free.shape[0], space._corner[0]
+    low_m, high_m = corner * 0.1, (corner + size) * 0.1
+    edges = np.array([low_m - 1e-9, low_m + 1e-9, 0.05, high_m - 1e-9, high_m + 1e-9, math.inf])
+    for x_m in edges:
+        held = space.holds(np.full(6, x_m), edges)
+        for y_m, found in zip(edges, held, strict=True):
+            inside = low_m <= x_m < high_m and low_m <= y_m < high_m
+            i, j = (math.floor(c / 0.1) - corner if inside else 0 for c in (x_m, y_m))
+            assert found == (inside and space._free[i, j])
+    random = np.random.default_rng(9)
+    for _ in range(300):
+        x0_m, y0_m = random.uniform(low_m - 0.1, high_m, 2)
+        x1_m, y1_m = np.add((x0_m, y0_m), random.uniform(0.0, 0.4, 2))
+        box = [np.array([value]) for value in (x0_m, x1_m, y0_m, y1_m)]
+        assert space.are_free(*box) == space.grid().is_free(x0_m, x1_m, y0_m, y1_m)
+    assert space.grid().free_cells == space.size == np.count_nonzero(space._free)
+
+
+def test_the_free_disc_about_a_place_ends_at_the_nearest_unknown_point() -> None:
+    random = np.random.default_rng(10)
+    space = speckled(free=0.999)
+    low_m = space._corner[0] * 0.1
+    corners_m = low_m + 0.1 * np.argwhere(~space._free)
+    for x_m, y_m in random.uniform(-7.0, 7.0, (60, 2)):
+        nearest = np.clip((x_m, y_m), corners_m, corners_m + 0.1)
+        nearest_m = float(np.hypot(*(nearest - (x_m, y_m)).T).min())
+        edge_m = min(x_m, y_m, -x_m, -y_m) - low_m
+        expected_m = min(nearest_m, edge_m)
+        if max(0.0, expected_m) < 2.9:
+            assert space.free_radius_m(x_m, y_m) == pytest.approx(max(0.0, expected_m), abs=1e-9)
+    everywhere = speckled(free=2.0)
+    assert 2.9 <= everywhere.free_radius_m(0.0, 0.0) <= 3.1
+    # What was free where the vehicle rested stays so, less the way from there.
+    everywhere.void()
+    everywhere._rest_disc = (1.0, 2.0, 0.8)
+    assert everywhere.free_radius_m(1.3, 2.4) == pytest.approx(0.3)
+    assert everywhere.free_radius_m(-1.0, 2.0) == 0.0
+    everywhere.shift(0.5, -0.7)
+    assert everywhere.free_radius_m(1.5, 1.3) == pytest.approx(0.8)
+
+
+@pytest.mark.parametrize("quarters", [1, 2, 3])
+def test_a_quarter_turn_keeps_what_is_free_with_its_neighbours(quarters: int) -> None:
+    """The circumscribed square of a turned cell reaches a little into its neighbours."""
+    space, turn_rad = speckled(free=0.97), quarters * math.pi / 2.0
+    turned = space.turned((1.0, -0.5), turn_rad)
+    cosine, sine = round(math.cos(turn_rad)), round(math.sin(turn_rad))
+    sure = _eroded(space._free)
+    corner, size = space._corner[0], space._free.shape[0]
+    kept = 0
+    for i in range(0, turned._free.shape[0], 3):
+        for j in range(0, turned._free.shape[1], 3):
+            x_m, y_m = ((each + 0.5 + turned._corner[0]) * 0.1 for each in (i, j))
+            old_x_m = 1.0 + cosine * x_m - sine * y_m
+            old_y_m = -0.5 + sine * x_m + cosine * y_m
+            a, b = (math.floor(c / 0.1 + 1e-6) - corner for c in (old_x_m, old_y_m))
+            inside = 0 <= a < size and 0 <= b < size
+            assert turned._free[i, j] >= (inside and sure[a, b])
+            assert turned._free[i, j] <= (inside and space._free[a, b])
+            kept += int(turned._free[i, j])
+    assert kept > 100
+
+
+def test_the_window_of_a_frame_holds_all_that_it_shows_and_little_more() -> None:
+    for heading_rad in np.linspace(-3.0, 3.0, 7).tolist():
+        for half_rad in (0.3, 1.2, math.pi / 2.0, 2.5, math.pi):
+            view = replace(ALL_ROUND, heading_leg_rad=heading_rad, half_view_rad=half_rad)
+            space = SeenFree(frames_needed=1, reach_m=7.0)
+            whole = slice(0, space._free.shape[0])
+            xs_m, ys_m = space._centres(whole, whole)
+            x_m, y_m = np.meshgrid(xs_m, ys_m, indexing="ij")
+            shown = seen_free(view, x_m.ravel(), y_m.ravel(), 0.1).reshape(x_m.shape)
+            space.see(view)
+            assert (space._free == shown).all()
+            window = space._window(view)
+            assert window is not None
+            cells = [np.flatnonzero(shown.any(axis=1 - axis)) for axis in (0, 1)]
+            for part, found in zip(window, cells, strict=True):
+                assert part.start <= found[0] <= part.start + 12
+                assert part.stop - 12 <= found[-1] + 1 <= part.stop
+    beyond = replace(ALL_ROUND, position_leg_m=(40.0, 0.0))
+    assert SeenFree(frames_needed=1, reach_m=7.0)._window(beyond) is None

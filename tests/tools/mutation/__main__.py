@@ -3,10 +3,12 @@
 Changes every arithmetic operator, comparison, float constant, sign, condition, and choice between
 minimum and maximum in the files of a part, one at a time, and runs the unit tests that reach the
 change, which must fail.  Prints the mutants that survive without a reason stated in
-``survivors.yaml``, and the score of each part; exits with 1 if one is below 95 %.  Not part of the
-continuous integration: it takes minutes.
+``survivors.yaml``, and the score of each part; exits with 1 if one is below 95 % or was not tried
+to the end.  Not part of the continuous integration: it takes minutes.
 
-With ``--share 0.3`` it tries a seeded sample of so many.  Writes nothing into the repository.
+With ``--share 0.3`` it tries a seeded sample of so many.  Every verdict is written as it comes
+below ``build/mutation``; ``--resume`` tries only what is not noticed there, so that a first run may
+be ``--quick``.  ``--page`` writes the results of all parts to ``docs/mutation.md``.
 """
 
 from __future__ import annotations
@@ -15,14 +17,16 @@ import argparse
 import random
 import sys
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Final
 
 import pytest
 import yaml
 
 from tests.tools.mutation.mutants import Mutant, mutants_of
-from tests.tools.mutation.trials import OPTIONS, ROOT, Trials
+from tests.tools.mutation.page import PAGE, page
+from tests.tools.mutation.records import Sample, Tally, records_of, samples, state
+from tests.tools.mutation.trials import OPTIONS, ROOT, Trials, Verdict
 
 SCORE_MIN: Final = 0.95
 SURVIVORS: Final = ROOT / "tests" / "tools" / "mutation" / "survivors.yaml"
@@ -77,9 +81,8 @@ PARTS: Final = {
         ),
         (
             *_tests("onboard/perception", "seen_free", "line_of_sight", "honest_sensors"),
-            *_tests("onboard/monitoring", "seen_space", "operators_word"),
-            *_tests("onboard/geometry", "free_grid", "rest"),
-            *_tests("onboard/planning", "rest_certifier"),
+            *_tests("onboard/monitoring", "seen_space", "operators_word", "looks_around"),
+            *_tests("onboard/geometry", "free_grid"),
         ),
     ),
     "certifier": Part(
@@ -88,45 +91,12 @@ PARTS: Final = {
             *_files("onboard/guidance/dense", "tails", "way_to_rest", "limits"),
         ),
         (
-            *_tests("onboard/planning", "certifier", "rest_certifier", "moving_keep_outs"),
-            *_tests("onboard/guidance/dense", "limits", "way_to_rest", "shield"),
+            *_tests("onboard/planning", "certifier", "certifier_by_hand", "rest_certifier"),
+            *_tests("onboard/planning", "moving_keep_outs"),
+            *_tests("onboard/guidance/dense", "limits", "tails", "way_to_rest"),
         ),
     ),
 }
-
-
-@dataclass
-class Tally:
-    """Counts what became of the mutants of one part.
-
-    Attributes:
-        reasons: why a mutant cannot be noticed, by its key.
-    """
-
-    reasons: dict[tuple[str, str, str], str]
-    tried: int = 0
-    noticed: int = 0
-    explained: int = 0
-    survivors: list[Mutant] = field(default_factory=list)
-
-    def judge(self, mutant: Mutant, noticed: bool, count: int) -> None:
-        """Take note of a verdict, after so many tests were chosen for it."""
-        self.tried += 1
-        if noticed:
-            self.noticed += 1
-        elif mutant.key in self.reasons:
-            self.explained += 1
-        else:
-            self.survivors.append(mutant)
-            which = f"in {mutant.function}" if mutant.function else "at import"
-            sys.stderr.write(f"survived {count} tests: {mutant} ({which})\n")
-            sys.stderr.flush()
-
-    @property
-    def score(self) -> float:
-        """Share noticed of those that can be."""
-        possible = self.tried - self.explained
-        return self.noticed / possible if possible else 1.0
 
 
 def stated_reasons() -> dict[tuple[str, str, str], str]:
@@ -142,18 +112,51 @@ def drawn(part: Part, share: float, seed: int) -> list[Mutant]:
     return [found[number] for number in sorted(chosen)]
 
 
-def run(name: str, options: argparse.Namespace) -> Tally:
-    """Try the mutants of a part."""
+def run(name: str, options: argparse.Namespace) -> None:
+    """Try the mutants of a part; their verdicts are in its records."""
     part = PARTS[name]
+    records, reasons = records_of(name), stated_reasons()
     mutants = drawn(part, options.share, options.seed)
     if options.file:
         mutants = [mutant for mutant in mutants if options.file in mutant.path]
-    tally = Tally(stated_reasons())
-    trials = Trials(mutants, options.jobs, options.budget, tally.judge)
-    code = pytest.main([*OPTIONS, *part.tests], plugins=[trials])
-    if code != pytest.ExitCode.OK:
-        sys.exit(f"{name}: pytest ended with {code}")
-    return tally
+    if options.resume:
+        done = {
+            record.identity for record in records.of(mutants) if record.verdict is Verdict.NOTICED
+        }
+        mutants = [mutant for mutant in mutants if mutant.identity not in done]
+
+    def judged(mutant: Mutant, verdict: Verdict, tests: int) -> None:
+        records.add(mutant, verdict, tests)
+        if verdict is not Verdict.NOTICED and mutant.key not in reasons:
+            which = f"in {mutant.function}" if mutant.function else "at import"
+            print(f"{verdict} {tests} tests: {mutant} ({which})", file=sys.stderr, flush=True)
+
+    if mutants:
+        limits = options.jobs, options.budget, options.slowest
+        trials = Trials(part.files, mutants, *limits, judged)
+        drawing = ("-m", "not hypothesis") if options.quick else ()
+        code = pytest.main([*OPTIONS, *drawing, *part.tests], plugins=[trials])
+        if code == pytest.ExitCode.INTERRUPTED:
+            print(f"{name}: interrupted", file=sys.stderr)
+        elif code != pytest.ExitCode.OK:
+            sys.exit(f"{name}: pytest ended with {code}")
+
+
+def tallies(sample: Sample) -> dict[str, Tally]:
+    """Return by file what is known of the mutants of a sample."""
+    part, reasons = PARTS[sample.part], stated_reasons()
+    mutants = drawn(part, sample.share, sample.seed)
+    records = records_of(sample.part)
+    by_file = {path: [mutant for mutant in mutants if mutant.path == path] for path in part.files}
+    return {
+        path: Tally.of(len(found), records.of(found), reasons) for path, found in by_file.items()
+    }
+
+
+def write_page() -> None:
+    """Write the page of what was tried of all parts."""
+    tried = {sample: tallies(sample) for sample in samples()}
+    (ROOT / PAGE).write_text(page(tried, stated_reasons()), encoding="utf-8")
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -164,19 +167,28 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--jobs", type=int, default=2)
     parser.add_argument("--share", type=float, default=1.0, help="of the mutants; default: all")
     parser.add_argument("--seed", type=int, default=1, help="of the sample")
-    parser.add_argument("--budget", type=float, default=20.0, metavar="S", help="of one mutant")
+    parser.add_argument(
+        *("--budget",), type=float, default=10.0, metavar="S", help="processor time of one mutant"
+    )
+    parser.add_argument(
+        *("--slowest",), type=float, default=0.5, metavar="S", help="leave out slower tests"
+    )
+    parser.add_argument("--quick", action="store_true", help="without the tests of Hypothesis")
+    parser.add_argument("--resume", action="store_true", help="try only what is not noticed yet")
+    parser.add_argument("--page", action="store_true", help=f"write {PAGE}, of what was tried")
     options = parser.parse_args(arguments)
     if unknown := [name for name in options.parts if name not in PARTS]:
         parser.error(f"unknown part '{unknown[0]}': one of {', '.join(PARTS)}")
     enough = True
-    for name in options.parts or PARTS:
-        tally = run(name, options)
-        enough &= tally.score >= SCORE_MIN
-        print(
-            f"{name}: {tally.noticed} of {tally.tried} mutants noticed, {tally.explained} cannot"
-            f" be, {len(tally.survivors)} survive: {100.0 * tally.score:.1f} %",
-            flush=True,
-        )
+    for name in options.parts or ([] if options.page else PARTS):
+        sample = Sample(name, options.share, options.seed)
+        state(sample)
+        run(name, options)
+        total = Tally.together(tallies(sample).values())
+        enough &= total.score >= SCORE_MIN and total.tried == total.drawn
+        print(f"{name}: {total}", flush=True)
+    if options.page:
+        write_page()
     return 0 if enough else 1
 
 

@@ -13,7 +13,8 @@ import importlib.abc
 import importlib.machinery
 import importlib.util
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 from types import CodeType, FunctionType, ModuleType
 
@@ -23,26 +24,62 @@ OURS = ("onboard", "sitl", "gcs_tools", "tests")
 Places = dict[tuple[str, int], CodeType]
 
 
-def exchange(path: Path, before: ast.Module, after: ast.Module) -> bool:
-    """Give every function of a file its changed code; tell whether the change is in one of them."""
-    old, new = (
-        dict(_functions(compile(tree, str(path), "exec", dont_inherit=True)))
-        for tree in (before, after)
-    )
-    if old.keys() != new.keys():
-        return False
-    places = {code: place for place, code in old.items()}
-    exchanged = False
-    for found in gc.get_objects():
-        if isinstance(found, FunctionType) and found.__code__.co_filename == str(path):
-            place = places.get(found.__code__)
+@dataclass(frozen=True)
+class Holders:
+    """What holds code of some files in this process, found once: looking for it takes a while.
+
+    Attributes:
+        functions: by the absolute path of their file.
+        caches: of ours, by `functools.cache`.
+    """
+
+    functions: dict[str, list[FunctionType]] = field(default_factory=dict)
+    caches: list[functools._lru_cache_wrapper[object]] = field(default_factory=list)
+
+    @classmethod
+    def of(cls, paths: Iterable[str]) -> Holders:
+        """Find the functions of some files, before `gc.freeze` hides them."""
+        functions: dict[str, list[FunctionType]] = {path: [] for path in paths}
+        caches = []
+        for found in gc.get_objects():
+            if isinstance(found, FunctionType) and found.__code__.co_filename in functions:
+                functions[found.__code__.co_filename].append(found)
+            elif isinstance(found, functools._lru_cache_wrapper) and _is_ours(found.__module__):
+                caches.append(found)
+        return cls(functions, caches)
+
+    def exchange(self, path: Path, old: Places, after: ast.Module) -> bool:
+        """Give every function of a file its changed code; tell whether one holds the change.
+
+        Args:
+            path: of the file.
+            old: its code, by `codes_of`.
+            after: the file, changed.
+        """
+        new = codes_of(path, after)
+        if old.keys() != new.keys():
+            return False
+        places = {code: place for place, code in old.items()}
+        exchanged = False
+        for function in self.functions[str(path)]:
+            place = places.get(function.__code__)
             if place is None:
                 continue
-            if found.__code__.co_freevars != new[place].co_freevars:
+            if function.__code__.co_freevars != new[place].co_freevars:
                 return False
-            exchanged |= found.__code__ != new[place]
-            found.__code__ = new[place]
-    return exchanged
+            exchanged |= function.__code__ != new[place]
+            function.__code__ = new[place]
+        return exchanged
+
+    def clear_caches(self) -> None:
+        """Forget what `functools.cache` remembers of our functions."""
+        for cache in self.caches:
+            cache.cache_clear()
+
+
+def codes_of(path: Path, tree: ast.Module) -> Places:
+    """Compile a file; return the code of each function by where it stands."""
+    return dict(_functions(compile(tree, str(path), "exec", dont_inherit=True)))
 
 
 def _functions(code: CodeType, within: str = "") -> Iterator[tuple[tuple[str, int], CodeType]]:
@@ -53,13 +90,6 @@ def _functions(code: CodeType, within: str = "") -> Iterator[tuple[tuple[str, in
         place = f"{within}/{constant.co_name}", number
         yield place, constant
         yield from _functions(constant, f"{place[0]}#{number}")
-
-
-def clear_caches() -> None:
-    """Forget what `functools.cache` remembers of our functions."""
-    for found in gc.get_objects():
-        if isinstance(found, functools._lru_cache_wrapper) and _is_ours(found.__module__):
-            found.cache_clear()
 
 
 def _is_ours(module: str | None) -> bool:

@@ -69,6 +69,11 @@ class Mutant:
         """What it is, wherever in the file: file, function and change."""
         return self.path, self.function, self.change
 
+    @property
+    def identity(self) -> tuple[str, int, int]:
+        """Which mutant of an unchanged file it is."""
+        return self.path, self.node, self.choice
+
 
 class _Place(NamedTuple):
     lines: tuple[int, int]
