@@ -215,8 +215,7 @@ class ObstacleMap:
             track_id: which obstacle.
             corners_ned_m: corners of the measured box.
             position_error_m: uncertainty of its faces.
-            apart_from: track that the measurement contradicts; the two are never merged, nor with
-                other places that contradict the same one.
+            apart_from: track that it contradicts; neither it nor others that do are merged with it.
             error_max_m: of a face by the contract; worse counts until it is seen in full within.
             in_full: whether the sensor saw the whole obstacle.
             down_m: top and bottom in local NED; None for any height.
@@ -238,9 +237,8 @@ class ObstacleMap:
                 return False
         self._tracks[track_id] = track
         self.revision += 1
-        obstacle_id = self._obstacle_of_track.get(track_id)
-        alone = (track_id,)
-        members = alone if obstacle_id is None else self._forget(self._obstacles[obstacle_id])
+        merged = self._obstacle_of_track.get(track_id)
+        members = (track_id,) if merged is None else self._forget(self._obstacles[merged])
         for member in members:
             self._place(self._obstacle((member,)))
         return True
