@@ -134,8 +134,12 @@ def write_configuration(
         ),
         "sitl": _sitl_configuration(scenario, endpoints, seed),
     }
-    documents: dict[str, Any] = {name: _plain(model) for name, model in models.items()}
-    documents["field"] = [_plain(obstacle) for obstacle in obstacle_list(scenario.obstacles)]
+    documents: dict[str, Any] = {
+        name: model.model_dump(mode="json") for name, model in models.items()
+    }
+    documents["field"] = [
+        obstacle.model_dump(mode="json") for obstacle in obstacle_list(scenario.obstacles)
+    ]
     try:
         for name, document in documents.items():
             text = dump_document(document)
@@ -181,11 +185,6 @@ def _sitl_configuration(scenario: Scenario, endpoints: Endpoints, seed: int) -> 
     # This flight has no radio, so its loss triggers nothing.
     no_radio = {} if parameters is None else dict([parameters.no_radio])
     return sitl.model_copy(update={"parameters": no_radio | sitl.parameters})
-
-
-def _plain(model: BaseModel) -> Any:
-    # Of a sensor's keys some exclude others: what the scenario leaves out is left out.
-    return model.model_dump(mode="json", exclude_unset=isinstance(model, DaemonConfig))
 
 
 class Status:

@@ -26,12 +26,8 @@ _BASE_FRAME: Final = "base_link"
 Offset = Annotated[float, Field(ge=-_OFFSET_MAX_M, le=_OFFSET_MAX_M)]
 
 
-class Mounting(FileModel):
-    """Where a sensor is in the body, and how it is turned: by yaw, then pitch, then roll.
-
-    Of a ROS 2 source, static transforms may say so instead: the pose of the frame that its messages
-    name in ``base_frame``, which is forward, left, up from the vehicle's centre.
-    """
+class SensorPose(FileModel):
+    """Where a sensor is in the body, and how it is turned: by yaw, then pitch, then roll."""
 
     x_m: Offset = Field(0.0, description="forward of the vehicle's centre")
     y_m: Offset = Field(0.0, description="to its right")
@@ -39,6 +35,15 @@ class Mounting(FileModel):
     roll_deg: Bearing = 0.0
     pitch_deg: Bearing = Field(0.0, description="nose up")
     yaw_deg: Bearing = Field(0.0, description="clockwise, seen from above")
+
+
+class Mounting(SensorPose):
+    """How a sensor is mounted, as numbers or by transforms.
+
+    Of a ROS 2 source, static transforms may say it: the pose of the frame that its messages name in
+    ``base_frame``, which is forward, left, up from the vehicle's centre.
+    """
+
     tf_topic: Topic | None = Field(
         None, description="static transforms that say it instead, such as /tf_static"
     )
@@ -46,14 +51,12 @@ class Mounting(FileModel):
 
     @model_validator(mode="after")
     def _stated_once(self) -> Mounting:
-        stated = self.model_fields_set - {"tf_topic", "base_frame"}
+        # A model that was written out with its defaults can be read again.
+        stated = [key for key in SensorPose.model_fields if getattr(self, key) != 0.0]
         if self.tf_topic is not None and stated:
             key = min(stated)
             raise ValueError(f"tf_topic replaces {key}: leave {key} out")
-        if (
-            self.tf_topic is None
-            and self.base_frame != type(self).model_fields["base_frame"].default
-        ):
+        if self.tf_topic is None and self.base_frame != _BASE_FRAME:
             raise ValueError("base_frame needs tf_topic: it is a frame of its transforms")
         return self
 

@@ -157,6 +157,7 @@ class DetectionEvaluator:
             apart_from=self._apart_from(placement, seen, now_s),
             error_max_m=flight.assessment.face_error_m,
             in_full=seen.in_full and seen.blur_m == 0.0,
+            partial=seen.partial,
             down_m=seen.down_m,
         )
         if placement.violation is not None:

@@ -313,7 +313,7 @@ class MonitorSupervisor:
         for obstacle in flight.obstacles_to_meet(now_s):
             conflict = next(flight.obstacles.conflicts(obstacle), None)
             found += check_obstacle(obstacle, conflict, flight.assessment.terms)
-            if len(obstacle.members) > 1 and flight.flying:
+            if flight.flying and flight.obstacles.is_several(obstacle):
                 # Avoiding the obstacles as one has responded to it already.
                 separation_min_m = flight.assessment.terms.obstacle_separation_min_m
                 self._log.report_merger(obstacle.id, separation_min_m, now_s)

@@ -120,6 +120,8 @@ class ObstacleMap:
         self._tracks: dict[str, _Track] = {}
         self._obstacles: dict[str, Obstacle] = {}
         self._obstacle_of_track: dict[str, str] = {}
+        # Tracks that a sensor once took for a whole obstacle.
+        self._whole: set[str] = set()
         # (where an avoidance may begin, id), sorted; the longest region bounds every search.
         self._order: list[tuple[float, str]] = []
         self._longest_region_m = 0.0
@@ -136,6 +138,14 @@ class ObstacleMap:
         """Return the obstacle that a detection belongs to, as it is known now."""
         obstacle_id = self._obstacle_of_track.get(track_id)
         return None if obstacle_id is None else self._obstacles[obstacle_id]
+
+    def is_several(self, obstacle: Obstacle) -> bool:
+        """Tell whether an obstacle is known to consist of several, not of parts of one.
+
+        A scan of one obstacle may yield boxes that are apart, such as of a face that is seen at a
+        flat angle: parts whose union is no larger than an obstacle may be are one.
+        """
+        return len(self._whole.intersection(obstacle.members)) > 1
 
     def rebuild(
         self, leg: LegFrame, region_around: RegionFactory, merged_size_max_m: float
@@ -154,6 +164,7 @@ class ObstacleMap:
                 track.position_error_m,
                 apart_from=track.apart_from,
                 down_m=track.down_m,
+                partial=track_id not in self._whole,
             )
 
     def shift(self, north_m: float, east_m: float, down_m: float) -> None:
@@ -196,6 +207,7 @@ class ObstacleMap:
         error_max_m: float = math.inf,
         in_full: bool = False,
         down_m: DownRange | None = None,
+        partial: bool = False,
     ) -> bool:
         """Remember a measurement; tell whether it changed what is known.
 
@@ -203,11 +215,11 @@ class ObstacleMap:
             track_id: which obstacle.
             corners_ned_m: corners of the measured box.
             position_error_m: uncertainty of its faces.
-            apart_from: track that the measurement contradicts; the two are never merged, nor with
-                other places that contradict the same one.
+            apart_from: track that it contradicts; neither it nor others that do are merged with it.
             error_max_m: of a face by the contract; worse counts until it is seen in full within.
             in_full: whether the sensor saw the whole obstacle.
             down_m: top and bottom in local NED; None for any height.
+            partial: whether the sensor says that this is a part of something.
 
         Raises:
             OverflowError: more obstacles than any sensor could have seen.
@@ -215,17 +227,18 @@ class ObstacleMap:
         measured = self._leg_box(corners_ned_m)
         track = _Track(corners_ned_m, measured, position_error_m, apart_from, down_m)
         known = self._tracks.get(track_id)
+        if known is None and len(self._tracks) >= MAX_TRACKS:
+            raise OverflowError(f"{len(self._tracks)} obstacles remembered, limit {MAX_TRACKS}")
+        if not partial:
+            self._whole.add(track_id)
         if known is not None:
             track = self._updated(known, track, error_max_m=error_max_m, in_full=in_full)
             if track == known:
                 return False
-        elif len(self._tracks) >= MAX_TRACKS:
-            raise OverflowError(f"{len(self._tracks)} obstacles remembered, limit {MAX_TRACKS}")
         self._tracks[track_id] = track
         self.revision += 1
-        obstacle_id = self._obstacle_of_track.get(track_id)
-        alone = (track_id,)
-        members = alone if obstacle_id is None else self._forget(self._obstacles[obstacle_id])
+        merged = self._obstacle_of_track.get(track_id)
+        members = (track_id,) if merged is None else self._forget(self._obstacles[merged])
         for member in members:
             self._place(self._obstacle((member,)))
         return True

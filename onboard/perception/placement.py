@@ -40,6 +40,7 @@ class PlacedBox(NamedTuple):
         moves: whether an estimator reset since the stamp moves it: it came in local NED.
         blur_m: how far off a turning body may have placed it.
         in_full: whether the sensor had it in full view.
+        partial: whether the sensor says that it is a part of something.
     """
 
     track_id: str
@@ -50,6 +51,7 @@ class PlacedBox(NamedTuple):
     moves: bool
     blur_m: float
     in_full: bool
+    partial: bool
 
     def displacement_m(self, heading_error_rad: float) -> float:
         """Return how far a wrong heading displaces the farthest corner.
@@ -131,6 +133,7 @@ def place(
                     placed_by is None,
                     blur_m,
                     full and not detection.partial,
+                    detection.partial,
                 )
             )
     return placed

@@ -8,41 +8,21 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from typing import Annotated, Final
+from typing import Final
 
 import numpy as np
-from pydantic import Field
 from scipy.spatial.transform import Rotation
 
 from onboard.files.obstacle_field import FloatArray, ObstacleField
-from onboard.files.yaml_file import FileModel
+from onboard.files.sensor_sources import SensorPose
 from sitl.environment.lidar import ray_ranges_m
 from sitl.environment.world import Neighbourhood
 from sitl.plant.truth import VehicleTruth
-
-Offset = Annotated[float, Field(ge=-3.0, le=3.0)]
-Turn = Annotated[float, Field(ge=-180.0, le=180.0)]
 
 # The vehicle's centre is this high above the ground on which it stands.
 _STANDS_M: Final = 0.15
 # Steeper than this a ray meets the ground or nothing.
 _STEEP: Final = 1e-3
-
-
-class SensorMounting(FileModel):
-    """Where a sensor is in the body, and how it is turned: by yaw, then pitch, then roll.
-
-    Attributes:
-        x_m, y_m, z_m: forward, right and down of the vehicle's centre.
-        roll_deg, pitch_deg, yaw_deg: right side down, nose up, clockwise from above.
-    """
-
-    x_m: Offset = 0.0
-    y_m: Offset = 0.0
-    z_m: Offset = 0.0
-    roll_deg: Turn = 0.0
-    pitch_deg: Turn = 0.0
-    yaw_deg: Turn = 0.0
 
 
 class PastTruths:
@@ -100,9 +80,7 @@ class MountedBeams:
         field: the obstacles.
     """
 
-    def __init__(
-        self, directions: FloatArray, mounting: SensorMounting, field: ObstacleField
-    ) -> None:
+    def __init__(self, directions: FloatArray, mounting: SensorPose, field: ObstacleField) -> None:
         angles_deg = (mounting.yaw_deg, mounting.pitch_deg, mounting.roll_deg)
         turn = Rotation.from_euler("ZYX", angles_deg, degrees=True)
         self._directions = turn.as_matrix() @ directions

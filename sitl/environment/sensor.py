@@ -16,6 +16,7 @@ from pydantic import Field, model_validator
 from pydantic_core import to_json
 
 from onboard.files.obstacle_field import ObstacleField
+from onboard.files.sensor_sources import SensorPose
 from onboard.files.yaml_file import FileModel
 from sitl.environment.detector_errors import (
     EXACT,
@@ -25,7 +26,6 @@ from sitl.environment.detector_errors import (
 )
 from sitl.environment.formats.ros2_topics import Ros2Topic
 from sitl.environment.lidar import RangeScanner, ScannerConfig, SeenBox, View
-from sitl.environment.mounted_beams import SensorMounting
 from sitl.environment.world import Neighbourhood
 from sitl.plant.truth import VehicleTruth
 
@@ -82,7 +82,7 @@ class SensorConfig(FileModel):
     source: Annotated[str, Field(pattern=r"^[A-Za-z0-9_-]+$")] = "front"
     publishes: Format = "json"
     ros2: Ros2Topic = Ros2Topic()
-    mounting: SensorMounting = SensorMounting()
+    mounting: SensorPose = SensorPose()
     range_m: Annotated[float, Field(gt=0.0)] = 12.0
     field_of_view_deg: Annotated[float, Field(gt=0.0, le=360.0)] = 120.0
     yaw_deg: float = 0.0
@@ -99,7 +99,7 @@ class SensorConfig(FileModel):
 
     @model_validator(mode="after")
     def _mounted_one_way(self) -> SensorConfig:
-        if self.publishes == "json" and self.mounting != SensorMounting():
+        if self.publishes == "json" and self.mounting != SensorPose():
             raise ValueError("mounting is for other formats than publishes: json; see yaw_deg")
         if self.publishes != "json" and self.yaw_deg:
             raise ValueError(f"publishes: {self.publishes} is turned by mounting.yaw_deg")

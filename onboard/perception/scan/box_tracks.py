@@ -67,16 +67,21 @@ class BoxTracks:
         middle_m = (bounds_ned_m[:, 0::2] + bounds_ned_m[:, 1::2]) / 2.0 - np.array(from_ned_m)
         aspect_rad = np.arctan2(middle_m[:, 1], middle_m[:, 0])
         near = _apart_m(bounds_ned_m, self._bounds_ned_m) <= _ALONE * self._near_m
+        alone = np.count_nonzero(near, axis=1) <= 1
         tracks = np.searchsorted(self._names, [name or 0 for name in names])
         found = np.zeros(len(names), np.bool_)
-        for index, (name, track) in enumerate(zip(names, tracks.tolist(), strict=True)):
-            if name is None or near[index].sum() > 1:
+        rows = zip(names, tracks.tolist(), alone.tolist(), aspect_rad.tolist(), strict=True)
+        for index, (name, track, is_alone, aspect) in enumerate(rows):
+            if name is None or not is_alone:
                 continue
-            aspect, known = float(aspect_rad[index]), self._aspect_rad.get(name)
-            off_m = np.abs(bounds_ned_m[index] - self._bounds_ned_m[track]).max()
+            known = self._aspect_rad.get(name)
             turned = known is not None and abs(wrap_angle(aspect - known)) > _SAME_SIDE_RAD
-            found[index] = not turned or off_m <= error_m
-            if found[index] and (known is None or turned):
+            same = not turned
+            if turned:
+                off_m = np.abs(bounds_ned_m[index] - self._bounds_ned_m[track]).max()
+                same = bool(off_m <= error_m)
+            found[index] = same
+            if same and (known is None or turned):
                 self._aspect_rad[name] = aspect
         return found
 
@@ -88,7 +93,7 @@ class BoxTracks:
         """
         self._scans += 1
         known = len(self._names)
-        claimed = np.zeros(known, np.bool_)
+        claimed: set[int] = set()
         apart_m = _apart_m(bounds_ned_m, self._bounds_ned_m[:known])
         unions = _unions(bounds_ned_m, self._bounds_ned_m[:known])
         fits = (
@@ -97,19 +102,22 @@ class BoxTracks:
         )
         names: list[int | None] = []
         added = []
+        near: list[list[int]] = [[] for _ in bounds_ned_m]
+        for index, track in np.argwhere(apart_m <= self._near_m).tolist():
+            near[index].append(track)
         for index, bounds in enumerate(bounds_ned_m):
-            near = (apart_m[index] <= self._near_m) & ~claimed
-            usable = np.flatnonzero(near & fits[index])
-            if usable.size:
-                track = int(usable[0])
-                if usable.size > 1:
+            unclaimed = [track for track in near[index] if track not in claimed]
+            usable = [track for track in unclaimed if fits[index, track]]
+            if usable:
+                track = usable[0]
+                if len(usable) > 1:
                     apart = _middles_apart(bounds, self._bounds_ned_m[usable])
-                    track = int(usable[apart.argmin()])
+                    track = usable[int(apart.argmin())]
                 self._bounds_ned_m[track] = unions[index, track]
                 self._seen[track] = self._scans
-                claimed[track] = True
+                claimed.add(track)
                 names.append(self._names[track])
-            elif near.any():
+            elif unclaimed:
                 names.append(None)
             else:
                 names.append(next(self._numbers))

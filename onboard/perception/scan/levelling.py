@@ -6,6 +6,7 @@ scan takes time; each beam is placed by the pose of its own moment (de-skewing).
 
 from __future__ import annotations
 
+import functools
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -52,7 +53,10 @@ class BodyMotion:
             beam_s: (n,) when each beam was measured, after the reference; None for all at once.
         """
         reference = poses[0]
-        angles = np.unwrap([(p.roll_rad, p.pitch_rad, p.yaw_rad) for p in poses], axis=0).T
+        angles = np.array([(p.roll_rad, p.pitch_rad, p.yaw_rad) for p in poses])
+        if np.ptp(angles, axis=0).max() >= math.pi:
+            angles = np.unwrap(angles, axis=0)
+        angles = angles.T
         angles[2] -= reference.yaw_rad
         offset_m = np.array([p.position_ned_m for p in poses]) - reference.position_ned_m
         cosine, sine = math.cos(reference.yaw_rad), math.sin(reference.yaw_rad)
@@ -72,12 +76,16 @@ class BodyMotion:
     def levelled(self, vectors: FloatArray) -> FloatArray:
         """Turn vectors (3, n) or (3, 1) from the body into the levelled body."""
         x, y, z = vectors
-        cosine, sine = np.cos(self.roll_rad), np.sin(self.roll_rad)
-        y, z = cosine * y - sine * z, sine * y + cosine * z
-        cosine, sine = np.cos(self.pitch_rad), np.sin(self.pitch_rad)
-        x, z = cosine * x + sine * z, cosine * z - sine * x
-        cosine, sine = np.cos(self.yaw_rad), np.sin(self.yaw_rad)
-        return np.stack(np.broadcast_arrays(cosine * x - sine * y, sine * x + cosine * y, z))
+        roll, pitch, yaw = self._turns
+        y, z = roll[0] * y - roll[1] * z, roll[1] * y + roll[0] * z
+        x, z = pitch[0] * x + pitch[1] * z, pitch[0] * z - pitch[1] * x
+        return np.array((yaw[0] * x - yaw[1] * y, yaw[1] * x + yaw[0] * y, z))
+
+    @functools.cached_property
+    def _turns(self) -> list[tuple[FloatArray, FloatArray]]:
+        """Cosine and sine of each angle."""
+        angles_rad = (self.roll_rad, self.pitch_rad, self.yaw_rad)
+        return [(np.cos(angle), np.sin(angle)) for angle in angles_rad]
 
 
 def mounting_rotation(mounting: Mounting) -> FloatArray:

@@ -49,6 +49,16 @@ def test_three_lines_suffice(tmp_path: Path) -> None:
     assert (lidar.points_min, proximity.points_min) == (2, 1)
 
 
+@pytest.mark.parametrize(
+    "mounting", [{}, {"x_m": 0.1}, {"tf_topic": "/tf_static", "base_frame": "base"}]
+)
+def test_what_was_read_can_be_written_with_its_defaults_and_read_again(
+    tmp_path: Path, mounting: dict[str, Any]
+) -> None:
+    config = load(tmp_path, yaml.safe_dump({"sources": [LIDAR | {"mounting": mounting}]}))
+    assert DaemonConfig.model_validate(config.model_dump(mode="json")) == config
+
+
 def test_no_sources_is_the_default(tmp_path: Path) -> None:
     assert load(tmp_path, "").sources == ()
 

@@ -366,6 +366,23 @@ def test_obstacles_merged_on_the_way_are_said_in_flight_only(contract: Contract)
     assert bench.flight.answers == []
 
 
+def test_parts_of_one_obstacle_are_no_broken_separation(contract: Contract) -> None:
+    """Faces seen at a flat angle return points far apart: a scan shows two boxes of one thing."""
+    bench = Bench(FakeFlight.under(contract, merged_size_max_m=4.0))
+    bench.flight.flying, bench.flight.to_meet = True, ["front/a"]
+    bench.move(pose_at(bench.now_s))
+    corner = obstacle(id="a", center_m=[9.0, 0.0], size_m=[0.5, 2.0], partial=True)
+    side = obstacle(id="b", center_m=[10.5, 1.2], size_m=[0.5, 0.2])
+    bench.see(corner, side | {"partial": True})
+    bench.check()
+    (merged,) = bench.flight.obstacles
+    assert merged.members == ("front/a", "front/b")
+    assert "violation" not in bench.names()
+    bench.see(corner | {"partial": False}, side, sequence=2)  # now it says that they are two
+    bench.check()
+    assert "violation" in bench.names()
+
+
 # ------------------------------------------------------------------ how the vehicle responds
 
 

@@ -178,6 +178,19 @@ def test_obstacles_whose_regions_intersect_become_one() -> None:
     assert obstacle_map.of_track("a") is obstacle_map.of_track("b") is merged
 
 
+def test_several_obstacles_are_those_of_which_two_were_seen_as_a_whole() -> None:
+    obstacle_map = merging_map(merged_size_max_m=4.0)
+    for name, is_part, several in (("a", True, False), ("b", False, False), ("c", True, False)):
+        obstacle_map.add(name, square((10.0, 0.0)), 0.0, partial=is_part)
+        obstacle_map.shift(0.0, 0.0, 0.0)  # it is rebuilt
+        (merged,) = obstacle_map
+        assert obstacle_map.is_several(merged) is several
+    # A later measurement says it, although the box is known.
+    assert not obstacle_map.add("c", square((10.0, 0.0)), 0.0)
+    (merged,) = obstacle_map
+    assert obstacle_map.is_several(merged)
+
+
 def test_what_does_not_fit_stays_apart_and_in_conflict() -> None:
     obstacle_map = merging_map(merged_size_max_m=2.9)
     obstacle_map.add("a", square((10.0, 0.0)), 0.0)

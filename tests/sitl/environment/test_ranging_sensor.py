@@ -17,6 +17,7 @@ from onboard.files.sensor_sources import (
     ObstacleDistanceSource,
     PointCloudSource,
     RangeSource,
+    SensorPose,
 )
 from onboard.perception.detection import DetectionFrame, corners_ned
 from onboard.perception.ros2.messages import decode_laser_scan
@@ -24,7 +25,7 @@ from onboard.perception.ros2.point_cloud import decode_point_cloud
 from onboard.perception.sources.registry import sensor
 from onboard.vehicle_state import Pose
 from sitl.environment.lidar import ScannerConfig, ray_ranges_m
-from sitl.environment.mounted_beams import MountedBeams, PastTruths, SensorMounting
+from sitl.environment.mounted_beams import MountedBeams, PastTruths
 from sitl.environment.ranging_sensor import RangingSensor
 from sitl.environment.sensor import SensorConfig
 from sitl.environment.sensor_message import LinkMessage
@@ -105,7 +106,7 @@ def test_rays_of_a_mounted_sensor_meet_what_an_independent_model_says() -> None:
     for step in range(-20, 11):
         truths.add(truth_of(moving(step * 0.01)))
     times_s = SCAN_S * np.arange(beams) / beams
-    found_m = MountedBeams(directions, SensorMounting(**MOUNTED), field_of(boxes)).ranges_m(
+    found_m = MountedBeams(directions, SensorPose(**MOUNTED), field_of(boxes)).ranges_m(
         truths, times_s, 30.0
     )
     poses = [moving(time_s) for time_s in times_s.tolist()]
@@ -120,7 +121,7 @@ def test_a_beam_that_points_down_meets_the_ground() -> None:
     truths = PastTruths(0.0)
     truths.add(truth_of(pose_at(0.0, (0.0, 0.0, -4.0), pitch_deg=-30.0)))
     ahead, behind = np.array([[1.0, -1.0], [0.0, 0.0], [0.0, 0.0]]).T
-    beams = MountedBeams(np.stack((ahead, behind), 1), SensorMounting(), ObstacleField.of([]))
+    beams = MountedBeams(np.stack((ahead, behind), 1), SensorPose(), ObstacleField.of([]))
     ranges_m = beams.ranges_m(truths, np.zeros(2), 30.0)
     assert ranges_m[0] == pytest.approx((4.0 + 0.15) / math.sin(math.radians(30.0)))
     assert math.isinf(ranges_m[1])

@@ -3,7 +3,10 @@
 ``clearway fly config/scenarios/sensors/....yaml --virtual`` flies all of one.
 """
 
+import math
 from pathlib import Path
+from typing import Any
+from unittest.mock import patch
 
 import pytest
 
@@ -15,12 +18,15 @@ from sitl.virtual.simulation import SimulatedFlight, Simulation, deliver, withou
 SENSORS = Path(__file__).parents[3] / "config" / "scenarios" / "sensors"
 
 
-def simulation_of(name: str, leg_m: float, *, listening: bool = True) -> Simulation:
+def simulation_of(
+    name: str, leg_m: float, *, listening: bool = True, **sitl: dict[str, Any]
+) -> Simulation:
     """Return a flight of a shipped scenario along the begin of its leg, already in the air."""
     scenario = load_scenario(SENSORS / f"{name}.yaml")
     document = scenario.mission.model_dump(mode="json")
     document["legs"][0]["end_ned_m"] = [leg_m, 0.0]
-    config = scenario.sitl_config(start={"position_ned_m": (0.0, 0.0, -document["altitude_m"])})
+    start = {"position_ned_m": (0.0, 0.0, -document["altitude_m"])}
+    config = scenario.sitl_config(start=start, **sitl)
     flight = SimulatedFlight(
         scenario.contract,
         Mission.model_validate(document),
@@ -46,8 +52,11 @@ def violations(simulation: Simulation) -> list[str]:
 
 
 def test_a_hedge_of_50_m_by_lidar_does_not_stop_a_flight_beside_it() -> None:
-    simulation = flown(simulation_of("laserscan_hedge", 12.0), 40.0)
+    """Although the estimate turns what it sees by all that the contract declares, to and fro."""
+    wrong = {"heading_deg": 2.0, "at_bound": True}
+    simulation = flown(simulation_of("laserscan_hedge", 12.0, estimator=wrong), 40.0)
     assert simulation.autonomy.navigator.phase is Phase.ARRIVED
+    assert abs(simulation.scene.vehicle.autopilot.estimator.error.yaw_rad) > math.radians(0.1)
     assert violations(simulation) == []
     assert len(simulation.autonomy.navigator.obstacles) > 3
     assert simulation.scene.world.collisions == 0
@@ -102,3 +111,14 @@ def test_samples_reach_the_sensor_whose_key_they_match(middleware: str) -> None:
     channels = simulation.autonomy.sensors
     assert len(channels._pending["lidar"]) == len([m for m in sent if m.source == "lidar"])
     assert channels.take_news() == []
+
+
+def test_a_lidar_that_falls_silent_in_flight_is_named() -> None:
+    simulation = simulation_of("laserscan_hedge", 24.0)
+    while simulation.autonomy.navigator.phase is not Phase.CRUISE:
+        simulation.advance()
+    with patch.object(simulation.scene, "take_detections", list):
+        flown(simulation, simulation.now_s + 0.4)
+    (text,) = (e.text for e in simulation.autonomy.events() if e.name == "delayed")
+    assert text.startswith("detection_age (lidar)")
+    assert "source 'lidar' silent" in text
