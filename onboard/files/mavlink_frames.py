@@ -32,12 +32,14 @@ class _Layout(NamedTuple):
 
     Attributes:
         numbers: its payload.
+        check: the check byte of its definition.
         names: of its fields, in the order of the wire.
         values: gets them from a message.
         empty: attributes of a message whose fields are all zero.
     """
 
     numbers: struct.Struct
+    check: bytes
     names: list[str]
     values: Callable[[Any], tuple[Any, ...]]
     empty: dict[str, Any]
@@ -46,10 +48,18 @@ class _Layout(NamedTuple):
 @cache
 def _layout_of(kind: Any) -> _Layout | None:
     """Return the layout of a class of messages; None if pymavlink has to code them."""
-    names = getattr(kind, "ordered_fieldnames", ())
+    names = list(getattr(kind, "ordered_fieldnames", ()))
     if len(names) <= 1 or any(kind.array_lengths):
         return None
-    return _Layout(kind.unpacker, names, attrgetter(*names), vars(kind(*(0,) * len(names))))
+    empty = vars(kind(*(0,) * len(names)))
+    return _Layout(kind.unpacker, bytes((kind.crc_extra,)), names, attrgetter(*names), empty)
+
+
+def _checksum(checked: bytes | bytearray) -> int:
+    """Return the CRC-16/MCRF4XX of a frame from its length on, check byte included."""
+    if ardupilotmega.mcrf4xx is None:  # as where fastcrc is not installed
+        return int(ardupilotmega.x25crc(checked).crc)
+    return int(ardupilotmega.mcrf4xx(bytes(checked), 0xFFFF))
 
 
 class FrameWriter(ardupilotmega.MAVLink):  # type: ignore[misc]  # pymavlink is untyped
@@ -58,13 +68,15 @@ class FrameWriter(ardupilotmega.MAVLink):  # type: ignore[misc]  # pymavlink is 
     Unlike pymavlink, it leaves a message of numbers as it was: without header and buffer.
     """
 
+    seq: int
+
     def send(self, mavmsg: Any, force_mavlink1: bool = False) -> None:
         """Write one message to the file; see pymavlink.
 
         Raises:
             struct.error: a number does not fit its field.
         """
-        kind = type(mavmsg)
+        kind: Any = type(mavmsg)
         layout = _layout_of(kind)
         special = force_mavlink1 or self.signing.sign_outgoing or self.send_callback is not None
         if layout is None or special:
@@ -83,8 +95,8 @@ class FrameWriter(ardupilotmega.MAVLink):  # type: ignore[misc]  # pymavlink is 
             kind.id & 0xFFFF,
             kind.id >> 16,
         )
-        checked = header[1:] + payload + bytes((kind.crc_extra,))
-        frame = header + payload + _CHECKSUM.pack(ardupilotmega.x25crc(checked).crc)
+        checksum = _checksum(header[1:] + payload + layout.check)
+        frame = header + payload + _CHECKSUM.pack(checksum)
         self.file.write(frame)
         self.seq = (self.seq + 1) % 256
         self.total_packets_sent += 1
@@ -117,7 +129,6 @@ class FrameReader:
         self._error = dialect.MAVError
         # Otherwise an environment variable would make pymavlink accept damaged frames.
         dialect.MAVLINK_IGNORE_CRC = False
-        self._crc = dialect.x25crc
         self._kinds = dialect.mavlink_map
         self._pending = bytearray()
 
@@ -149,7 +160,7 @@ class FrameReader:
         if self._wanted is None or message_id in self._wanted:
             layout = None if kind is None else _layout_of(kind)
             if kind is not None and layout is not None:
-                if not self._fits(frame, kind.crc_extra):
+                if not _fits(frame, layout.check):
                     return False
                 messages.append(self._message(frame, message_id, kind, layout))
                 return True
@@ -159,7 +170,7 @@ class FrameReader:
                 logger.debug("no MAVLink frame: %s", error)
                 return False
             return True
-        return kind is None or self._fits(frame, kind.crc_extra)
+        return kind is None or _fits(frame, bytes((kind.crc_extra,)))
 
     def _message(self, frame: bytearray, message_id: int, kind: Any, layout: _Layout) -> Any:
         """Return the message of a whole frame of which the checksum fits, as pymavlink does."""
@@ -177,11 +188,11 @@ class FrameReader:
         attributes["_header"] = self._header(message_id, *flags, length, *frame[at : at + 3])
         return message
 
-    def _fits(self, frame: bytearray, crc_extra: int) -> bool:
-        """Tell whether a frame's checksum fits."""
-        end = _HEADER_LENGTH[frame[0]] + frame[1]
-        expected = int.from_bytes(frame[end : end + _CHECKSUM_LENGTH], "little")
-        return bool(self._crc(frame[1:end] + bytes((crc_extra,))).crc == expected)
+
+def _fits(frame: bytearray, check: bytes) -> bool:
+    """Tell whether a frame's checksum fits."""
+    end = _HEADER_LENGTH[frame[0]] + frame[1]
+    return _checksum(frame[1:end] + check) == frame[end] | frame[end + 1] << 8
 
 
 def _id_of(frame: bytearray) -> int:

@@ -94,6 +94,11 @@ def certify_rest(
     return Certificate(tuple(failures))
 
 
+def has_room(trajectory: Trajectory, limits: RestLimits, grid: FreeGrid) -> bool:
+    """Tell whether a trajectory that is certified has room for a body of another radius."""
+    return not _space_failures(trajectory, limits, grid)
+
+
 def _start_failures(
     trajectory: Trajectory, start: State, start_s: float, limits: RestLimits
 ) -> list[str]:
