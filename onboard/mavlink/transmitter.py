@@ -9,6 +9,7 @@ from typing import Final
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
+from onboard.files.mavlink_frames import FrameWriter
 from onboard.mavlink.status_text import chunks
 from onboard.vehicle_state import Setpoint
 
@@ -38,7 +39,7 @@ class Transmitter:
     def __init__(self, system_id: int) -> None:
         self._system_id = system_id
         self._outgoing: deque[bytes] = deque(maxlen=_MESSAGES_MAX)
-        self._mavlink = mavlink.MAVLink(_Sink(self._outgoing), system_id, COMPONENT_ID)
+        self._mavlink = FrameWriter(_Sink(self._outgoing), system_id, COMPONENT_ID)
         self._heartbeat_due_s = -math.inf
         # Severity, chunk, id of the text, number of the chunk.
         self._texts: deque[tuple[int, bytes, int, int]] = deque(maxlen=_TEXTS_MAX)

@@ -76,7 +76,8 @@ class Trajectory:
         for array in self.motion:
             if array.shape != (count, 3):
                 raise ValueError(f"array of shape {array.shape}: expected ({count}, 3)")
-        if not (np.isfinite(self.durations_s).all() and np.isfinite(np.hstack(self.motion)).all()):
+        motion_is_finite = np.isfinite(np.concatenate(self.motion)).all()
+        if not (motion_is_finite and np.isfinite(self.durations_s).all()):
             raise ValueError("durations and motion of a trajectory must be finite")
 
     @property

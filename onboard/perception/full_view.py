@@ -46,6 +46,8 @@ def in_full_view(
     if field_of_view_rad < 2.0 * math.pi - 1e-6:
         reach_rad = np.abs(_wrapped(middle_rad)) + np.maximum(-left_rad, right_rad)
         seen &= reach_rad <= field_of_view_rad / 2.0 - EDGE_RAD
+    if len(boxes_ned_m) == 1:  # nothing hides it
+        return [bool(seen[0])]
     # Angle from the middle of a box (rows) to the middle of another (columns).
     apart_rad = _wrapped(middle_rad[None, :] - middle_rad[:, None])
     overlap = (apart_rad + left_rad <= right_rad[:, None] + EDGE_RAD) & (

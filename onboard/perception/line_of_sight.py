@@ -116,22 +116,29 @@ class _Profile:
     """Least open distance over intervals of bearing; bins over the full circle, wrapped."""
 
     def __init__(self, depth_m: FloatArray) -> None:
-        self._count = count = depth_m.size
-        self._levels = levels = np.empty((count.bit_length(), 3 * count))
-        levels[0].reshape(3, count)[:] = depth_m
-        for number in range(1, len(levels)):
+        self._depth_m = depth_m
+
+    def _levels(self, count: int) -> FloatArray:
+        """Return the least of 1, 2, 4 ... bins from each bin on, of the circle three times over."""
+        bins = self._depth_m.size
+        levels = np.empty((count, 3 * bins))
+        levels[0].reshape(3, bins)[:] = self._depth_m
+        for number in range(1, count):
             width, last, level = 1 << number - 1, levels[number - 1], levels[number]
             np.minimum(last[:-width], last[width:], out=level[:-width])
             level[-width:] = last[-width:]
+        return levels
 
     def least(self, from_rad: FloatArray, to_rad: FloatArray) -> FloatArray:
         """Return the least depth between bearings, both within [-2 pi, 2 pi]."""
-        scale = self._count / (2.0 * math.pi)
-        first = np.floor((from_rad + math.pi) * scale).astype(int) + self._count
-        last = np.floor((to_rad + math.pi) * scale).astype(int) + self._count
-        width = np.clip(last - first + 1, 1, self._count)
+        bins = self._depth_m.size
+        scale = bins / (2.0 * math.pi)
+        first = np.floor((from_rad + math.pi) * scale).astype(int) + bins
+        last = np.floor((to_rad + math.pi) * scale).astype(int) + bins
+        width = np.minimum(np.maximum(last - first + 1, 1), bins)
         level = _LEVEL_OF_WIDTH[width]
-        table, row = self._levels.ravel(), level * self._levels.shape[1]
+        # Intervals are narrow mostly, and need few levels.
+        table, row = self._levels(int(level.max()) + 1).ravel(), level * (3 * bins)
         one, other = table[row + first], table[row + (last - (1 << level) + 1)]
         least: FloatArray = np.minimum(one, other)
         return least
@@ -153,7 +160,7 @@ def _shade(depth_m: FloatArray, edges_rad: FloatArray, view: View) -> None:
     faces = np.array([(b.x_min_m, b.y_min_m, b.x_max_m, b.y_max_m) for b in view.boxes])
     low = faces[:, :2] - (x_m + e, y_m + e)
     high = faces[:, 2:] - (x_m - e, y_m - e)
-    nearest = np.clip(0.0, low, high)
+    nearest = np.minimum(np.maximum(0.0, low), high)
     nearest_m = np.hypot(nearest[:, 0], nearest[:, 1])
     near = nearest_m <= view.range_m
     if not near.any():
@@ -175,8 +182,8 @@ def _shade(depth_m: FloatArray, edges_rad: FloatArray, view: View) -> None:
     angle_rad = np.arctan2(ys_m, xs_m) - view.heading_leg_rad
     at = np.floor((angle_rad + math.pi) / (2.0 * math.pi) * depth_m.size).astype(int)
     points_m = np.hypot(xs_m, ys_m)
-    for offset in (-1, 0, 1):
-        np.minimum.at(depth_m, (at + offset) % depth_m.size, points_m)
+    around = np.concatenate((at - 1, at, at + 1)) % depth_m.size
+    np.minimum.at(depth_m, around, np.concatenate((points_m, points_m, points_m)))
 
 
 def _ray_distance(rays_rad: FloatArray, low: FloatArray, high: FloatArray) -> FloatArray:

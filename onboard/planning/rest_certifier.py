@@ -94,6 +94,16 @@ def certify_rest(
     return Certificate(tuple(failures))
 
 
+def has_room(trajectory: Trajectory, limits: RestLimits, grid: FreeGrid) -> bool:
+    """Tell whether a trajectory that is certified has room for a body of another radius."""
+    knots = np.concatenate((trajectory.position_leg_m, trajectory.ends[0][-1:]))[:, :2]
+    # Mostly there is not, and one of the places between two pieces tells so at once.
+    grown_m = limits.body_radius_m + 2.0 * GRID_TOLERANCE_M
+    if not _discs_are_free(knots, knots, grown_m, grid).all():
+        return False
+    return not _space_failures(trajectory, limits, grid)
+
+
 def _start_failures(
     trajectory: Trajectory, start: State, start_s: float, limits: RestLimits
 ) -> list[str]:

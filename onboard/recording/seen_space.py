@@ -104,12 +104,14 @@ def free_runs(grid: FreeGrid, factor: int) -> tuple[list[int], list[int], list[i
     """
     table = grid.unknown_sum[::factor, ::factor]
     free = table[1:, 1:] - table[:-1, 1:] - table[1:, :-1] + table[:-1, :-1] == 0
-    padded = np.zeros((free.shape[0], free.shape[1] + 2), np.int8)
+    padded = np.zeros((free.shape[0], free.shape[1] + 2), np.bool_)
     padded[:, 1:-1] = free
-    steps = np.diff(padded, axis=1)
-    row, first = np.nonzero(steps == 1)
-    _, after = np.nonzero(steps == -1)
-    return row.tolist(), first.tolist(), after.tolist()
+    # Each row begins and ends outside of a run: beginnings and ends take turns.
+    steps = np.flatnonzero(padded[:, 1:] != padded[:, :-1])
+    width = free.shape[1] + 1
+    row = steps // width
+    column = steps - row * width
+    return row[::2].tolist(), column[::2].tolist(), column[1::2].tolist()
 
 
 def _points_leg_m(way: Trajectory) -> FloatArray:

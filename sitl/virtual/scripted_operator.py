@@ -11,7 +11,7 @@ from typing import Any, Final
 
 from pymavlink.dialects.v20 import common as mavlink
 
-from onboard.files.mavlink_frames import FrameReader
+from onboard.files.mavlink_frames import FrameReader, FrameWriter
 from onboard.geometry.rest import RestDetector
 from onboard.mavlink.profiles.profile import AutopilotProfile, Mode
 from onboard.mavlink.profiles.registry import OTHER, profile_of
@@ -72,7 +72,7 @@ class Operator:
         self._system_id = system_id
         self._altitude_m = altitude_m
         self._outgoing = _Outgoing()
-        self._mavlink = mavlink.MAVLink(self._outgoing, 255, mavlink.MAV_COMP_ID_MISSIONPLANNER)
+        self._mavlink = FrameWriter(self._outgoing, 255, mavlink.MAV_COMP_ID_MISSIONPLANNER)
         self._reader = FrameReader(mavlink, _HEARD, trusts_unknown=False)
         self._armed = self._ready = False
         self._profile: AutopilotProfile = OTHER

@@ -10,6 +10,7 @@ costs time only, whatever the planner of the induction makes of it.
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
@@ -24,7 +25,12 @@ from onboard.guidance.envelope import envelope_from
 from onboard.guidance.phases import FlightState, Phase, Trigger
 from onboard.guidance.situation import GUARD_AHEAD_S
 from onboard.motion.trajectory import Trajectory, X
-from onboard.planning.rest_certifier import RestLimits, certify_rest, velocity_points_mps
+from onboard.planning.rest_certifier import (
+    RestLimits,
+    certify_rest,
+    has_room,
+    velocity_points_mps,
+)
 
 if TYPE_CHECKING:
     from onboard.geometry.frames import FloatArray
@@ -236,7 +242,7 @@ class Shield:
                 self._due_s, self._switch_s = now_s + RENEWAL_S, head.end_s
                 self.renewals += 1
                 if self.renewals % _MARGIN_EVERY == 1:
-                    self._state_margin(way, start, now_s, head.final)
+                    self._state_margin(way, head.final)
                 return True
         self._due_s = now_s
         return False
@@ -254,18 +260,12 @@ class Shield:
         return flown.from_time(now_s).until(begins_s).followed_by(ahead)
 
     def _certifies(
-        self,
-        way: Trajectory,
-        start: State,
-        now_s: float,
-        *,
-        switch: State | None = None,
-        more_m: float = 0.0,
+        self, way: Trajectory, start: State, now_s: float, *, switch: State | None = None
     ) -> bool:
-        limits = self._limits(way, switch or start, more_m)
+        limits = self._limits(way, switch or start)
         return certify_rest(way, start, now_s, limits, self._seen.grid()).valid
 
-    def _limits(self, way: Trajectory, switch: State, more_m: float) -> RestLimits:
+    def _limits(self, way: Trajectory, switch: State) -> RestLimits:
         """Return the limits of what the induction flies: along the leg, its nose aligned.
 
         An acceleration that braking has yet to end at the switch leads beyond the cruise speed.
@@ -282,7 +282,7 @@ class Shield:
         limits = assessment.limits
         jerk_x_mps3, jerk_y_mps3, _ = envelope.jerk_max_mps3
         return RestLimits(
-            body_radius_m=assessment.terms.body_m + more_m,
+            body_radius_m=assessment.terms.body_m,
             speed_max_mps=speed_mps,
             acceleration_max_mps2=(
                 limits.brake_mps2,
@@ -296,7 +296,10 @@ class Shield:
             jerk_y_max_mps3=jerk_y_mps3,
         )
 
-    def _state_margin(self, way: Trajectory, start: State, now_s: float, switch: State) -> None:
+    def _state_margin(self, way: Trajectory, switch: State) -> None:
+        """State by how much the body could be larger on a way that has just been certified."""
+        limits, grid = self._limits(way, switch), self._seen.grid()
+        body_m = limits.body_radius_m
         self.margin_m = largest_margin_m(
-            lambda more_m: self._certifies(way, start, now_s, switch=switch, more_m=more_m)
+            lambda more_m: has_room(way, replace(limits, body_radius_m=body_m + more_m), grid)
         )

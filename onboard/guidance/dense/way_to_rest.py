@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from onboard.planning.corridor.horizon import PIECE_S, Horizon
-from onboard.planning.rest_certifier import RestLimits, certify_rest
+from onboard.planning.rest_certifier import RestLimits, certify_rest, has_room
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -171,9 +171,9 @@ class WayToRest:
         self.certified = self._certifies(limits, grid)
         self.margin_m = None
         if self.certified:
-            body_m = limits.body_radius_m
+            body_m, way = limits.body_radius_m, self._way
             self.margin_m = largest_margin_m(
-                lambda more_m: self._certifies(replace(limits, body_radius_m=body_m + more_m), grid)
+                lambda more_m: has_room(way, replace(limits, body_radius_m=body_m + more_m), grid)
             )
 
     def shift(self, shift_leg_m: Vector) -> None:
@@ -187,9 +187,13 @@ class WayToRest:
         if self._followed is not None:
             self._followed = self._followed.shifted_by(shift_leg_m)
 
+    @property
+    def _way(self) -> Trajectory:
+        assert self.flown is not None  # noqa: S101  the callers checked
+        return self._followed or self.flown.trajectory(self._height_m)
+
     def _certifies(self, limits: RestLimits, grid: FreeGrid) -> bool:
-        assert self.flown is not None  # noqa: S101  the caller checked
-        trajectory = self._followed or self.flown.trajectory(self._height_m)
+        trajectory = self._way
         start = trajectory.sample(trajectory.start_s)
         return certify_rest(trajectory, start, trajectory.start_s, limits, grid).valid
 

@@ -10,8 +10,6 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
@@ -63,20 +61,24 @@ class OperatorsWord:
             return None
         *centre_m, radius_m = self._disc_ned_m
         for index, corners in enumerate(boxes_ned_m):
-            if _distance_m(np.asarray(corners) - centre_m) + margin_m < radius_m:
+            around_m = [(x_m - centre_m[0], y_m - centre_m[1]) for x_m, y_m in corners]
+            if _distance_m(around_m) + margin_m < radius_m:
                 return index
         return None
 
 
-def _distance_m(corners_m: np.ndarray[tuple[int, ...], np.dtype[np.float64]]) -> float:
-    """Return the distance of a convex polygon, (k, 2) corners in order, from the origin."""
-    edges_m = np.roll(corners_m, -1, axis=0) - corners_m
-    turns = edges_m[:, 0] * -corners_m[:, 1] - edges_m[:, 1] * -corners_m[:, 0]
-    # Only within a polygon that has an area do all of them have a sign: a box without an extent is
-    # a point or a line, and the origin on an edge is at no distance of that.
-    if (turns > 0.0).all() or (turns < 0.0).all():
-        return 0.0
-    lengths_m2 = np.maximum((edges_m**2).sum(axis=1), 1e-12)
-    shares = np.clip(-(corners_m * edges_m).sum(axis=1) / lengths_m2, 0.0, 1.0)
-    nearest_m = corners_m + shares[:, None] * edges_m
-    return float(min(math.hypot(x, y) for x, y in nearest_m.tolist()))
+def _distance_m(corners_m: Sequence[tuple[float, float]]) -> float:
+    """Return the distance of a convex polygon, corners in order, from the origin."""
+    nearest_m, left, right = math.inf, True, True
+    for (x_m, y_m), (next_x_m, next_y_m) in zip(
+        corners_m, (*corners_m[1:], corners_m[0]), strict=True
+    ):
+        along_x_m, along_y_m = next_x_m - x_m, next_y_m - y_m
+        turn = along_x_m * -y_m - along_y_m * -x_m
+        left, right = left and turn > 0.0, right and turn < 0.0
+        length_m2 = max(along_x_m * along_x_m + along_y_m * along_y_m, 1e-12)
+        share = min(max(-(x_m * along_x_m + y_m * along_y_m) / length_m2, 0.0), 1.0)
+        nearest_m = min(nearest_m, math.hypot(x_m + share * along_x_m, y_m + share * along_y_m))
+    # Only within a polygon that has an area do all turns have a sign: a box without an extent is a
+    # point or a line, and the origin on an edge is at no distance of that.
+    return 0.0 if left or right else nearest_m

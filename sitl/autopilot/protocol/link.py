@@ -6,7 +6,7 @@ from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from onboard.files.mavlink_frames import FrameReader, frame_length
+from onboard.files.mavlink_frames import FrameReader, FrameWriter, frame_length
 from sitl.autopilot.protocol.signing import Signing
 
 
@@ -27,7 +27,7 @@ class MavlinkLink:
     def __init__(self, system_id: int, component_id: int) -> None:
         self.frames_received = 0
         self._outbox = _Outbox()
-        self._encoder = mavlink.MAVLink(self._outbox, system_id, component_id)
+        self._encoder = FrameWriter(self._outbox, system_id, component_id)
         self._reader = FrameReader(mavlink, trusts_unknown=False)
         self._signing: Signing | None = None
 

@@ -21,7 +21,7 @@ from onboard.geometry.free_grid import FreeGrid
 from onboard.motion.trajectory import State, Trajectory
 from onboard.planning import rest_certifier
 from onboard.planning.corridor.horizon import PIECES, Horizon, JerkMaps
-from onboard.planning.rest_certifier import RestLimits, certify_rest
+from onboard.planning.rest_certifier import RestLimits, certify_rest, has_room
 
 COUNT = int(os.environ.get("REST_TRAJECTORIES", "300"))
 CELL_M, SIDE = 0.1, 240
@@ -172,6 +172,18 @@ def all_free() -> FreeGrid:
 def test_standing_in_free_space_is_a_way_to_rest() -> None:
     plan, start = standing()
     assert certify_rest(plan, start, 0.0, LIMITS, all_free()).valid
+
+
+def test_there_is_room_for_a_larger_body_as_far_as_the_space_is_free() -> None:
+    plan, _ = standing()
+    x_m, y_m = (plan.position_leg_m[0, axis] for axis in (0, 1))
+    unknown = np.zeros((SIDE, SIDE), np.int32)
+    unknown[int((x_m - CORNER_M[0]) / CELL_M) + 8, int((y_m - CORNER_M[1]) / CELL_M)] = 1
+    table = np.zeros((SIDE + 1, SIDE + 1), np.int32)
+    table[1:, 1:] = unknown.cumsum(axis=0).cumsum(axis=1)
+    grid = FreeGrid(CORNER_M, CELL_M, table)
+    assert has_room(plan, replace(LIMITS, body_radius_m=6.0 * CELL_M), grid)
+    assert not has_room(plan, replace(LIMITS, body_radius_m=9.0 * CELL_M), grid)
 
 
 def moving(limit: str) -> RestLimits:
