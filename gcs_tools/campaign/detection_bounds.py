@@ -21,6 +21,7 @@ _FRAME_S: Final = 0.1
 _TICKS_S: Final = 2.0 * TICK_S
 _TELEMETRY_AGE_MAX_S: Final = 0.5  # the service's own
 _HEARTBEAT_S: Final = 1.2  # modes arrive once a second
+_ASTRAY_S: Final = 5.0  # a vehicle that follows other setpoints is told from its target by then
 _OPERATOR_S: Final = 0.2  # the scripted operator acts ten times a second
 
 
@@ -65,6 +66,13 @@ def _telemetry_s(_: Fault, __: Contract) -> float:
     return _TELEMETRY_AGE_MAX_S + _TICKS_S
 
 
+def _setpoints_s(_: Fault, contract: Contract) -> float:
+    """PX4 leaves its mode, as its next heartbeat tells; ArduPilot stays in it, and brakes."""
+    loss = contract.vehicle.setpoint_loss
+    leaves = loss is not None and loss.model == "frozen"
+    return contract.vehicle.setpoint_loss_timeout_s + (_HEARTBEAT_S if leaves else _ASTRAY_S)
+
+
 def _lasting_s(fault: Fault) -> float:
     return math.inf if fault.duration_s is None else fault.duration_s
 
@@ -102,9 +110,7 @@ _BROKEN_BY: Final[dict[str, _BrokenAssumption]] = {
     ),
     "disk_full": _BrokenAssumption(("log_ended",), lambda _, __: _TICKS_S),
     "mission_changed": _BrokenAssumption(("mission_changed",), lambda _, __: _TICKS_S),
-    "setpoints_lost": _BrokenAssumption(
-        (), lambda _, contract: contract.vehicle.setpoint_loss_timeout_s + _HEARTBEAT_S
-    ),
+    "setpoints_lost": _BrokenAssumption(("second_commander", "tracking_error"), _setpoints_s),
     "heartbeats_lost": _BrokenAssumption(
         ("telemetry_age",), lambda _, __: AUTOPILOT_SILENCE_S + _HEARTBEAT_S
     ),

@@ -39,10 +39,14 @@ class HeldWays:
         self.ways: list[HeldWay] = []
 
     def follow(self, navigator: Navigator, now_s: float) -> None:
-        """Take down the way of a tick, if it is another one than before."""
-        shield = navigator.shield
-        flying = navigator.phase in FLYING_PHASES
-        held = shield.held_way if shield is not None and flying else None
+        """Take down the way of a tick, if it is another one than before.
+
+        Before the first certificate none is held: the vehicle stays where it has taken control,
+        and the service says of no place there that it is free.
+        """
+        shield, held = navigator.shield, None
+        if shield is not None and navigator.phase in FLYING_PHASES:
+            held = None if shield.rest_certified is None else shield.held_way
         if held is self._last:
             return
         self._last = held

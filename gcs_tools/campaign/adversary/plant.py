@@ -7,6 +7,7 @@ from typing import Any, Final, get_args
 
 from gcs_tools.campaign.adversary.contract import EMPTY_FRAMES, Timing
 from gcs_tools.campaign.adversary.genes import Genes
+from gcs_tools.campaign.generator.airframes import SEEN_LATE_S
 from gcs_tools.scenario import Plant
 from onboard.files.contract_file import Contract
 from onboard.perception.placement import POSE_TIMING_S
@@ -16,8 +17,6 @@ from sitl.environment.detector_errors import FaceStrategy
 USED: Final = 0.9995
 # Of the velocity errors: an error of the heading turns one into the other.
 _USED_OF_SPEEDS: Final = 0.97
-# The service takes a pose for this much younger than it is (`sitl.virtual.simulation`).
-SEEN_LATE_S: Final = 0.01
 _STRATEGIES: Final[tuple[FaceStrategy, ...]] = get_args(FaceStrategy)
 # A scanner's box misses the end of a face by up to the arc between two rays; that much is faces.
 _SCANNER_ERROR_MIN_M: Final = 0.08

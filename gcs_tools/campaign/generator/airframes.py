@@ -21,6 +21,10 @@ _PX4_PERCENT: Final = 40
 # This share of ideal vehicles spends this share of its tracking error toward the nearest obstacle.
 _PINNED_SHARE: Final = 0.2
 _PINNED_ERROR_SHARE: Final = 0.8
+# The service takes a pose for this much younger than it is (`sitl.virtual.simulation`): what it
+# sees of a vehicle that is pinned behind its setpoint is as much of the way more, and that is a
+# tracking error that the contract has to cover, too.
+SEEN_LATE_S: Final = 0.01
 # Contains the latency and confirmation time that the simulated sensor needs.
 _REACTION_TIME_S: Final = (0.15, 0.25)
 
@@ -78,8 +82,9 @@ def _ideal_terms(draw: random.Random, _speed_mps: float) -> dict[str, Any]:
 
 def _ideal_plant(draw: random.Random, contract: Contract) -> dict[str, Any]:
     error_m = _PINNED_ERROR_SHARE * contract.vehicle.tracking_error_m
-    pinned = {"toward_obstacle": draw.random() < _PINNED_SHARE, "error_m": error_m}
-    return {"realism": "ideal", "tracking": pinned}
+    pinned = draw.random() < _PINNED_SHARE
+    tracking = {"toward_obstacle": pinned, "error_m": error_m, "seen_late_s": SEEN_LATE_S}
+    return {"realism": "ideal", "tracking": tracking}
 
 
 IDEAL: Final = Airframe("ideal", False, 99.0, 0.0, (0.02, 0.08), _ideal_terms, _ideal_plant)

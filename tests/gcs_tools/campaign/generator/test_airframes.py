@@ -11,6 +11,7 @@ from gcs_tools.campaign.generator.airframes import (
     ARDUPILOT,
     IDEAL,
     PX4,
+    SEEN_LATE_S,
     Airframe,
     airframe_of,
     drawn_airframe,
@@ -18,6 +19,7 @@ from gcs_tools.campaign.generator.airframes import (
 from gcs_tools.campaign.generator.case import FULL
 from gcs_tools.scenario import Plant
 from onboard.files.contract_file import Contract, load_contract
+from sitl.plant.pinned_error import PinnedError
 from sitl.vehicle.autopilot import FLAVOURS
 from tests.onboard.conftest import CONFIG
 
@@ -60,6 +62,19 @@ def test_an_ideal_vehicle_is_kept_away_from_its_reference_by_less_than_is_declar
     pinned = [IDEAL.plant(random.Random(seed), contract)["tracking"] for seed in range(60)]
     assert 0 < sum(each["toward_obstacle"] for each in pinned) < 30
     assert {each["error_m"] < contract.vehicle.tracking_error_m for each in pinned} == {True}
+
+
+def test_what_telemetry_shows_late_of_a_vehicle_behind_its_setpoint_stays_within_the_contract() -> (
+    None
+):
+    """A fast one with a small tracking error left its contract by the age of its poses alone."""
+    contract, velocity_mps = load_contract(CONFIG / "default_contract.yaml"), (4.8, 0.0)
+    config = IDEAL.plant(random.Random(1), contract)["tracking"]
+    error = PinnedError(config["error_m"], config["seen_late_s"])
+    for _ in range(100):
+        error.advance((-1.0, 0.0), 0.02, velocity_mps)
+    assert abs(error.north_m) + SEEN_LATE_S * velocity_mps[0] <= config["error_m"] + 1e-9
+    assert error.north_m < -0.6 * config["error_m"]
 
 
 @pytest.mark.parametrize("airframe", [IDEAL, PX4, ARDUPILOT])

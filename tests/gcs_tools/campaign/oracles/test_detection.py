@@ -9,6 +9,7 @@ import pytest
 from gcs_tools.campaign.detection_bounds import DetectionBound, detection_bound
 from gcs_tools.campaign.oracles.detection import detected_in_time
 from onboard.contract.assessment import TICK_S
+from onboard.files.contract_file import Contract
 from onboard.guidance.phases import Phase
 from sitl.virtual.faults.schema import Fault, FaultKind
 from tests.gcs_tools.campaign.oracles.evidence import event, flown, scenario
@@ -118,12 +119,28 @@ def test_what_breaks_nothing_for_certain_has_no_bound(kind: str) -> None:
     assert detection_bound(fault(kind, amount=0.3), CONTRACT) is None
 
 
-@pytest.mark.parametrize("kind", ["setpoints_lost", "heartbeats_lost", "operator_takes_over"])
+@pytest.mark.parametrize("kind", ["heartbeats_lost", "operator_takes_over"])
 def test_some_faults_end_the_control(kind: str) -> None:
     found = bound(fault(kind, duration_s=30.0))
     assert found.assumptions == frozenset()
 
 
 def test_an_end_of_control_has_to_be_noticed() -> None:
-    (sentence,) = detected_in_time(flown(faults=(fault("setpoints_lost", duration_s=30.0),)))
+    (sentence,) = detected_in_time(flown(faults=(fault("operator_takes_over", duration_s=30.0),)))
     assert sentence.endswith("no end of control")
+
+
+@pytest.mark.parametrize(("model", "within_s"), [("frozen", 1.2), ("coast", 5.0)])
+def test_an_autopilot_without_setpoints_leaves_its_mode_or_is_seen_to_stay_behind(
+    model: str, within_s: float
+) -> None:
+    """ArduPilot stays in GUIDED: no heartbeat tells."""
+    gains = {"gain_per_s": 1.3, "velocity_gain_per_s": 4.5} if model == "frozen" else {}
+    stated = CONTRACT.model_dump()
+    timeout_s = stated["vehicle"]["setpoint_loss_timeout_s"]
+    loss = gains or {"timeout_s": timeout_s}
+    stated["vehicle"]["setpoint_loss"] = {"model": model, **loss}
+    found = detection_bound(fault("setpoints_lost"), Contract.model_validate(stated))
+    assert found is not None
+    assert found.assumptions == {"second_commander", "tracking_error"}
+    assert found.within_s == pytest.approx(timeout_s + within_s)
