@@ -7,7 +7,7 @@ PIP_INSTALL = $(BIN)/python -m pip install --quiet --disable-pip-version-check -
 # Dozens of processes import the same modules: keep the bytecode that one of them compiles.
 export PYTHONDONTWRITEBYTECODE :=
 
-.PHONY: fly test test-in-any-time lint docs bench companion clean
+.PHONY: fly test test-in-any-time lint docs bench companion quick-start clean
 
 fly: $(VENV)/.ground
 	$(BIN)/clearway fly
@@ -47,6 +47,10 @@ companion: | $(VENV)/bin/python
 	rm -r $(COMPANION)/lib/python3*/site-packages/pymavlink/dialects/v10
 	$(COMPANION)/bin/clearway-onboard --help >/dev/null
 	du -sm $(COMPANION)
+
+# docs/quick_start.md from the built wheel, in an environment and a folder of its own: two minutes.
+quick-start: $(VENV)/.dev
+	$(BIN)/python -m tests.tools.quick_start
 
 $(VENV)/bin/python:
 	$(PYTHON) -m venv $(VENV)

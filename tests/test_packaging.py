@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 import shutil
 import signal
 import subprocess
@@ -278,3 +279,21 @@ def test_what_the_companion_needs_runs_there(companion: dict[str, str], tmp_path
         done = python(companion, "-m", "gcs_tools", *arguments, cwd=tmp_path)
         assert done.returncode == code, done.stderr
         assert "Traceback" not in done.stderr
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ("contract", "show", "--contract", "contract.yaml"),
+        ("preflight", "--contract", "contract.yaml", "--vehicle", "udpin://127.0.0.1:14550"),
+    ],
+)
+def test_what_needs_the_ground_names_it_in_one_line(
+    companion: dict[str, str], arguments: tuple[str, ...]
+) -> None:
+    files = ROOT / "gcs_tools" / "setup" / "files" / "px4"
+    done = python(companion, "-m", "gcs_tools", *arguments, cwd=files)
+    assert done.returncode == 2
+    assert re.fullmatch(
+        r"clearway: error: \w+ is not installed: pip install 'clearway\[ground\]'\n", done.stderr
+    )

@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any, Final
 
+from gcs_tools.cures.assumptions import ASSUMPTION_CURES
+from gcs_tools.cures.cure import Cure
+from gcs_tools.cures.reports import REFUSAL_CURES
 from gcs_tools.doctor.observation import Observation
 from gcs_tools.preflight.finding import Verdict
 from gcs_tools.preflight.live.daemon import TELEMETRY_AGE_MAX_S
 from onboard.contract.assessment import assess
+from onboard.events import EventName
 from onboard.files.contract_file import Contract
 from onboard.monitoring.detections import CLOCK_TOLERANCE_S
 from onboard.recording.messages import SensorRecord, StateRecord
@@ -211,10 +215,20 @@ def _authorization(state: StateRecord) -> Diagnosis:
 
 
 def _holding(seen: Observation, state: StateRecord) -> Iterator[Diagnosis]:
-    refusals = [event.text for event in seen.events if event.name == "refused"]
-    if refusals:
-        cure = "cure what it names; the daemon departs by itself"
-        yield _bad("departure", refusals[-1], cure)
+    refusals = [event for event in seen.events if event.name == EventName.REFUSED]
+    for reason in refusals[-1].data.get("reasons", []) if refusals else []:
+        kind, text = str(reason.get("kind")), str(reason.get("text"))
+        yield _bad("departure", text, _cure(REFUSAL_CURES, kind, "cure what it names"))
+    failed = [event for event in seen.events if event.name == EventName.VIOLATION]
+    for name, event in {str(each.data.get("assumption")): each for each in failed}.items():
+        cure = _cure(ASSUMPTION_CURES, name, "docs/troubleshooting.md")
+        yield _bad("assumption", event.text, cure)
     if state.phase == "hold":
         cure = "clearway watch or the daemon's messages say why; take over, then hand back"
         yield _bad("hold", "the daemon holds: an assumption has failed", cure)
+
+
+def _cure(cures: Mapping[Any, Cure], name: str, otherwise: str) -> str:
+    """Return the cure of a report by its name; a newer daemon may report others."""
+    known: Cure | None = cures.get(name)
+    return otherwise if known is None else known.cure

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any
+from typing import Any, cast
 
 import pytest
 
@@ -11,6 +11,7 @@ from gcs_tools.doctor.diagnosis import Diagnosis, contract_diagnosis, diagnose
 from gcs_tools.doctor.observation import Observation
 from gcs_tools.doctor.vehicle import diagnosis_of
 from gcs_tools.preflight.finding import Finding, Verdict
+from onboard.events import EventData
 from onboard.files.contract_file import load_contract
 from onboard.recording.messages import (
     DropCounters,
@@ -135,11 +136,28 @@ def test_a_clock_that_was_never_set(ahead_s: float, word: str) -> None:
     assert "timedatectl" in found.cure
 
 
-def test_a_refusal_to_depart_is_repeated() -> None:
-    event = EventRecord(time_s=1.7e9, name="refused", text="not leaving standby: 4.0 m beside")
-    seen = replace(SEEN, events=(EventRecord(time_s=1.7e9, name="phase", text="x"), event))
-    (found,) = not_well(seen)
-    assert (found.name, found.text) == ("departure", event.text)
+def heard(name: str, text: str, **data: Any) -> EventRecord:
+    return EventRecord(time_s=1.7e9, name=name, text=text, data=cast(EventData, data))
+
+
+def test_every_reason_for_not_departing_has_its_cure() -> None:
+    beside = {"kind": "beside_leg", "subject": "", "text": "4.0 m beside the leg (limit 2 m)"}
+    newer = {"kind": "of_a_newer_daemon", "subject": "", "text": "another reason"}
+    event = heard("refused", "not leaving standby: …", reasons=[beside, newer])
+    found = not_well(replace(SEEN, events=(heard("phase", "x"), event)))
+    assert [(each.name, each.text) for each in found] == [
+        ("departure", beside["text"]),
+        ("departure", newer["text"]),
+    ]
+    assert "fly back to the line of the leg" in found[0].cure
+    assert found[1].cure == "cure what it names"
+
+
+def test_an_assumption_that_fails_has_its_cure() -> None:
+    event = heard("violation", "wind: 9.00, limit 6.00 m/s", assumption="wind")
+    (found,) = not_well(replace(SEEN, events=(event, event)))
+    assert (found.name, found.text) == ("assumption", event.text)
+    assert "wait for less wind" in found.cure
 
 
 @pytest.mark.parametrize(
@@ -147,9 +165,11 @@ def test_a_refusal_to_depart_is_repeated() -> None:
     [
         ("MPC_TILTMAX_AIR", "set MPC_TILTMAX_AIR as it says"),
         ("battery", "charge it"),
-        ("LOCAL_POSITION_NED", "raise this message's rate"),
+        ("LOCAL_POSITION_NED", "raise its rate"),
         ("connection", "check the URL"),
-        ("geofence areas", "docs/vehicles.md"),
+        ("geofence areas", "upload it"),
+        ("front range_m", "lower the speed"),
+        ("front", "clearway sensor check"),
     ],
 )
 def test_findings_on_the_vehicle_get_a_cure(name: str, cure: str) -> None:
