@@ -20,6 +20,7 @@ from onboard.events import Event, EventName, Severity
 from onboard.files.contract_file import Contract, InputSet
 from onboard.files.json_payload import MalformedPayloadError, parse
 from onboard.files.mission_file import Mission
+from onboard.files.resume_payload import Command
 from onboard.files.sensor_sources import AnySource
 from onboard.guidance.authority import ControlAuthority
 from onboard.guidance.departure import Refusal
@@ -112,7 +113,7 @@ class Autonomy:
             fly_outside_contract=fly_outside_contract,
         )
         self._pending_mission: bytes | None = None
-        self._pending_resumes: list[AnswerResume] = []
+        self._pending_commands: list[tuple[Command, AnswerResume]] = []
         # What happened in this tick, and all that has not been fetched yet.
         self._news: list[Event] = []
         self._events: deque[Event] = deque(maxlen=MAX_EVENTS)
@@ -183,9 +184,9 @@ class Autonomy:
         """Take a mission to be flown instead of the present one; the next tick reads it."""
         self._pending_mission = payload
 
-    def receive_resume(self, answer: AnswerResume) -> None:
-        """Take the operator's command to end a hold; the next tick decides, and answers."""
-        self._pending_resumes.append(answer)
+    def receive_resume(self, answer: AnswerResume, command: Command = "resume") -> None:
+        """Take the operator's command to end a hold, or to return; the next tick answers it."""
+        self._pending_commands.append((command, answer))
 
     def emit(self, event: Event) -> None:
         """Take an event to be logged and sent; the daemon's own are welcome too."""
@@ -244,7 +245,7 @@ class Autonomy:
         if pose is not None:
             self.authority.follow_mode(pose, now_s, now_unix_s)
             self.supervisor.check(pose, now_s)
-        self._take_resumes(now_s, now_unix_s)
+        self._take_commands(now_s, now_unix_s)
         if pose is not None:
             self.navigator.advance(pose, now_s)
 
@@ -260,10 +261,11 @@ class Autonomy:
         else:
             self.navigator.change_mission(mission, now_s)
 
-    def _take_resumes(self, now_s: float, now_unix_s: float) -> None:
-        answers, self._pending_resumes = self._pending_resumes, []
-        for answer in answers:
-            answer(self.authority.resume(self.link.pose, now_s, now_unix_s))
+    def _take_commands(self, now_s: float, now_unix_s: float) -> None:
+        commands, self._pending_commands = self._pending_commands, []
+        for command, answer in commands:
+            obey = self.authority.fly_back if command == "return" else self.authority.resume
+            answer(obey(self.link.pose, now_s, now_unix_s))
 
     def _collect_events(self) -> None:
         self._news += self.navigator.events

@@ -258,7 +258,7 @@ class Bus:
         subscribe_with_history(self._session, key, receive)
 
     def answer_resumes(self, autonomy: Autonomy, remote_access: str | None) -> None:
-        """Pass on the command to end a hold, and answer it; only processes of this computer may.
+        """Pass on the commands to end a hold and to return; only this computer's may send them.
 
         Nothing proves yet who sends it, so that it is refused wherever another computer might.
 
@@ -271,7 +271,7 @@ class Bus:
         def receive(query: zenoh.Query) -> None:
             payload = b"" if query.payload is None else query.payload.to_bytes()
             try:
-                parse(payload, ResumeCommand)
+                command = parse(payload, ResumeCommand).command
             except MalformedPayloadError as error:
                 query.reply(key, _refusal("malformed", f"no command to resume: {error}"))
                 return
@@ -286,7 +286,7 @@ class Bus:
                 query.reply(key, _resume_answer(refusals))
 
             with contextlib.suppress(RuntimeError):  # the loop has closed: we are stopping
-                loop.call_soon_threadsafe(autonomy.receive_resume, answer)
+                loop.call_soon_threadsafe(autonomy.receive_resume, answer, command)
 
         self._session.declare_queryable(key, receive)
 

@@ -55,6 +55,11 @@ class Mission(FileModel):
         description="radius around start_ned_m, at altitude_m, in which the operator has confirmed"
         " that nothing stands; null: not confirmed, so that the vehicle looks all round first",
     )
+    on_end: Literal["hover", "return"] = Field(
+        "hover",
+        description="at the end of the last leg: hover there, or return along the way that was"
+        " flown to where control was taken",
+    )
     legs: Annotated[tuple[Leg, ...], Field(strict=False, min_length=1)]
 
     @model_validator(mode="after")

@@ -15,12 +15,14 @@ from typing import Final
 
 from onboard.events import Event, EventName, Severity
 from onboard.guidance.departure import (
+    OF_THE_LEG,
     STOPPED_MPS,
     Refusal,
     RefusalKind,
     RefusalReport,
     refused,
     resume_refusals,
+    return_refusals,
 )
 from onboard.guidance.envelope import broken_clauses
 from onboard.guidance.navigator import Navigator
@@ -155,6 +157,34 @@ class ControlAuthority:
         else:
             self._supervisor.resume_flight()
             self._navigator.resume(pose, now_s)
+        return refusals
+
+    def fly_back(self, pose: Pose | None, now_s: float, now_unix_s: float) -> list[Refusal]:
+        """Return along the way flown by the operator's command, from flight or from rest.
+
+        The arguments are those of `resume`.
+
+        Returns:
+            Every reason not to; empty if the vehicle returns.
+        """
+        navigator = self._navigator
+        refusals = return_refusals(navigator.situation, self._supervisor.failures, now_s)
+        at_rest = navigator.phase in (Phase.HOLD, Phase.ARRIVED)
+        if pose is None:
+            refusals.append(Refusal(RefusalKind.TELEMETRY, "no telemetry"))
+        elif at_rest:
+            against = self.departure_refusals(pose, now_s, now_unix_s)
+            refusals += [each for each in against if each.kind not in OF_THE_LEG]
+        if self._left_to_autopilot:
+            text = "the vehicle is left to the autopilot: the pilot has to take over first"
+            refusals.append(Refusal(RefusalKind.POSITION, text))
+        if not refusals and not navigator.fly_back("the operator's command", now_s):
+            refusals = [Refusal(RefusalKind.NO_WAY_BACK, "the vehicle is where it began")]
+        if refusals or pose is None:
+            self._emit(refused("not returning", refusals, now_s))
+        elif at_rest:
+            self._supervisor.resume_flight()
+            navigator.resume(pose, now_s)
         return refusals
 
     # ------------------------------------------------------------------ what speaks against it

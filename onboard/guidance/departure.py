@@ -46,6 +46,7 @@ class RefusalKind(StrEnum):
     MOVING = "moving"
     INSIDE_REGION = "inside_region"
     ENVIRONMENT = "environment"
+    NO_WAY_BACK = "no_way_back"
 
 
 @dataclass(frozen=True)
@@ -184,3 +185,27 @@ def resume_refusals(situation: Situation, failures: FailureTimes, now_s: float) 
         text = f"still braking ({speed_mps:.1f} m/s)"
         found.append(Refusal(RefusalKind.MOVING, text))
     return found
+
+
+# What speaks against flying on along a leg, but not against a leg that begins where the vehicle is.
+OF_THE_LEG: Final = frozenset(
+    {RefusalKind.BEFORE_LEG, RefusalKind.LEG_FLOWN, RefusalKind.BESIDE_LEG}
+)
+
+
+def return_refusals(situation: Situation, failures: FailureTimes, now_s: float) -> list[Refusal]:
+    """Return why the vehicle may not return along the way flown; what departures need is apart.
+
+    Args:
+        situation: of the flight.
+        failures: when each assumption failed last.
+        now_s: the time.
+    """
+    state = situation.state
+    if state is FlightState.STANDBY:
+        return [Refusal(RefusalKind.NO_WAY_BACK, f"not flying (phase {state.phase})")]
+    if situation.route.returning:
+        return [Refusal(RefusalKind.NO_WAY_BACK, "the vehicle returns already")]
+    if state is FlightState.HOLDING:
+        return resume_refusals(situation, failures, now_s)
+    return []

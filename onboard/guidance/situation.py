@@ -170,6 +170,7 @@ class Situation:
         shift_leg_m = self.leg.vector_leg(shift_ned_m)
         self.obstacles.shift(*shift_ned_m)
         self.reference.shift(shift_leg_m)
+        self.route.flown.shift(*shift_ned_m[:2])
         if self.avoidance is not None:
             self.avoidance = self.avoidance.shifted_by(shift_leg_m)
 

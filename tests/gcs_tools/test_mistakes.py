@@ -148,6 +148,11 @@ MISTAKES = [
         "a leg to where it begins", f"{CHECK} --mission mission.yaml", ("end_ned_m", "less than"),
         ("mission.yaml", "[115.0, 0.0]", "[0.0, 0.0]"),
     ),
+    Mistake(
+        "a landing at the end", f"{CHECK} --mission mission.yaml", ("on_end", "hover", "return"),
+        ("mission.yaml", "altitude_m: 5.0", "altitude_m: 5.0\non_end: land"),
+    ),
+    Mistake("return without a daemon", "return", ("--zenoh-config", "--daemon-config")),
     Mistake("a plan for a mission", f"{CHECK} --mission a.plan", ("a.plan",), ("a.plan", "", PLAN)),
     # ------------------------------------------------------------------------ obstacle field
     Mistake(
