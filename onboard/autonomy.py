@@ -246,6 +246,7 @@ class Autonomy:
             self.authority.follow_mode(pose, now_s, now_unix_s)
             self.supervisor.check(pose, now_s)
         self._take_commands(now_s, now_unix_s)
+        self.authority.keep_energy(pose, now_s, now_unix_s)
         if pose is not None:
             self.navigator.advance(pose, now_s)
 

@@ -47,6 +47,7 @@ class RefusalKind(StrEnum):
     INSIDE_REGION = "inside_region"
     ENVIRONMENT = "environment"
     NO_WAY_BACK = "no_way_back"
+    ENERGY = "energy"
 
 
 @dataclass(frozen=True)
@@ -187,9 +188,14 @@ def resume_refusals(situation: Situation, failures: FailureTimes, now_s: float) 
     return found
 
 
-# What speaks against flying on along a leg, but not against a leg that begins where the vehicle is.
-OF_THE_LEG: Final = frozenset(
-    {RefusalKind.BEFORE_LEG, RefusalKind.LEG_FLOWN, RefusalKind.BESIDE_LEG}
+# What speaks against flying on, but not against a way back that begins where the vehicle is.
+NOT_OF_WAY_BACK: Final = frozenset(
+    {
+        RefusalKind.BEFORE_LEG,
+        RefusalKind.LEG_FLOWN,
+        RefusalKind.BESIDE_LEG,
+        RefusalKind.ENERGY,
+    }
 )
 
 

@@ -126,3 +126,77 @@ def test_with_best_effort_it_returns_in_the_space_that_it_sees_free(contract: Co
     way = rig.autonomy.navigator.thread
     assert way is not None
     assert way.way.certified is True
+
+
+# ------------------------------------------------------------------ the battery
+
+
+class Powered(Rig):
+    """A rig that reports its battery; None reports nothing."""
+
+    percent: int | None = 90
+
+    def say_what_the_position_is_worth(self) -> None:
+        super().say_what_the_position_is_worth()
+        if self.percent is not None:
+            cells = [15000, *(0xFFFF,) * 9]
+            self._mav.battery_status_send(0, 0, 0, 2500, cells, 1200, 300, -1, self.percent)
+
+
+def powered(contract: Contract, percent: int | None = 90, endurance_s: float = 900.0) -> Powered:
+    budget = {"reserve_fraction": 0.25, "endurance_s": endurance_s}
+    mission = Mission.model_validate({"altitude_m": 4.0, "legs": LEGS, "energy": budget})
+    rig = Powered(Autonomy(contract, mission, epoch_unix_s=EPOCH_UNIX_S), mode=OFFBOARD)
+    rig.percent = percent
+    rig.run(7.0, until=lambda: rig.position_ned_m[0] > 3.0)
+    return rig
+
+
+def test_it_returns_in_time_for_the_battery_and_has_the_pilot_land_at_its_reserve(
+    contract: Contract,
+) -> None:
+    rig = powered(contract)
+    assert rig.texts("mission_changed") == []
+    rig.percent = 57
+    fly_home(rig)
+    (said,) = rig.texts("mission_changed")
+    assert said.endswith("battery at 57 %, the way back may take 34 %, reserve 25 %")
+    rig.percent = 25
+    rig.run(1.0)
+    assert rig.texts("battery") == ["battery at 25 %, reserve 25 %: land now"]
+
+
+def test_a_battery_that_falls_silent_counts_as_failing(contract: Contract) -> None:
+    rig = powered(contract)
+    rig.percent = None
+    fly_home(rig)
+    assert "has not been reported for 5 s" in rig.texts("mission_changed")[0]
+
+
+def test_at_the_end_of_the_mission_it_returns_by_itself_in_time(contract: Contract) -> None:
+    rig = powered(contract)
+    rig.run(20.0, until=lambda: rig.phase is Phase.ARRIVED)
+    rig.percent = 50
+    rig.tick()
+    fly_home(rig)
+
+
+def test_a_hold_is_left_to_the_pilot_who_is_told(contract: Contract) -> None:
+    rig = powered(contract)
+    blinded(rig)
+    rig.percent = 50
+    rig.run(1.0)
+    assert rig.phase is Phase.HOLD
+    assert rig.texts("battery")[0].endswith("reserve 25 %: the pilot has to take over")
+
+
+@pytest.mark.parametrize(
+    ("percent", "endurance_s", "words"),
+    [(None, 900.0, "charge is unknown"), (27, 900.0, "there and back"), (90, 40.0, "there and")],
+)
+def test_without_enough_it_does_not_depart(
+    contract: Contract, percent: int | None, endurance_s: float, words: str
+) -> None:
+    rig = powered(contract, percent, endurance_s)
+    assert rig.phase is Phase.STANDBY
+    assert words in rig.texts("refused")[-1]
