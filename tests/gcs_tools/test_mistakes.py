@@ -152,6 +152,11 @@ MISTAKES = [
         "a landing at the end", f"{CHECK} --mission mission.yaml", ("on_end", "hover", "return"),
         ("mission.yaml", "altitude_m: 5.0", "altitude_m: 5.0\non_end: land"),
     ),
+    Mistake(
+        "a reserve in percent", f"{CHECK} --mission mission.yaml", ("energy.reserve_fraction", "25"),
+        ("mission.yaml", "altitude_m: 5.0",
+         "altitude_m: 5.0\nenergy: {reserve_fraction: 25.0, endurance_s: 900.0}"),
+    ),
     Mistake("return without a daemon", "return", ("--zenoh-config", "--daemon-config")),
     Mistake("a plan for a mission", f"{CHECK} --mission a.plan", ("a.plan",), ("a.plan", "", PLAN)),
     # ------------------------------------------------------------------------ obstacle field
