@@ -18,10 +18,12 @@ from typing import Final
 from onboard.contract.assessment import Assessment, assess
 from onboard.events import Event, EventName, Severity
 from onboard.files.contract_file import Contract, InputSet
+from onboard.files.geofence_file import FenceAreaFile, Geofence
 from onboard.files.json_payload import MalformedPayloadError, parse
 from onboard.files.mission_file import Mission
 from onboard.files.resume_payload import Command
 from onboard.files.sensor_sources import AnySource
+from onboard.geometry.fence import Fence, FenceArea
 from onboard.guidance.authority import ControlAuthority
 from onboard.guidance.departure import Refusal
 from onboard.guidance.navigator import Navigator
@@ -136,6 +138,12 @@ class Autonomy:
     def detections(self) -> DetectionCounters:
         """What arrived from the sensors and was not used."""
         return self._intake.counters
+
+    def keep_in(self, geofence: Geofence) -> None:
+        """Fly within a geofence only; before the first flight."""
+        fence = Fence(tuple(map(_fence_area, geofence.areas)))
+        self.navigator.situation.fence = fence
+        self.supervisor.seen.keep_in(fence)
 
     def set_epoch(self, epoch_unix_s: float) -> bool:
         """Read stamps by a clock that has been set; refused while the vehicle may fly.
@@ -276,3 +284,10 @@ class Autonomy:
                 self.link.send_text(event.severity, f"Clearway: {event.text}")
         self._events.extend(self._news)
         self._news.clear()
+
+
+def _fence_area(written: FenceAreaFile) -> FenceArea:
+    keeps_in = written.keep == "inside"
+    if written.center_ned_m is not None:
+        return FenceArea((written.center_ned_m,), written.radius_m, keeps_in)
+    return FenceArea(written.corners_ned_m, None, keeps_in)

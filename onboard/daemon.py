@@ -21,6 +21,7 @@ from onboard.autonomy import Autonomy
 from onboard.contract.assessment import TICK_S
 from onboard.files.contract_file import Contract
 from onboard.files.daemon_config import DaemonConfig, MarkerOutput
+from onboard.files.geofence_file import Geofence
 from onboard.files.json_payload import MalformedPayloadError, parse
 from onboard.files.mission_file import Mission
 from onboard.files.resume_payload import ResumeAnswer, ResumeCommand, ResumeReason
@@ -50,7 +51,13 @@ REPEAT_PERIOD_S: Final = 1.0
 LATE_TICK_S: Final = 2.0 * TICK_S
 
 
-async def run(config: DaemonConfig, contract: Contract, mission: Mission, place: LogPlace) -> None:
+async def run(
+    config: DaemonConfig,
+    contract: Contract,
+    mission: Mission,
+    place: LogPlace,
+    geofence: Geofence | None = None,
+) -> None:
     """Serve until SIGINT or SIGTERM; the flights are logged where ``place`` says.
 
     Raises:
@@ -61,6 +68,8 @@ async def run(config: DaemonConfig, contract: Contract, mission: Mission, place:
     request_realtime_priority()
     clock = Clock()
     autonomy = _service(config, contract, mission, clock)
+    if geofence is not None:
+        autonomy.keep_in(geofence)
     recorder: FlightRecorder | None = None
 
     def receive(data: bytes) -> None:

@@ -48,6 +48,7 @@ class RefusalKind(StrEnum):
     ENVIRONMENT = "environment"
     NO_WAY_BACK = "no_way_back"
     ENERGY = "energy"
+    GEOFENCE = "geofence"
 
 
 @dataclass(frozen=True)
@@ -71,6 +72,8 @@ def departure_refusals(situation: Situation, pose: Pose) -> list[Refusal]:
     refusals = [
         Refusal(kind, text) for kind, passed, text in _checks(situation, pose) if not passed
     ]
+    if (objection := situation.fence_objection(situation.route.mission)) is not None:
+        refusals.append(Refusal(RefusalKind.GEOFENCE, objection))
     if situation.best_effort:  # no region matters where only the space seen free is flown into
         return refusals
     refusals += [
@@ -195,6 +198,7 @@ NOT_OF_WAY_BACK: Final = frozenset(
         RefusalKind.LEG_FLOWN,
         RefusalKind.BESIDE_LEG,
         RefusalKind.ENERGY,
+        RefusalKind.GEOFENCE,  # the way flown has kept within it
     }
 )
 

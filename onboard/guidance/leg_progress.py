@@ -153,14 +153,16 @@ class LegProgress:
         """
         situation = self._situation
         in_flight = situation.state is not FlightState.STANDBY
+        objection = situation.fence_objection(mission)
         altitude_m = situation.route.mission.altitude_m
         if in_flight and mission.altitude_m != altitude_m:
-            text = (
-                f"mission refused: altitude {mission.altitude_m:g} m"
-                f" (expected {altitude_m:g} m while in flight)"
+            objection = (
+                f"altitude {mission.altitude_m:g} m (expected {altitude_m:g} m while in flight)"
             )
+        if objection is not None:
+            text = f"mission refused: {objection}"
             event = Event(now_s, EventName.MISSION_REFUSED, Severity.WARNING, text)
-            situation.emit_rarely(event, "altitude")
+            situation.emit_rarely(event, "objection")
             return
         self._leave_way_back(now_s)
         situation.route.successor = mission

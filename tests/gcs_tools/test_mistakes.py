@@ -153,7 +153,7 @@ MISTAKES = [
         ("mission.yaml", "altitude_m: 5.0", "altitude_m: 5.0\non_end: land"),
     ),
     Mistake(
-        "a reserve in percent", f"{CHECK} --mission mission.yaml", ("energy.reserve_fraction", "25"),
+        "a reserve in percent", f"{CHECK} --mission mission.yaml", ("reserve_fraction", "25"),
         ("mission.yaml", "altitude_m: 5.0",
          "altitude_m: 5.0\nenergy: {reserve_fraction: 25.0, endurance_s: 900.0}"),
     ),
@@ -339,6 +339,11 @@ MISTAKES = [
     Mistake("schemas without a place", "schema", ("--output",)),
     # ------------------------------------------------------------------------ the processes
     Mistake("no daemon's file", "clearway-onboard --config daemon.yaml", ("No such file",)),
+    Mistake(
+        "a geofence that is not there", "clearway-onboard --config onboard.yaml",
+        ("fence.yaml", "No such file"),
+        ("onboard.yaml", "require_preflight: false", "geofence: fence.yaml"),
+    ),
     Mistake(
         "a link without a scheme", "clearway-onboard --config onboard.yaml", ("/dev/ttyAMA0",),
         ("onboard.yaml", "url: udpin://127.0.0.1:14540", "url: /dev/ttyAMA0:57600"),
