@@ -216,6 +216,9 @@ MISTAKES = [
         ("bus.yaml", "vehicle: vehicle ", "vehicle: my drone "),
     ),
     # ------------------------------------------------------------------------ import of missions
+    Mistake("neither file nor vehicle", "mission import", ("FILE", "--from-vehicle")),
+    Mistake("both file and vehicle", "mission import a.plan --from-vehicle udpin://127.0.0.1:0",
+            ("either FILE",)),
     Mistake("no mission to import", "mission import a.plan", ("a.plan", "No such file")),
     Mistake(
         "an action of mission left out", "mission a.plan", ("'a.plan'", "import"),
