@@ -91,15 +91,15 @@ async def run(
         manager = stack.enter_context(ServiceManager.of_environment(os.environ))
         stop = _stop_on_signals()
         freeze_gc_heap()
-        log.info(
-            "ready: %s, contract %s, log %s",
-            config.mavlink.url,
-            contract.sha256[:12],
-            recorder.path,
-        )
+        _report_ready(config, contract, recorder)
         manager.ready()
         await _serve(autonomy, link, recorder, bus, clock, stop, manager, shown)
     log.info("stopped")
+
+
+def _report_ready(config: DaemonConfig, contract: Contract, recorder: FlightRecorder) -> None:
+    url, contract_id = config.mavlink.url, contract.sha256[:12]
+    log.info("ready: %s, contract %s, log %s", url, contract_id, recorder.path)
 
 
 def _service(config: DaemonConfig, contract: Contract, mission: Mission, clock: Clock) -> Autonomy:
