@@ -17,6 +17,7 @@ from onboard import daemon
 from onboard.contract.assessment import assess
 from onboard.files.contract_file import Contract
 from onboard.files.daemon_config import DaemonConfig, log_directory
+from onboard.files.geofence_file import Geofence
 from onboard.files.mission_file import Mission
 from onboard.files.yaml_file import FileError, load_yaml
 from onboard.log_format import configure_logging
@@ -40,9 +41,11 @@ def main(arguments: list[str] | None = None) -> int:
         config = config.model_copy(update={"zenoh": config.zenoh.relative_to(base)})
         contract = load_yaml(base / config.contract, Contract)
         mission = load_yaml(base / config.mission, Mission)
+        geofence = load_yaml(base / config.geofence, Geofence) if config.geofence else None
         configure_logging(config.log_level, options.log_format or config.log_format)
         _warn_if_not_compliant(contract, mission, config)
-        asyncio.run(daemon.run(config, contract, mission, _log_place(base, config)))
+        place = _log_place(base, config)
+        asyncio.run(daemon.run(config, contract, mission, place, geofence))
     except (FileError, LinkError, LogFileError) as error:
         return _refuse(str(error))
     except zenoh.ZError as error:

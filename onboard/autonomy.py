@@ -18,9 +18,12 @@ from typing import Final
 from onboard.contract.assessment import Assessment, assess
 from onboard.events import Event, EventName, Severity
 from onboard.files.contract_file import Contract, InputSet
+from onboard.files.geofence_file import FenceAreaFile, Geofence
 from onboard.files.json_payload import MalformedPayloadError, parse
 from onboard.files.mission_file import Mission
+from onboard.files.resume_payload import Command
 from onboard.files.sensor_sources import AnySource
+from onboard.geometry.fence import Fence, FenceArea
 from onboard.guidance.authority import ControlAuthority
 from onboard.guidance.departure import Refusal
 from onboard.guidance.navigator import Navigator
@@ -112,7 +115,7 @@ class Autonomy:
             fly_outside_contract=fly_outside_contract,
         )
         self._pending_mission: bytes | None = None
-        self._pending_resumes: list[AnswerResume] = []
+        self._pending_commands: list[tuple[Command, AnswerResume]] = []
         # What happened in this tick, and all that has not been fetched yet.
         self._news: list[Event] = []
         self._events: deque[Event] = deque(maxlen=MAX_EVENTS)
@@ -135,6 +138,12 @@ class Autonomy:
     def detections(self) -> DetectionCounters:
         """What arrived from the sensors and was not used."""
         return self._intake.counters
+
+    def keep_in(self, geofence: Geofence) -> None:
+        """Fly within a geofence only; before the first flight."""
+        fence = Fence(tuple(map(_fence_area, geofence.areas)))
+        self.navigator.situation.fence = fence
+        self.supervisor.seen.keep_in(fence)
 
     def set_epoch(self, epoch_unix_s: float) -> bool:
         """Read stamps by a clock that has been set; refused while the vehicle may fly.
@@ -183,9 +192,9 @@ class Autonomy:
         """Take a mission to be flown instead of the present one; the next tick reads it."""
         self._pending_mission = payload
 
-    def receive_resume(self, answer: AnswerResume) -> None:
-        """Take the operator's command to end a hold; the next tick decides, and answers."""
-        self._pending_resumes.append(answer)
+    def receive_resume(self, answer: AnswerResume, command: Command = "resume") -> None:
+        """Take the operator's command to end a hold, or to return; the next tick answers it."""
+        self._pending_commands.append((command, answer))
 
     def emit(self, event: Event) -> None:
         """Take an event to be logged and sent; the daemon's own are welcome too."""
@@ -244,7 +253,8 @@ class Autonomy:
         if pose is not None:
             self.authority.follow_mode(pose, now_s, now_unix_s)
             self.supervisor.check(pose, now_s)
-        self._take_resumes(now_s, now_unix_s)
+        self._take_commands(now_s, now_unix_s)
+        self.authority.keep_energy(pose, now_s, now_unix_s)
         if pose is not None:
             self.navigator.advance(pose, now_s)
 
@@ -260,10 +270,11 @@ class Autonomy:
         else:
             self.navigator.change_mission(mission, now_s)
 
-    def _take_resumes(self, now_s: float, now_unix_s: float) -> None:
-        answers, self._pending_resumes = self._pending_resumes, []
-        for answer in answers:
-            answer(self.authority.resume(self.link.pose, now_s, now_unix_s))
+    def _take_commands(self, now_s: float, now_unix_s: float) -> None:
+        commands, self._pending_commands = self._pending_commands, []
+        for command, answer in commands:
+            obey = self.authority.fly_back if command == "return" else self.authority.resume
+            answer(obey(self.link.pose, now_s, now_unix_s))
 
     def _collect_events(self) -> None:
         self._news += self.navigator.events
@@ -273,3 +284,10 @@ class Autonomy:
                 self.link.send_text(event.severity, f"Clearway: {event.text}")
         self._events.extend(self._news)
         self._news.clear()
+
+
+def _fence_area(written: FenceAreaFile) -> FenceArea:
+    keeps_in = written.keep == "inside"
+    if written.center_ned_m is not None:
+        return FenceArea((written.center_ned_m,), written.radius_m, keeps_in)
+    return FenceArea(written.corners_ned_m, None, keeps_in)

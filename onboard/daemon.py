@@ -21,6 +21,7 @@ from onboard.autonomy import Autonomy
 from onboard.contract.assessment import TICK_S
 from onboard.files.contract_file import Contract
 from onboard.files.daemon_config import DaemonConfig, MarkerOutput
+from onboard.files.geofence_file import Geofence
 from onboard.files.json_payload import MalformedPayloadError, parse
 from onboard.files.mission_file import Mission
 from onboard.files.resume_payload import ResumeAnswer, ResumeCommand, ResumeReason
@@ -50,7 +51,13 @@ REPEAT_PERIOD_S: Final = 1.0
 LATE_TICK_S: Final = 2.0 * TICK_S
 
 
-async def run(config: DaemonConfig, contract: Contract, mission: Mission, place: LogPlace) -> None:
+async def run(
+    config: DaemonConfig,
+    contract: Contract,
+    mission: Mission,
+    place: LogPlace,
+    geofence: Geofence | None = None,
+) -> None:
     """Serve until SIGINT or SIGTERM; the flights are logged where ``place`` says.
 
     Raises:
@@ -61,6 +68,8 @@ async def run(config: DaemonConfig, contract: Contract, mission: Mission, place:
     request_realtime_priority()
     clock = Clock()
     autonomy = _service(config, contract, mission, clock)
+    if geofence is not None:
+        autonomy.keep_in(geofence)
     recorder: FlightRecorder | None = None
 
     def receive(data: bytes) -> None:
@@ -82,15 +91,15 @@ async def run(config: DaemonConfig, contract: Contract, mission: Mission, place:
         manager = stack.enter_context(ServiceManager.of_environment(os.environ))
         stop = _stop_on_signals()
         freeze_gc_heap()
-        log.info(
-            "ready: %s, contract %s, log %s",
-            config.mavlink.url,
-            contract.sha256[:12],
-            recorder.path,
-        )
+        _report_ready(config, contract, recorder)
         manager.ready()
         await _serve(autonomy, link, recorder, bus, clock, stop, manager, shown)
     log.info("stopped")
+
+
+def _report_ready(config: DaemonConfig, contract: Contract, recorder: FlightRecorder) -> None:
+    url, contract_id = config.mavlink.url, contract.sha256[:12]
+    log.info("ready: %s, contract %s, log %s", url, contract_id, recorder.path)
 
 
 def _service(config: DaemonConfig, contract: Contract, mission: Mission, clock: Clock) -> Autonomy:
@@ -258,7 +267,7 @@ class Bus:
         subscribe_with_history(self._session, key, receive)
 
     def answer_resumes(self, autonomy: Autonomy, remote_access: str | None) -> None:
-        """Pass on the command to end a hold, and answer it; only processes of this computer may.
+        """Pass on the commands to end a hold and to return; only this computer's may send them.
 
         Nothing proves yet who sends it, so that it is refused wherever another computer might.
 
@@ -271,7 +280,7 @@ class Bus:
         def receive(query: zenoh.Query) -> None:
             payload = b"" if query.payload is None else query.payload.to_bytes()
             try:
-                parse(payload, ResumeCommand)
+                command = parse(payload, ResumeCommand).command
             except MalformedPayloadError as error:
                 query.reply(key, _refusal("malformed", f"no command to resume: {error}"))
                 return
@@ -286,7 +295,7 @@ class Bus:
                 query.reply(key, _resume_answer(refusals))
 
             with contextlib.suppress(RuntimeError):  # the loop has closed: we are stopping
-                loop.call_soon_threadsafe(autonomy.receive_resume, answer)
+                loop.call_soon_threadsafe(autonomy.receive_resume, answer, command)
 
         self._session.declare_queryable(key, receive)
 

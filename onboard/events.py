@@ -26,6 +26,7 @@ class EventName(StrEnum):
     ADAPTED = "adapted"
     CERTIFICATE = "certificate"
     DELAYED = "delayed"
+    BATTERY = "battery"
     CLOCK_STEP = "clock_step"
     ESTIMATOR_RESET = "estimator_reset"
     FAILSAFE = "failsafe"

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from gcs_tools.console.arguments import positive
-from gcs_tools.console.errors import EXIT_NO
+from gcs_tools.console.errors import EXIT_NO, CommandError
 from gcs_tools.geodesy.local_frame import GeographicPoint
 from gcs_tools.geodesy.utm import UtmZone
 
@@ -45,9 +45,17 @@ def add_parser(commands: Any) -> None:
 
 def _add_import(commands: Any) -> None:
     parser = commands.add_parser(
-        "import", help="a .plan or .waypoints file as a mission file; exit code 1: cannot be flown"
+        "import",
+        help="a .plan or .waypoints file, or what a vehicle has, as a mission file; exit code 1:"
+        " cannot be flown",
     )
-    parser.add_argument("file", type=Path, metavar="FILE", help="QGroundControl plan or QGC WPL")
+    parser.add_argument(
+        "file", type=Path, nargs="?", metavar="FILE", help="QGroundControl plan or QGC WPL"
+    )
+    parser.add_argument(
+        "--from-vehicle", metavar="URL", help="mission and geofence of this vehicle, as in MAVSDK"
+    )
+    parser.add_argument("--system-id", type=int, metavar="N", help="of that vehicle")
     parser.add_argument(
         "-o", "--output", type=Path, metavar="FILE", help="mission file; default: standard output"
     )
@@ -101,8 +109,14 @@ def _add_legs(parser: argparse.ArgumentParser) -> None:
 def _run_import(options: argparse.Namespace) -> int:
     from gcs_tools.missions.command import ImportRequest, import_mission  # noqa: PLC0415  loads every model
 
+    if (options.file is None) is (options.from_vehicle is None):
+        raise CommandError("expected either FILE or --from-vehicle URL")
+    if options.system_id is not None and options.from_vehicle is None:
+        raise CommandError("--system-id is of --from-vehicle URL")
     request = ImportRequest(
-        file=options.file,
+        file=options.file or Path("the vehicle"),
+        vehicle_url=options.from_vehicle,
+        system_id=options.system_id,
         output=options.output,
         geofence=options.geofence,
         home=options.home,

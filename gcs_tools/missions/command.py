@@ -38,6 +38,8 @@ class ImportRequest:
         altitude_m: height of all legs above the origin; None takes the items'.
         target_half_width_m, corridor_half_width_m: of every leg.
         first_is_home: whether item 0 of a waypoint list is home.
+        vehicle_url: where the vehicle is whose mission to import, in place of a file.
+        system_id: of that vehicle; None if there is only one.
     """
 
     file: Path
@@ -50,6 +52,8 @@ class ImportRequest:
     target_half_width_m: float = 5.0
     corridor_half_width_m: float | None = None
     first_is_home: bool = True
+    vehicle_url: str | None = None
+    system_id: int | None = None
 
 
 def import_mission(request: ImportRequest) -> bool:
@@ -130,7 +134,11 @@ def _refuse_own_file(request: ImportRequest) -> None:
 
 def _read(request: ImportRequest) -> PlannedFlight:
     path = request.file
-    if is_waypoint_list(read_text(path)):
+    if request.vehicle_url is not None:
+        from gcs_tools.missions.from_vehicle import read_vehicle  # noqa: PLC0415  loads MAVSDK
+
+        planned = read_vehicle(request.vehicle_url, request.system_id)
+    elif is_waypoint_list(read_text(path)):
         planned = read_waypoint_list(path, first_is_home=request.first_is_home)
     else:
         planned = read_plan(path)
@@ -148,7 +156,8 @@ def _site(request: ImportRequest, planned: PlannedFlight) -> Site:
         raise CommandError(f"{request.file}: states no home; give --home LAT,LON,ALT")
     if (problem := home.problem()) is not None:
         raise FileError(f"{request.file}: home: {problem}")
-    origin = home if request.origin is None else GeographicPoint(*request.origin)
+    stated = planned.origin or home
+    origin = stated if request.origin is None else GeographicPoint(*request.origin)
     return Site(LocalFrame(origin, request.vehicle or planned.autopilot or "px4"), home)
 
 
@@ -168,7 +177,7 @@ def _notes(request: ImportRequest, planned: PlannedFlight, site: Site) -> Iterat
         away_m = math.dist(site.frame.north_east_m(*planned.home[:2]), site.start_ned_m)
         if away_m > SAME_PLACE_M:
             yield f"note: home of the file is {away_m:,.0f} m from --home, which counts"
-    if request.origin is None:
+    if request.origin is None and planned.origin is None:
         yield (
             "note: the local origin is taken to be at home; where GPS_GLOBAL_ORIGIN says "
             "otherwise, give it by --origin"

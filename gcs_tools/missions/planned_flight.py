@@ -65,6 +65,7 @@ class PlannedFlight:
         items: in order, without home.
         fence: areas of the geofence.
         notes: of what else the file holds, for the operator.
+        origin: of the local frame, where a vehicle has said it; no file does.
     """
 
     home: GeographicPoint | None
@@ -72,3 +73,4 @@ class PlannedFlight:
     items: tuple[FileItem, ...]
     fence: tuple[GeographicArea, ...] = ()
     notes: tuple[str, ...] = ()
+    origin: GeographicPoint | None = None

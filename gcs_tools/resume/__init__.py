@@ -1,1 +1,1 @@
-"""``clearway resume``: the operator ends a hold whose cause has ended."""
+"""``clearway resume`` and ``clearway return``: end a hold, or fly back."""

@@ -1,4 +1,4 @@
-"""Sends the daemon the command to end a hold, and writes its answer."""
+"""Sends the daemon the command to end a hold or to return, and writes its answer."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from gcs_tools.console.errors import CommandError
 from gcs_tools.console.output import Format, write_document
 from gcs_tools.preflight.live.bus import BusConfig
 from onboard.files.json_payload import MalformedPayloadError, parse
-from onboard.files.resume_payload import ResumeAnswer, ResumeCommand
+from onboard.files.resume_payload import Command, ResumeAnswer, ResumeCommand
 from onboard.zenoh_session import open_session
 
 if TYPE_CHECKING:
@@ -22,11 +22,12 @@ if TYPE_CHECKING:
 ANSWER_TIMEOUT_S: Final = 3.0
 
 
-def resume(bus: BusConfig, *, form: Format, output: Path | None) -> bool:
-    """Ask the daemon to fly on; write and return whether it does.
+def send(bus: BusConfig, command: Command, *, form: Format, output: Path | None) -> bool:
+    """Ask the daemon to fly on, or to return; write and return whether it does.
 
     Args:
         bus: the vehicle, and how to reach it.
+        command: which of both.
         form: of the answer.
         output: file for it; None for standard output.
 
@@ -35,26 +36,34 @@ def resume(bus: BusConfig, *, form: Format, output: Path | None) -> bool:
     """
     try:
         with open_session(bus) as session:
-            answer = ask(session, bus.vehicle)
+            answer = ask(session, bus.vehicle, command)
     except zenoh.ZError as error:
         raise CommandError(f"cannot open a Zenoh session: {error}") from error
-    write_document(answer.model_dump(), partial(print_answer, answer), form=form, path=output)
+    write_document(
+        answer.model_dump(), partial(print_answer, answer, command), form=form, path=output
+    )
     return answer.accepted
 
 
-def ask(session: zenoh.Session, vehicle: str, timeout_s: float = ANSWER_TIMEOUT_S) -> ResumeAnswer:
+def ask(
+    session: zenoh.Session,
+    vehicle: str,
+    command: Command = "resume",
+    timeout_s: float = ANSWER_TIMEOUT_S,
+) -> ResumeAnswer:
     """Send the command, and return the daemon's answer.
 
     Args:
         session: an open session.
         vehicle: its name in the Zenoh keys.
+        command: to end a hold, or to return.
         timeout_s: how long to wait.
 
     Raises:
         CommandError: no answer, one that cannot be read, or more than one.
     """
-    key, command = f"clearway/{vehicle}/resume", ResumeCommand(command="resume")
-    payload = command.model_dump_json().encode()
+    key = f"clearway/{vehicle}/resume"
+    payload = ResumeCommand(command=command).model_dump_json().encode()
     replies = session.get(key, payload=payload, timeout=timeout_s)
     answers = [reply.ok.payload.to_bytes() for reply in replies if reply.ok is not None]
     if not answers:
@@ -67,11 +76,21 @@ def ask(session: zenoh.Session, vehicle: str, timeout_s: float = ANSWER_TIMEOUT_
         raise CommandError(f"{key}: the answer cannot be read: {error}") from error
 
 
-def print_answer(answer: ResumeAnswer, console: Console) -> None:
-    """Print whether the flight goes on, and every reason if it does not."""
+_ACCEPTED: Final[dict[Command, str]] = {
+    "resume": "resumed: the vehicle flies on",
+    "return": "returning: the vehicle flies back along the way flown",
+}
+_REFUSED: Final[dict[Command, str]] = {
+    "resume": "refused: the vehicle goes on holding",
+    "return": "refused: the vehicle does not return",
+}
+
+
+def print_answer(answer: ResumeAnswer, command: Command, console: Console) -> None:
+    """Print whether the vehicle obeys, and every reason if it does not."""
     if answer.accepted:
-        console.print("resumed: the vehicle flies on", style="green")
+        console.print(_ACCEPTED[command], style="green")
         return
-    console.print("refused: the vehicle goes on holding", style="red")
+    console.print(_REFUSED[command], style="red")
     for reason in answer.reasons:
         console.print(f"  • {reason.text}", markup=False, soft_wrap=True)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Final, NamedTuple
+from typing import Final, NamedTuple, Protocol
 
 from shapely import LineString, Point, Polygon
 
@@ -97,7 +97,15 @@ class FenceArea:
         return float(path.distance(area.exterior)) if right else -math.inf
 
 
-def fence_areas(items: Sequence[FenceItem], origin: GeographicOrigin) -> list[FenceArea]:
+class Placing(Protocol):
+    """What places the items of a geofence."""
+
+    def north_east_m(self, item: FenceItem) -> tuple[float, float]:
+        """Return an item's position."""
+        ...
+
+
+def fence_areas(items: Sequence[FenceItem], origin: Placing) -> list[FenceArea]:
     """Assemble the areas of a geofence from its items.
 
     Raises:

@@ -80,6 +80,9 @@ class DaemonConfig(FileModel):
     vehicle: Annotated[str, Field(pattern=r"^[A-Za-z0-9_-]+$")] = "vehicle"
     contract: FilePath
     mission: FilePath
+    geofence: FilePath | None = Field(
+        None, description="areas that every flight stays within; null: none of ours"
+    )
     input_set: InputSet = "inner"
     mavlink: MavlinkLink = MavlinkLink(
         url="udpin://0.0.0.0:14540", system_id=1, telemetry_timeout_s=0.5

@@ -38,6 +38,17 @@ class Leg(FileModel):
         return self.corridor_half_width_m or self.target_half_width_m
 
 
+class EnergyBudget(FileModel):
+    """What of the battery is kept, and how long it lasts."""
+
+    reserve_fraction: Annotated[float, Field(ge=0.05, le=0.9)] = Field(
+        0.25,
+        description="share of a full battery that is left when the vehicle is back; above where the"
+        " autopilot's own failsafe acts",
+    )
+    endurance_s: Positive = Field(description="how long a full battery hovers")
+
+
 class Mission(FileModel):
     """Where to fly (mission.yaml)."""
 
@@ -54,6 +65,16 @@ class Mission(FileModel):
         None,
         description="radius around start_ned_m, at altitude_m, in which the operator has confirmed"
         " that nothing stands; null: not confirmed, so that the vehicle looks all round first",
+    )
+    on_end: Literal["hover", "return"] = Field(
+        "hover",
+        description="at the end of the last leg: hover there, or return along the way that was"
+        " flown to where control was taken",
+    )
+    energy: EnergyBudget | None = Field(
+        None,
+        description="return along the way flown before the reserve of the battery is reached;"
+        " null: the battery is the pilot's and the autopilot's",
     )
     legs: Annotated[tuple[Leg, ...], Field(strict=False, min_length=1)]
 

@@ -1,4 +1,4 @@
-"""The command to end a hold, and its answer, as they cross Zenoh."""
+"""The commands to end a hold and to return, and their answer, as they cross Zenoh."""
 
 from __future__ import annotations
 
@@ -12,11 +12,17 @@ class _Message(BaseModel):
     model_config = ConfigDict(frozen=True, extra="ignore")
 
 
+Command = Literal["resume", "return"]
+
+
 class ResumeCommand(_Message):
-    """The operator's command; a query without it, as one of a whole tree of keys, is none."""
+    """The operator's command; a query without it, as one of a whole tree of keys, is none.
+
+    To return is a command of the same key, so that whatever proves who sends it holds for both.
+    """
 
     version: Literal[1] = 1
-    command: Literal["resume"]
+    command: Command
 
 
 class ResumeReason(_Message):
@@ -28,7 +34,7 @@ class ResumeReason(_Message):
 
 
 class ResumeAnswer(_Message):
-    """Whether the flight goes on, and every reason if it does not."""
+    """Whether the vehicle obeys, and every reason if it does not."""
 
     version: Literal[1] = 1
     accepted: bool

@@ -15,18 +15,22 @@ from typing import Final
 
 from onboard.events import Event, EventName, Severity
 from onboard.guidance.departure import (
+    NOT_OF_WAY_BACK,
+    REFUSAL_PERIOD_S,
     STOPPED_MPS,
     Refusal,
     RefusalKind,
     RefusalReport,
     refused,
     resume_refusals,
+    return_refusals,
 )
 from onboard.guidance.envelope import broken_clauses
 from onboard.guidance.navigator import Navigator
 from onboard.guidance.phases import Phase
 from onboard.mavlink.endpoint import MavlinkEndpoint
 from onboard.mavlink.profiles.setpoint_loss import loss_model_refusal
+from onboard.monitoring.energy import SILENCE_S, EnergyMonitor, at_reserve, shortage
 from onboard.monitoring.estimator.position_quality import DEAD_RECKONING_S
 from onboard.monitoring.flight_authorization import FlightAuthorizationGate
 from onboard.monitoring.supervisor import MonitorSupervisor
@@ -69,6 +73,7 @@ class ControlAuthority:
         # Whether a hold has ended without the pilot, who alone may end it.
         self._hold_stands = False
         self._left_to_autopilot, self._position_lost_s = False, -math.inf
+        self._energy, self._return_due_s, self._land_asked = EnergyMonitor(), -math.inf, False
 
     # ------------------------------------------------------------------ control granted or taken
 
@@ -138,6 +143,8 @@ class ControlAuthority:
         if not refusals:
             self._supervisor.begin_flight(now_s)
             self._authorization.begin_flight(now_unix_s)
+            self._energy.begin_flight(self._link.battery.charge(now_s, SILENCE_S), now_s)
+            self._land_asked = False
             self._refusals.end()
             self._navigator.take_control(pose, now_s)
         elif (news := self._refusals.news(refusals, now_s)) is not None:
@@ -169,6 +176,67 @@ class ControlAuthority:
             self._supervisor.resume_flight()
             self._navigator.resume(pose, now_s)
         return refusals
+
+    def fly_back(
+        self,
+        pose: Pose | None,
+        now_s: float,
+        now_unix_s: float,
+        cause: str = "the operator's command",
+    ) -> list[Refusal]:
+        """Return along the way flown, from flight or from rest.
+
+        The arguments are those of `resume`, and why, for the operator.
+
+        Returns:
+            Every reason not to; empty if the vehicle returns.
+        """
+        navigator = self._navigator
+        refusals = return_refusals(navigator.situation, self._supervisor.failures, now_s)
+        at_rest = navigator.phase in (Phase.HOLD, Phase.ARRIVED)
+        if pose is None:
+            refusals.append(Refusal(RefusalKind.TELEMETRY, "no telemetry"))
+        elif at_rest:
+            against = self.departure_refusals(pose, now_s, now_unix_s)
+            refusals += [each for each in against if each.kind not in NOT_OF_WAY_BACK]
+        if self._left_to_autopilot:
+            text = "the vehicle is left to the autopilot: the pilot has to take over first"
+            refusals.append(Refusal(RefusalKind.POSITION, text))
+        if not refusals and not navigator.fly_back(cause, now_s):
+            refusals = [Refusal(RefusalKind.NO_WAY_BACK, "the vehicle is where it began")]
+        if refusals or pose is None:
+            self._emit(refused("not returning", refusals, now_s))
+        elif at_rest:
+            self._supervisor.resume_flight()
+            navigator.resume(pose, now_s)
+        return refusals
+
+    def keep_energy(self, pose: Pose | None, now_s: float, now_unix_s: float) -> None:
+        """Return in time for the battery; at its reserve, have the pilot land.
+
+        The arguments are those of `resume`.
+        """
+        navigator = self._navigator
+        budget, phase = navigator.situation.route.mission.energy, navigator.phase
+        self._link.wants_battery = budget is not None
+        self._link.battery.in_flight = self._link.status.armed
+        if budget is None or phase is Phase.STANDBY:
+            return
+        charge = self._link.battery.charge(now_s, SILENCE_S)
+        if (exhausted := at_reserve(budget, charge)) is not None and not self._land_asked:
+            self._land_asked = True
+            self._emit(Event(now_s, EventName.BATTERY, Severity.CRITICAL, exhausted))
+        if navigator.situation.route.returning or now_s < self._return_due_s:
+            return
+        cause = self._energy.return_cause(budget, charge, now_s)
+        if cause is None:
+            return
+        self._return_due_s = now_s + REFUSAL_PERIOD_S
+        if phase is Phase.HOLD:  # only the operator or the pilot ends it
+            text = f"{cause}: the pilot has to take over"
+            self._emit(Event(now_s, EventName.BATTERY, Severity.CRITICAL, text))
+        else:
+            self.fly_back(pose, now_s, now_unix_s, cause)
 
     # ------------------------------------------------------------------ what speaks against it
 
@@ -205,6 +273,7 @@ class ControlAuthority:
         if supervisor.flight_time_violation is not None:
             text = supervisor.flight_time_violation.sentence
             found.append(Refusal(RefusalKind.FLIGHT_TIME, text))
+        found += self._energy_refusals(now_s)
         found += self._navigator.departure_refusals(pose)
         if not self._fly_outside_contract:
             found += [
@@ -212,6 +281,15 @@ class ControlAuthority:
                 for violation in supervisor.environment_violations(now_s)
             ]
         return found
+
+    def _energy_refusals(self, now_s: float) -> list[Refusal]:
+        mission = self._navigator.situation.route.mission
+        if mission.energy is None or self._navigator.phase is not Phase.STANDBY:
+            return []
+        charge = self._link.battery.charge(now_s, SILENCE_S)
+        speed_mps = self._navigator.assessment.terms.cruise_speed_mps
+        short = shortage(mission.energy, charge, mission, speed_mps)
+        return [] if short is None else [Refusal(RefusalKind.ENERGY, short)]
 
     def _detection_refusals(self, now_s: float) -> list[Refusal]:
         detections = self._supervisor.detections

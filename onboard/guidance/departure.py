@@ -46,6 +46,9 @@ class RefusalKind(StrEnum):
     MOVING = "moving"
     INSIDE_REGION = "inside_region"
     ENVIRONMENT = "environment"
+    NO_WAY_BACK = "no_way_back"
+    ENERGY = "energy"
+    GEOFENCE = "geofence"
 
 
 @dataclass(frozen=True)
@@ -69,6 +72,8 @@ def departure_refusals(situation: Situation, pose: Pose) -> list[Refusal]:
     refusals = [
         Refusal(kind, text) for kind, passed, text in _checks(situation, pose) if not passed
     ]
+    if (objection := situation.fence_objection(situation.route.mission)) is not None:
+        refusals.append(Refusal(RefusalKind.GEOFENCE, objection))
     if situation.best_effort:  # no region matters where only the space seen free is flown into
         return refusals
     refusals += [
@@ -184,3 +189,33 @@ def resume_refusals(situation: Situation, failures: FailureTimes, now_s: float) 
         text = f"still braking ({speed_mps:.1f} m/s)"
         found.append(Refusal(RefusalKind.MOVING, text))
     return found
+
+
+# What speaks against flying on, but not against a way back that begins where the vehicle is.
+NOT_OF_WAY_BACK: Final = frozenset(
+    {
+        RefusalKind.BEFORE_LEG,
+        RefusalKind.LEG_FLOWN,
+        RefusalKind.BESIDE_LEG,
+        RefusalKind.ENERGY,
+        RefusalKind.GEOFENCE,  # the way flown has kept within it
+    }
+)
+
+
+def return_refusals(situation: Situation, failures: FailureTimes, now_s: float) -> list[Refusal]:
+    """Return why the vehicle may not return along the way flown; what departures need is apart.
+
+    Args:
+        situation: of the flight.
+        failures: when each assumption failed last.
+        now_s: the time.
+    """
+    state = situation.state
+    if state is FlightState.STANDBY:
+        return [Refusal(RefusalKind.NO_WAY_BACK, f"not flying (phase {state.phase})")]
+    if situation.route.returning:
+        return [Refusal(RefusalKind.NO_WAY_BACK, "the vehicle returns already")]
+    if state is FlightState.HOLDING:
+        return resume_refusals(situation, failures, now_s)
+    return []

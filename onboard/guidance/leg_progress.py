@@ -1,8 +1,9 @@
-"""From leg to leg: the start at rest with the nose aligned, the end, and another mission."""
+"""From leg to leg: the start at rest, the end, another mission, and the way back."""
 
 from __future__ import annotations
 
 import math
+from itertools import pairwise
 
 from onboard.events import Event, EventData, EventName, Severity
 from onboard.files.mission_file import Mission
@@ -60,6 +61,8 @@ class LegProgress:
         best_effort = self._situation.best_effort
         granted = Trigger.BEST_EFFORT_GRANTED if best_effort else Trigger.CONTROL_GRANTED
         self._situation.fire(granted, now_s)
+        if not self._situation.route.returning:
+            self._situation.route.flown.clear()
         self._begin_leg(self._situation.measured_state(pose), pose, now_s)
 
     def release_control(self, now_s: float) -> None:
@@ -86,7 +89,60 @@ class LegProgress:
         situation.fire(resumed, now_s)
         situation.avoidance = None
         situation.obstacles.rejoin()
+        # What leads back from rest has been chosen just now.
+        if situation.route.returning and situation.route.successor is not None:
+            north_m, east_m = self._north_east_m(state)
+            situation.route.begin_next(north_m, east_m)
+            situation.rebuild_map()
+            state = State((0.0, 0.0, state.position_leg_m[2]), (0.0, 0.0, 0.0))
         self._begin_leg(state, pose, now_s)
+
+    def fly_back(self, cause: str, now_s: float) -> bool:
+        """Return along the way that was flown: as soon as the vehicle can rest, or from its rest.
+
+        In flight it comes to rest first, as for another mission.  At rest, in HOLDING or ARRIVED,
+        `resume` begins the way back.
+
+        Args:
+            cause: why, for the operator.
+            now_s: when.
+
+        Returns:
+            Whether a way was flown that leads back.
+        """
+        situation = self._situation
+        state = situation.reference.sample(now_s)
+        if state is None or not self._choose_way_back(self._north_east_m(state), cause, now_s):
+            return False
+        if situation.state.flying:
+            self._stop_for_mission(now_s)
+        return True
+
+    def _choose_way_back(self, here_ned_m: tuple[float, float], cause: str, now_s: float) -> bool:
+        """Have the way back flown next, and report it; tell whether there is one."""
+        situation, route = self._situation, self._situation.route
+        body_m = situation.assessment.inflation_m()
+        back = route.flown.mission_back(here_ned_m, route.mission, body_m)
+        if back is None:
+            return False
+        route.way_back = route.successor = back
+        ends_ned_m = [here_ned_m, *(leg.end_ned_m for leg in back.legs)]
+        length_m = math.fsum(math.dist(*leg) for leg in pairwise(ends_ned_m))
+        text = f"returning along the way flown, {len(back.legs)} legs, {length_m:.0f} m: {cause}"
+        data: EventData = {"mission": back.model_dump(mode="json")}
+        situation.emit(Event(now_s, EventName.MISSION_CHANGED, Severity.NOTICE, text, data))
+        return True
+
+    def _north_east_m(self, state: State) -> tuple[float, float]:
+        x_m, y_m, _ = state.position_leg_m
+        north_m, east_m, _ = self._situation.leg.position_ned((x_m, y_m, 0.0))
+        return north_m, east_m
+
+    def _stop_for_mission(self, now_s: float) -> None:
+        situation = self._situation
+        situation.fire(Trigger.MISSION_CHANGED, now_s)
+        if situation.state is FlightState.STOPPING and situation.reference.current is not None:
+            self._cruise.fly_from(situation.reference.current.sample(now_s), now_s)
 
     def change_mission(self, mission: Mission, now_s: float) -> None:
         """Fly another mission: from its start in STANDBY, else from where the vehicle stops.
@@ -97,26 +153,34 @@ class LegProgress:
         """
         situation = self._situation
         in_flight = situation.state is not FlightState.STANDBY
+        objection = situation.fence_objection(mission)
         altitude_m = situation.route.mission.altitude_m
         if in_flight and mission.altitude_m != altitude_m:
-            text = (
-                f"mission refused: altitude {mission.altitude_m:g} m"
-                f" (expected {altitude_m:g} m while in flight)"
+            objection = (
+                f"altitude {mission.altitude_m:g} m (expected {altitude_m:g} m while in flight)"
             )
+        if objection is not None:
+            text = f"mission refused: {objection}"
             event = Event(now_s, EventName.MISSION_REFUSED, Severity.WARNING, text)
-            situation.emit_rarely(event, "altitude")
+            situation.emit_rarely(event, "objection")
             return
+        self._leave_way_back(now_s)
         situation.route.successor = mission
         situation.assessment = situation.assessment.at_altitude(mission.altitude_m)
         when = "now" if situation.state.flying else "after control is granted"
         text = f"mission changed: flying the new mission {when}"
         data: EventData = {"mission": mission.model_dump(mode="json")}
         situation.emit(Event(now_s, EventName.MISSION_CHANGED, Severity.NOTICE, text, data))
-        situation.fire(Trigger.MISSION_CHANGED, now_s)
+        self._stop_for_mission(now_s)
         if not in_flight:
             self._restart_route()
-        elif situation.state is FlightState.STOPPING and situation.reference.current is not None:
-            self._cruise.fly_from(situation.reference.current.sample(now_s), now_s)
+
+    def _leave_way_back(self, now_s: float) -> None:
+        """Keep of the way flown what still lies between the vehicle and where it began."""
+        route, state = self._situation.route, self._situation.reference.sample(now_s)
+        if route.returning and state is not None:
+            route.flown.cut_at(self._north_east_m(state))
+        route.way_back = None
 
     def advance(self, pose: Pose, now_s: float) -> bool:
         """Start or end a leg, in the states in which the vehicle is outside every region.
@@ -151,6 +215,9 @@ class LegProgress:
             self._align(state, now_s)
 
     def _begin_leg(self, state: State, pose: Pose, now_s: float) -> None:
+        route = self._situation.route
+        if not route.returning:
+            route.flown.begin_leg(route.leg, self._north_east_m(state))
         self._situation.rest_held = self._thread is not None
         if self._thread is not None and self._situation.best_effort:
             self._thread.begin_leg(state, pose.yaw_rad, now_s)
@@ -211,7 +278,9 @@ class LegProgress:
                 self._fallback.report_and_hold(missed, now_s)
             return
         # From where the vehicle is: the last leg may have left it beside its end (erratum 16).
-        north_m, east_m, _ = situation.leg.position_ned((x_m, y_m, 0.0))
+        north_m, east_m = self._north_east_m(final)
+        if situation.route.returns_next:
+            self._choose_way_back((north_m, east_m), "the mission has been flown", now_s)
         if situation.route.begin_next(north_m, east_m):
             back = situation.shielded and situation.state.in_seen_space
             situation.fire(Trigger.BACK_TO_CRUISE if back else Trigger.LEG_FLOWN, now_s)

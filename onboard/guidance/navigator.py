@@ -73,6 +73,7 @@ class Navigator:
         self.take_control = self._leg_progress.take_control
         self.release_control = self._leg_progress.release_control
         self.resume = self._leg_progress.resume
+        self.fly_back = self._leg_progress.fly_back
         self.accept_no_progress = self._leg_progress.accept_no_progress
         self.change_mission = self._leg_progress.change_mission
         self.respond_to = ladder.respond_to
@@ -171,6 +172,8 @@ class Navigator:
 
     def advance(self, pose: Pose, now_s: float) -> None:
         """Decide what is flown until the next tick."""
+        if self.flying and not self.situation.route.returning:
+            self.situation.route.flown.add(pose.position_ned_m[:2])
         if self.thread is not None and self.state.in_seen_space:
             self._leg_progress.thread_on(self.thread, pose, now_s)
             return

@@ -148,7 +148,8 @@ TRIGGERS: Final = MappingProxyType(
     {
         _T.CONTROL_GRANTED: "the pilot hands over and every departure check passes",
         _T.BEST_EFFORT_GRANTED: "the same, where the contract does not guarantee to pass obstacles",
-        _T.RESUMED: "the operator's `clearway resume`, and all that failed holds again",
+        _T.RESUMED: "the operator's `clearway resume` or `clearway return`, and all that failed"
+        " holds again",
         _T.BEST_EFFORT_RESUMED: "the same, where the vehicle flies in the space seen free",
         _T.CONTROL_TAKEN: "the pilot, a failsafe or a silent autopilot ends our control",
         _T.ALIGNED: "at rest with the nose along the leg for as long as the sensor needs to look",
@@ -252,6 +253,8 @@ TRANSITIONS: Final = MappingProxyType(
         (_S.RESTING, _T.ASSUMPTION_FAILED): _S.HOLDING,
         (_S.RESTING, _T.CONTROL_TAKEN): _S.STANDBY,
 
+        (_S.ARRIVED, _T.RESUMED): _S.ALIGNING,
+        (_S.ARRIVED, _T.BEST_EFFORT_RESUMED): _S.LOOKING,
         (_S.ARRIVED, _T.MISSION_CHANGED): _S.ARRIVED,
         (_S.ARRIVED, _T.CONTROL_TAKEN): _S.STANDBY,
 

@@ -11,6 +11,7 @@ import math
 
 from onboard.files.mission_file import LEG_LENGTH_MIN_M, Leg, Mission
 from onboard.geometry.frames import LegFrame
+from onboard.guidance.returning.flown_way import FlownWay
 
 
 class Route:
@@ -22,12 +23,16 @@ class Route:
     Attributes:
         mission: what is flown.
         successor: the mission to fly next instead; None if there is none.
+        way_back: the mission that returns along the way flown; None before one was made.
+        flown: the way since control was taken.
         frame: of the leg that is flown.
     """
 
     def __init__(self, mission: Mission) -> None:
         self.mission = mission
         self.successor: Mission | None = None
+        self.way_back: Mission | None = None
+        self.flown = FlownWay()
         self._index = 0
         self.frame = self._frame_from(*mission.start_ned_m)
 
@@ -40,6 +45,18 @@ class Route:
     def length_m(self) -> float:
         """Length of that leg."""
         return math.dist(self.frame.origin_ned_m[:2], self.leg.end_ned_m)
+
+    @property
+    def returning(self) -> bool:
+        """Whether the way back is flown, or is what is flown next."""
+        coming = self.successor or self.mission
+        return self.way_back is not None and coming is self.way_back
+
+    @property
+    def returns_next(self) -> bool:
+        """Whether the leg that is flown is the last, and the vehicle returns after it."""
+        last = self._index == len(self.mission.legs) - 1
+        return last and self.successor is None and self.mission.on_end == "return"
 
     def restart(self) -> None:
         """Begin the successor, if there is one, at its own start."""

@@ -13,6 +13,7 @@ from onboard.event_limiter import EventLimiter
 from onboard.events import Event, EventName, Severity
 from onboard.files.contract_file import Progress
 from onboard.files.mission_file import Mission
+from onboard.geometry.fence import Fence
 from onboard.geometry.frames import LegFrame
 from onboard.guidance.envelope import envelope_of, has_best_effort, is_shielded
 from onboard.guidance.phases import FlightState, Trigger, next_state
@@ -83,6 +84,7 @@ class Situation:
         obstacles: what has been seen.
         events: what has happened, for the caller to take and clear.
         rest_held: whether what is flown is a way to rest in the space seen free, also in HOLDING.
+        fence: the geofence that legs keep within, in local NED; None if there is none.
         hold_cause: what failed last, so that the vehicle held, and when; None before.
     """
 
@@ -97,6 +99,7 @@ class Situation:
         self.obstacles = ObstacleMap(self.leg, assessment.region_around, self._merged_size_max_m)
         self.events: list[Event] = []
         self.rest_held = False
+        self.fence: Fence | None = None
         self.hold_cause: tuple[Assumption, float] | None = None
         self._limiter = EventLimiter()
 
@@ -170,6 +173,7 @@ class Situation:
         shift_leg_m = self.leg.vector_leg(shift_ned_m)
         self.obstacles.shift(*shift_ned_m)
         self.reference.shift(shift_leg_m)
+        self.route.flown.shift(*shift_ned_m[:2])
         if self.avoidance is not None:
             self.avoidance = self.avoidance.shifted_by(shift_leg_m)
 
@@ -210,6 +214,28 @@ class Situation:
         front_m = min(region.approach_x_m, region.keep_out.x_min_m - stopping_m - decided_m)
         manoeuvre = replace(region.manoeuvre, x_min_m=front_m)
         return replace(obstacle, region=replace(region, manoeuvre=manoeuvre))
+
+    def fence_objection(self, mission: Mission) -> str | None:
+        """Return why the geofence forbids a mission; None if it does not.
+
+        Where a way to rest is held, nothing beyond the fence is taken for free, so that the body
+        with its errors has to fit on the leg; elsewhere avoidances lead aside as far as they may.
+        """
+        if self.fence is None:
+            return None
+        assessment = self.assessment
+        beside_m = assessment.inflated.manoeuvre_width_m / 2.0
+        margins_m = [
+            assessment.inflation_m()
+            if assessment.terms.stop
+            else max(beside_m, leg.target_half_width_m)
+            for leg in mission.legs
+        ]
+        places_ned_m = [mission.start_ned_m, *(leg.end_ned_m for leg in mission.legs)]
+        number = self.fence.crossed_leg(places_ned_m, margins_m)
+        if number is None:
+            return None
+        return f"legs.{number} comes within {margins_m[number]:.1f} m of the geofence, or leaves it"
 
     def braking_from(self, state: State, now_s: float) -> Trajectory:
         """Return the trajectory that brakes to hover from a state."""

@@ -18,6 +18,7 @@ from typing import Any, Final
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from onboard.files.mavlink_frames import FrameReader
+from onboard.mavlink.battery import BatteryReports
 from onboard.mavlink.heading_drift import Attitude, HeadingDrift
 from onboard.mavlink.message_requests import MessageRequests
 from onboard.mavlink.position_reports import (
@@ -65,6 +66,7 @@ _RANGE_MESSAGES: Final = (
     mavlink.MAVLINK_MSG_ID_DISTANCE_SENSOR,
 )
 _RANGES_HZ: Final = 10.0
+_BATTERY_HZ: Final = 1.0
 # A tick sees one or two; a burst beyond this is a fault: the oldest are dropped.
 _RANGES_PENDING_MAX: Final = 32
 _NOWHERE: Final = (math.nan, math.nan, math.nan)
@@ -103,6 +105,8 @@ class MavlinkEndpoint:
         compass_ratio: innovation ratio of the magnetometer; None until known.
         transmitter: queues what is sent.
         heading_drift: of the estimated heading against the gyros.
+        battery: what it says of its batteries.
+        wants_battery: whether BATTERY_STATUS is requested.
         range_messages: ids of the messages of ranges that are wanted, to be taken by `take_ranges`.
     """
 
@@ -118,6 +122,7 @@ class MavlinkEndpoint:
         self.target: Target = ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
         self.compass_ratio: float | None = None
         self.heading_drift = HeadingDrift()
+        self.battery, self.wants_battery = BatteryReports(), False
         self.range_messages: frozenset[int] = frozenset()
         self._ranges: deque[tuple[int, bytes]] = deque(maxlen=_RANGES_PENDING_MAX)
         self._system_id = system_id
@@ -133,6 +138,7 @@ class MavlinkEndpoint:
             mavlink.MAVLINK_MSG_ID_POSITION_TARGET_LOCAL_NED: self._on_target,
             mavlink.MAVLINK_MSG_ID_GPS_RAW_INT: self._on_gps,
             mavlink.MAVLINK_MSG_ID_SYS_STATUS: self._on_health,
+            mavlink.MAVLINK_MSG_ID_BATTERY_STATUS: self.battery.hear_battery,
             mavlink.MAVLINK_MSG_ID_STATUSTEXT: self._on_text,
             **{each.message_id: partial(self._on_estimator, each) for each in ESTIMATOR_MESSAGES},
         }
@@ -154,7 +160,10 @@ class MavlinkEndpoint:
         self.transmitter.keep_alive(now_s, active=active)
         if math.isfinite(self.status.heard_s):
             ranges_hz = ((message_id, _RANGES_HZ) for message_id in self.range_messages)
+            battery_hz = ((mavlink.MAVLINK_MSG_ID_BATTERY_STATUS, _BATTERY_HZ),)
             wanted_hz = (*self.profile.requested_hz, *ranges_hz)
+            if self.wants_battery:
+                wanted_hz += battery_hz
             self.transmitter.request(self._requests.due(wanted_hz, now_s))
 
     def take_ranges(self) -> list[tuple[int, bytes]]:
@@ -265,6 +274,7 @@ class MavlinkEndpoint:
             message.onboard_control_sensors_health,
         )
         self.position_reports.health.hear(report, now_s)
+        self.battery.hear_system(message, now_s)
 
     def _on_text(self, message: Any, now_s: float) -> None:
         if message.severity <= mavlink.MAV_SEVERITY_WARNING:

@@ -20,7 +20,8 @@ from onboard.perception.line_of_sight import BoolArray, View, seen_free
 from onboard.perception.view_sector import Sectors
 
 if TYPE_CHECKING:
-    from onboard.geometry.frames import FloatArray
+    from onboard.geometry.fence import Fence
+    from onboard.geometry.frames import FloatArray, LegFrame
 
 Counts = NDArray[np.uint8]
 IntArray = NDArray[np.int32]
@@ -61,6 +62,9 @@ class SeenFree:
         self._rows: dict[str, Counts] = {}
         self._sectors = Sectors(cell_m)
         self._half_width_m = math.inf
+        self._fence: tuple[Fence, LegFrame] | None = None
+        # By where the grid is: the cells within the fence; None if all are.
+        self._fenced: tuple[tuple[int, int], BoolArray | None] | None = None
         # Where the vehicle rested when the frame was turned: (x, y, radius) of what is free there.
         self._rest_disc: tuple[float, float, float] | None = None
         self._snapshot: FreeGrid | None = None
@@ -93,6 +97,16 @@ class SeenFree:
         if half_width_m != self._half_width_m:
             self._half_width_m = half_width_m
             self._has_changed()
+
+    def keep_in(self, fence: Fence, leg: LegFrame) -> None:
+        """Call nothing free that a geofence forbids.
+
+        Args:
+            fence: in local NED.
+            leg: the frame of this set.
+        """
+        self._fence, self._fenced = (fence, leg), None
+        self._has_changed()
 
     def void(self) -> None:
         """Forget everything: after an estimator reset, a change of altitude, a contradiction."""
@@ -248,6 +262,8 @@ class SeenFree:
         if math.isfinite(half_width_m):
             _, ys_m = self._centres(slice(None), slice(None))
             unknown |= np.abs(ys_m)[None, :] + self._cell_m / 2.0 > half_width_m
+        if (within := self._within_fence()) is not None:
+            unknown |= ~within
         table: IntArray = np.zeros((unknown.shape[0] + 1, unknown.shape[1] + 1), np.int32)
         np.cumsum(unknown, axis=0, dtype=np.int32, out=table[1:, 1:])
         np.cumsum(table[1:, 1:], axis=1, out=table[1:, 1:])
@@ -255,7 +271,7 @@ class SeenFree:
         disc = self._rest_disc
         if disc is not None:
             # Nothing is free beyond the corridor.
-            inside_m = min(disc[2], half_width_m - abs(disc[1]))
+            inside_m = min(disc[2], half_width_m - abs(disc[1]), self._fence_clearance_m(*disc[:2]))
             disc = (disc[0], disc[1], inside_m) if inside_m > 0.0 else None
         return FreeGrid(corner_m, self._cell_m, table, disc)
 
@@ -266,6 +282,8 @@ class SeenFree:
             _, ys_m = self._centres(slice(None), slice(None))
             inside = np.abs(ys_m[j]) + self._cell_m / 2.0 <= self._half_width_m
             i, j = i[inside], j[inside]
+        if (within := self._within_fence()) is not None:
+            i, j = i[within[i, j]], j[within[i, j]]
         if not i.size:
             return base
         i0, i1, j0, j1 = int(i.min()), int(i.max()) + 1, int(j.min()), int(j.max()) + 1
@@ -279,6 +297,29 @@ class SeenFree:
         table[i1 + 1 :, j0 + 1 : j1 + 1] -= freed[-1:]
         table[i1 + 1 :, j1 + 1 :] -= freed[-1, -1]
         return replace(base, unknown_sum=table)
+
+    def _within_fence(self) -> BoolArray | None:
+        """Return the cells that lie wholly within the fence; None if all do."""
+        if self._fence is None:
+            return None
+        if self._fenced is None or self._fenced[0] != self._corner:
+            xs_m, ys_m = self._centres(slice(None), slice(None))
+            north_m, east_m = self._north_east_m(xs_m[:, None], ys_m[None, :])
+            within = self._fence[0].allowed_cells(north_m, east_m, self._cell_m)
+            self._fenced = self._corner, within
+        return self._fenced[1]
+
+    def _fence_clearance_m(self, x_m: float, y_m: float) -> float:
+        if self._fence is None:
+            return math.inf
+        return float(self._fence[0].clearance_m(*self._north_east_m(np.array(x_m), np.array(y_m))))
+
+    def _north_east_m(self, x_m: FloatArray, y_m: FloatArray) -> tuple[FloatArray, FloatArray]:
+        assert self._fence is not None  # noqa: S101  the callers checked
+        leg = self._fence[1]
+        (north_m, east_m, _), heading_rad = leg.origin_ned_m, leg.heading_rad
+        cosine, sine = math.cos(heading_rad), math.sin(heading_rad)
+        return north_m + cosine * x_m - sine * y_m, east_m + sine * x_m + cosine * y_m
 
     def _has_changed(self) -> None:
         self._snapshot = self._base = self._size = None

@@ -20,7 +20,7 @@ from tests.gcs_tools.running import Clearway
 
 NAMES = (
     *("init", "fly", "preflight", "contract", "mission", "report", "export", "watch"),
-    *("resume", "status", "doctor", "sensor", "replay"),
+    *("resume", "return", "status", "doctor", "sensor", "replay"),
     *("identify", "campaign", "benchmark", "service", "schema"),
 )
 C = ("--contract", "c.yaml")

@@ -148,6 +148,16 @@ MISTAKES = [
         "a leg to where it begins", f"{CHECK} --mission mission.yaml", ("end_ned_m", "less than"),
         ("mission.yaml", "[115.0, 0.0]", "[0.0, 0.0]"),
     ),
+    Mistake(
+        "a landing at the end", f"{CHECK} --mission mission.yaml", ("on_end", "hover", "return"),
+        ("mission.yaml", "altitude_m: 5.0", "altitude_m: 5.0\non_end: land"),
+    ),
+    Mistake(
+        "a reserve in percent", f"{CHECK} --mission mission.yaml", ("reserve_fraction", "25"),
+        ("mission.yaml", "altitude_m: 5.0",
+         "altitude_m: 5.0\nenergy: {reserve_fraction: 25.0, endurance_s: 900.0}"),
+    ),
+    Mistake("return without a daemon", "return", ("--zenoh-config", "--daemon-config")),
     Mistake("a plan for a mission", f"{CHECK} --mission a.plan", ("a.plan",), ("a.plan", "", PLAN)),
     # ------------------------------------------------------------------------ obstacle field
     Mistake(
@@ -206,6 +216,9 @@ MISTAKES = [
         ("bus.yaml", "vehicle: vehicle ", "vehicle: my drone "),
     ),
     # ------------------------------------------------------------------------ import of missions
+    Mistake("neither file nor vehicle", "mission import", ("FILE", "--from-vehicle")),
+    Mistake("both file and vehicle", "mission import a.plan --from-vehicle udpin://127.0.0.1:0",
+            ("either FILE",)),
     Mistake("no mission to import", "mission import a.plan", ("a.plan", "No such file")),
     Mistake(
         "an action of mission left out", "mission a.plan", ("'a.plan'", "import"),
@@ -329,6 +342,11 @@ MISTAKES = [
     Mistake("schemas without a place", "schema", ("--output",)),
     # ------------------------------------------------------------------------ the processes
     Mistake("no daemon's file", "clearway-onboard --config daemon.yaml", ("No such file",)),
+    Mistake(
+        "a geofence that is not there", "clearway-onboard --config onboard.yaml",
+        ("fence.yaml", "No such file"),
+        ("onboard.yaml", "require_preflight: false", "geofence: fence.yaml"),
+    ),
     Mistake(
         "a link without a scheme", "clearway-onboard --config onboard.yaml", ("/dev/ttyAMA0",),
         ("onboard.yaml", "url: udpin://127.0.0.1:14540", "url: /dev/ttyAMA0:57600"),

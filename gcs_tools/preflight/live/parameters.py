@@ -42,13 +42,24 @@ def check_parameters(
     values = reported.values
     rules = facts.rules(contract_demands(assessment), reported)
     findings = [rule_finding(rule, values) for rule in rules]
+    findings += _failsafes(facts, values)
     if mission is None:
         return findings
+    if mission.energy is not None and facts.energy_rules is not None:
+        demanded = facts.energy_rules(mission.energy.reserve_fraction, reported)
+        findings += [rule_finding(rule, values) for rule in demanded]
     if reported.complete and not any(name.startswith(facts.fence_prefixes) for name in values):
         text = "none: the complete list of parameters has no geofence"
         return [*findings, Finding("vehicle", "geofence", Verdict.HOLDS, text)]
     fence = facts.fence_rules(mission_demands(assessment, mission), reported)
     return findings + [rule_finding(rule, values) for rule in fence]
+
+
+def _failsafes(facts: ParameterFacts, values: Mapping[str, float]) -> list[Finding]:
+    """Say what the autopilot's failsafes do; the rules judge it."""
+    texts = [each.in_words(values) for each in facts.failsafes]
+    said = "; ".join(text for text in texts if text is not None)
+    return [Finding("vehicle", "failsafes", Verdict.HOLDS, said)] if said else []
 
 
 def rule_finding(rule: ParameterRule, parameters: Mapping[str, float]) -> Finding:

@@ -24,6 +24,7 @@ from onboard.mavlink.profiles.profile import CONSTANT_POSITION, NEEDED_ESTIMATOR
 from onboard.mavlink.profiles.registry import known_profiles
 from onboard.mavlink.profiles.setpoint_loss import loss_model_in_words, loss_model_refusal
 from onboard.monitoring.detections import CLOCK_TOLERANCE_S
+from onboard.monitoring.energy import there_and_back_s
 
 RATE_MIN_HZ = 5.0
 # What is left of the battery after the mission: take-off, landing, and a third more than planned.
@@ -64,7 +65,7 @@ def evaluate(
     if mission is not None:
         findings += [_home(facts), _start(facts, mission)]
         findings.append(_fence_areas(facts, mission, corridor_m(assessment, mission)))
-        findings.append(_battery(facts, flight_time_s(mission, assessment), endurance_s))
+        findings.append(_battery_finding(facts, mission, assessment, endurance_s))
     return findings
 
 
@@ -73,6 +74,18 @@ def flight_time_s(mission: Mission, assessment: Assessment) -> float:
     points = [mission.start_ned_m, *(leg.end_ned_m for leg in mission.legs)]
     length_m = sum(math.dist(*leg) for leg in pairwise(points))
     return GROUND_TIME_S + TIME_RESERVE * length_m / assessment.terms.cruise_speed_mps
+
+
+def _battery_finding(
+    facts: VehicleFacts, mission: Mission, assessment: Assessment, endurance_s: float | None
+) -> Finding:
+    """Check the battery against the mission; against its budget, the way back included, if any."""
+    needed_s, budget = flight_time_s(mission, assessment), mission.energy
+    if budget is None:
+        return _battery(facts, needed_s, endurance_s, CHARGE_RESERVE)
+    back_s = there_and_back_s(mission, assessment.terms.cruise_speed_mps)
+    needed_s = max(2.0 * (needed_s - GROUND_TIME_S), back_s) + GROUND_TIME_S
+    return _battery(facts, needed_s, budget.endurance_s, budget.reserve_fraction)
 
 
 def _parameters(
@@ -229,11 +242,13 @@ def _fence_areas(facts: VehicleFacts, mission: Mission, corridor_m: float) -> Fi
     return _known(name, holds=margin_m >= 0.0, text=text)
 
 
-def _battery(facts: VehicleFacts, needed_s: float, endurance_s: float | None) -> Finding:
+def _battery(
+    facts: VehicleFacts, needed_s: float, endurance_s: float | None, reserve: float
+) -> Finding:
     estimated_s, share = facts.battery_time_s, facts.battery_share
     endured_s = None
     if share is not None and endurance_s is not None:
-        endured_s = max(share - CHARGE_RESERVE, 0.0) * endurance_s
+        endured_s = max(share - reserve, 0.0) * endurance_s
     # What a vehicle estimates with its motors off may be days: the shorter time counts.
     left_s = min((each for each in (estimated_s, endured_s) if each is not None), default=None)
     if left_s is None:

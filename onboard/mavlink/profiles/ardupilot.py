@@ -6,18 +6,23 @@ texts are those of Copter 4.7-dev, from recordings of GPS losses and from the me
 
 from __future__ import annotations
 
+import re
 from types import MappingProxyType
 from typing import Final
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from onboard.mavlink.profiles.parameter_rules import (
+    BATTERY_LOW,
+    BEFORE_FAILSAFE,
+    FENCE_BREACHED,
     GROUND_STATION_LOSS,
     RADIO_LOSS,
     SETPOINT_LOSS,
     WITHIN_FENCE,
     Condition,
     ContractDemands,
+    Failsafe,
     MissionDemands,
     ParameterName,
     ParameterRule,
@@ -71,6 +76,8 @@ _POSITION_JERK: Final = (
     ParameterName("PSC_NE_JERK", "m/s³", 1.0, (4, 7), (4, 7)),
     ParameterName("PSC_JERK_NE", "m/s³", 1.0, (4, 7), (4, 7)),
 )
+# Of each battery; those after the first are numbered.
+_BATTERY_ACTION: Final = re.compile(r"BATT[0-9A-F]?_FS_(?:LOW|CRT)_ACT")
 _CHECKS_RUN: Final = (ParameterName("ARMING_CHECK", "", 1.0, (4, 5), (4, 7)),)
 _CHECKS_SKIPPED: Final = (ParameterName("ARMING_SKIPCHK", "", 1.0, (4, 7), (4, 7)),)
 # Bits of both of these.
@@ -107,7 +114,38 @@ def _rules(demands: ContractDemands, reported: ReportedParameters) -> list[Param
         # 0 does nothing, 3 (5) lands, 7 brakes or lands; all others return.
         ParameterRule(RADIO_LOSS, (one_of("FS_THR_ENABLE", 0, 3, 7), bit_set("FS_OPTIONS", 2))),
         ParameterRule(GROUND_STATION_LOSS, (one_of("FS_GCS_ENABLE", 0, 5, 7),)),
+        *_battery_rules(reported),
         _arming_rule(reported),
+    ]
+
+
+def _battery_rules(reported: ReportedParameters) -> list[ParameterRule]:
+    """Demand of each battery's failsafe that it does not return: 1 lands, 7 brakes or lands."""
+    actions = [name for name in sorted(reported.values) if _BATTERY_ACTION.fullmatch(name)]
+    # Where none is monitored the vehicle has no such parameters.
+    unmonitored = () if actions else (one_of("BATT_MONITOR", 0),)
+    if not actions and not reported.complete:
+        actions = ["BATT_FS_CRT_ACT", "BATT_FS_LOW_ACT"]
+    return [ParameterRule(BATTERY_LOW, (one_of(name, 0, 1, 7), *unmonitored)) for name in actions]
+
+
+def _energy_rules(reserve: float, reported: ReportedParameters) -> list[ParameterRule]:
+    """Demand that the charges at which the failsafes of the first battery act are below it.
+
+    The voltages at which they act (BATT_LOW_VOLT, BATT_CRT_VOLT) say nothing of a charge.
+    """
+    capacity_mah = reported.values.get("BATT_CAPACITY")
+    if capacity_mah is None or reported.values.get("BATT_MONITOR") == 0.0:
+        return []
+    return [
+        ParameterRule(
+            BEFORE_FAILSAFE,
+            (
+                one_of(f"BATT_FS_{level}_ACT", 0),
+                at_most(f"BATT_{level}_MAH", reserve * capacity_mah, "mAh"),
+            ),
+        )
+        for level in ("LOW", "CRT")
     ]
 
 
@@ -144,10 +182,67 @@ def _fence_rules(demands: MissionDemands, reported: ReportedParameters) -> list[
     off = () if by_itself else (one_of("FENCE_ENABLE", 0),)
     height = (bit_clear("FENCE_TYPE", 0), at_least("FENCE_ALT_MAX", demands.height_m, "m"))
     circle = (bit_clear("FENCE_TYPE", 1), at_least("FENCE_RADIUS", demands.radius_m, "m"))
+    # 0 only reports, 2 lands, 4 brakes or lands; all others return.
+    breached = ParameterRule(FENCE_BREACHED, (one_of("FENCE_ACTION", 0, 2, 4), *off))
+    has_action = not reported.complete or "FENCE_ACTION" in reported.values
     return [
+        *([breached] if has_action else []),
         ParameterRule(WITHIN_FENCE, (*off, *height)),
         ParameterRule(WITHIN_FENCE, (*off, *circle)),
     ]
+
+
+_BATTERY_REACTIONS: Final = MappingProxyType(
+    {
+        0: "nothing",
+        1: "land",
+        2: "return in a straight line",
+        3: "return along its track, or in a straight line",
+        4: "return along its track, or land",
+        5: "terminate the flight",
+        6: "fly to its landing sequence, or return in a straight line",
+        7: "brake, or land",
+    }
+)
+_LINK_REACTIONS: Final = MappingProxyType(
+    {
+        0: "nothing",
+        1: "return in a straight line",
+        2: "return in a straight line",
+        3: "return along its track, or in a straight line",
+        4: "return along its track, or land",
+        5: "land",
+        6: "fly to its landing sequence, or return in a straight line",
+        7: "brake, or land",
+    }
+)
+_FAILSAFES: Final = (
+    Failsafe("low battery", "BATT_FS_LOW_ACT", _BATTERY_REACTIONS),
+    Failsafe("critical battery", "BATT_FS_CRT_ACT", _BATTERY_REACTIONS),
+    # Of the radio's, 3 lands, and 4 and 5 are 3 and 4 of the ground station's.
+    Failsafe(
+        "radio lost",
+        "FS_THR_ENABLE",
+        MappingProxyType(
+            {**_LINK_REACTIONS, 3: "land", 4: _LINK_REACTIONS[3], 5: _LINK_REACTIONS[4]}
+        ),
+    ),
+    Failsafe("ground station lost", "FS_GCS_ENABLE", _LINK_REACTIONS),
+    Failsafe(
+        "geofence left",
+        "FENCE_ACTION",
+        MappingProxyType(
+            {
+                0: "report",
+                1: "return in a straight line, or land",
+                2: "land",
+                3: "return along its track, or land",
+                4: "brake, or land",
+                5: "return along its track, or land",
+            }
+        ),
+    ),
+)
 
 
 ARDUPILOT: Final = AutopilotProfile(
@@ -201,6 +296,8 @@ ARDUPILOT: Final = AutopilotProfile(
         fence_prefixes=("FENCE_",),
         rules=_rules,
         fence_rules=_fence_rules,
+        failsafes=_FAILSAFES,
+        energy_rules=_energy_rules,
         fence_count="FENCE_TOTAL",
     ),
 )

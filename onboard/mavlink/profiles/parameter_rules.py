@@ -122,6 +122,28 @@ class ReportedParameters:
     complete: bool = True
 
 
+class Failsafe(NamedTuple):
+    """What a failsafe of an autopilot does, by the value of a parameter.
+
+    Attributes:
+        cause: what it answers.
+        parameter: whose value says how.
+        reactions: in words, by value.
+    """
+
+    cause: str
+    parameter: str
+    reactions: Mapping[int, str]
+
+    def in_words(self, values: Mapping[str, float]) -> str | None:
+        """Say what it does; None where the vehicle does not report its parameter."""
+        value = values.get(self.parameter)
+        if value is None:
+            return None
+        known = self.reactions.get(int(value)) if math.isfinite(value) else None
+        return f"{self.cause}: {known or 'not known'} ({self.parameter} = {value:g})"
+
+
 @dataclass(frozen=True)
 class ContractDemands:
     """What a contract demands of any autopilot.
@@ -163,6 +185,9 @@ RADIO_LOSS: Final = "the loss of the radio must not fly the vehicle home through
 GROUND_STATION_LOSS: Final = (
     "the loss of the ground station must not fly the vehicle home through obstacles"
 )
+BATTERY_LOW: Final = "a low battery must not fly the vehicle home through obstacles"
+BEFORE_FAILSAFE: Final = "the vehicle returns at energy.reserve_fraction before the autopilot acts"
+FENCE_BREACHED: Final = "leaving the geofence must not fly the vehicle home through obstacles"
 SETPOINT_LOSS: Final = "the contract's setpoint_loss_timeout_s"
 WITHIN_FENCE: Final = "the mission must lie within the geofence"
 

@@ -16,6 +16,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from onboard.mavlink.profiles.parameter_rules import (
     ContractDemands,
+    Failsafe,
     MissionDemands,
     ParameterRule,
     Release,
@@ -228,6 +229,8 @@ class ParameterFacts:
         fence_prefixes: how the names of parameters of its geofence begin.
         rules: returns what a contract demands of the parameters.
         fence_rules: returns what a mission demands of them.
+        failsafes: what its failsafes do.
+        energy_rules: returns what a reserve of the battery, from 0 to 1, demands of them.
         fence_count: name of the number of items of a geofence that is kept like a mission; None
             if there is none.
     """
@@ -237,6 +240,8 @@ class ParameterFacts:
     fence_prefixes: tuple[str, ...]
     rules: Callable[[ContractDemands, ReportedParameters], list[ParameterRule]]
     fence_rules: Callable[[MissionDemands, ReportedParameters], list[ParameterRule]]
+    failsafes: tuple[Failsafe, ...] = ()
+    energy_rules: Callable[[float, ReportedParameters], list[ParameterRule]] | None = None
     fence_count: str | None = None
 
 

@@ -12,11 +12,16 @@ from typing import Final
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from onboard.mavlink.profiles.parameter_rules import (
+    BATTERY_LOW,
+    BEFORE_FAILSAFE,
+    FENCE_BREACHED,
     GROUND_STATION_LOSS,
     RADIO_LOSS,
     SETPOINT_LOSS,
     WITHIN_FENCE,
+    Condition,
     ContractDemands,
+    Failsafe,
     MissionDemands,
     ParameterRule,
     ReportedParameters,
@@ -55,6 +60,7 @@ _AUTO_MODES: Final = {1: "READY", 2: "TAKEOFF", 3: "LOITER", 4: "MISSION", 5: "R
 GAIN_MAX_PER_S: Final = 2.0
 # COM_RC_IN_MODE: stick input disabled.
 _NO_STICKS: Final = ("COM_RC_IN_MODE", 4.0)
+_BATTERY_ACTION: Final = "COM_LOW_BAT_ACT"
 _ATTITUDE_LAG_MIN_S: Final = 1e-3
 
 
@@ -99,16 +105,74 @@ def _link_rules(reported: ReportedParameters) -> list[ParameterRule]:
             ),
         ),
         ParameterRule(GROUND_STATION_LOSS, (one_of("NAV_DLL_ACT", 0, 1, 3), *ground_exception)),
+        *_rule_if_known(BATTERY_LOW, one_of(_BATTERY_ACTION, 0, 2), reported),
     ]
 
 
-def _fence_rules(demands: MissionDemands, _: ReportedParameters) -> list[ParameterRule]:
+def _rule_if_known(
+    reason: str, condition: Condition, reported: ReportedParameters
+) -> list[ParameterRule]:
+    """Demand it, unless the complete list shows that the vehicle has no such failsafe."""
+    absent = reported.complete and condition.parameter not in reported.values
+    return [] if absent else [ParameterRule(reason, (condition,))]
+
+
+def _energy_rules(reserve: float, _: ReportedParameters) -> list[ParameterRule]:
+    silent = one_of(_BATTERY_ACTION, 0)
+    return [ParameterRule(BEFORE_FAILSAFE, (silent, at_most("BAT_CRIT_THR", reserve)))]
+
+
+def _fence_rules(demands: MissionDemands, reported: ReportedParameters) -> list[ParameterRule]:
     off = one_of("GF_ACTION", 0, 1)  # 1 only warns
     limits = {"GF_MAX_HOR_DIST": demands.radius_m, "GF_MAX_VER_DIST": demands.height_m}
-    return [
+    within = [
         ParameterRule(WITHIN_FENCE, (off, one_of(name, 0), at_least(name, limit_m, "m")))
         for name, limit_m in limits.items()
     ]
+    breached = one_of("GF_ACTION", 0, 1, 2, 5)
+    return [*_rule_if_known(FENCE_BREACHED, breached, reported), *within]
+
+
+_LINK_REACTIONS: Final = MappingProxyType(
+    {
+        0: "nothing",
+        1: "hold",
+        2: "return in a straight line",
+        3: "land",
+        5: "terminate the flight",
+        6: "disarm",
+    }
+)
+_FAILSAFES: Final = (
+    Failsafe(
+        "low battery",
+        _BATTERY_ACTION,
+        MappingProxyType(
+            {
+                0: "warn",
+                1: "return in a straight line",
+                2: "land when critical (BAT_CRIT_THR)",
+                3: "return in a straight line when critical (BAT_CRIT_THR)",
+            }
+        ),
+    ),
+    Failsafe("radio lost", "NAV_RCL_ACT", _LINK_REACTIONS),
+    Failsafe("ground station lost", "NAV_DLL_ACT", _LINK_REACTIONS),
+    Failsafe(
+        "geofence left",
+        "GF_ACTION",
+        MappingProxyType(
+            {
+                0: "nothing",
+                1: "warn",
+                2: "hold",
+                3: "return in a straight line",
+                4: "terminate the flight",
+                5: "land",
+            }
+        ),
+    ),
+)
 
 
 PX4: Final = AutopilotProfile(
@@ -164,5 +228,7 @@ PX4: Final = AutopilotProfile(
         fence_prefixes=("GF_",),
         rules=_rules,
         fence_rules=_fence_rules,
+        failsafes=_FAILSAFES,
+        energy_rules=_energy_rules,
     ),
 )

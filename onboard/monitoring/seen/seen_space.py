@@ -14,6 +14,7 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from onboard.geometry.box import Box
+from onboard.geometry.fence import Fence
 from onboard.geometry.frames import FloatArray, LegFrame, Vector, wrap_angle
 from onboard.geometry.free_grid import FreeGrid
 from onboard.monitoring.assumptions import Assumption, Violation
@@ -88,6 +89,7 @@ class SeenSpace:
         self.frames_needed = frames_needed
         self._counted: dict[str, int] = {}
         self._word = OperatorsWord()
+        self._fence: Fence | None = None
 
     # ------------------------------------------------------------------ what is asked of it
 
@@ -170,6 +172,11 @@ class SeenSpace:
         self._half_width_m = half_width_m
         self._set.limit(half_width_m)
 
+    def keep_in(self, fence: Fence) -> None:
+        """Call nothing free that a geofence in local NED forbids; stays in force."""
+        self._fence = fence
+        self._set.keep_in(fence, self._leg)
+
     def begin_leg(self, leg: LegFrame) -> None:
         """State the set in the frame of another leg; one at another height has not been seen."""
         before = self._leg
@@ -181,6 +188,8 @@ class SeenSpace:
         turn_rad = wrap_angle(leg.heading_rad - before.heading_rad)
         self._set = self._set.turned((origin_m[0], origin_m[1]), turn_rad)
         self._set.limit(self._half_width_m)
+        if self._fence is not None:
+            self._set.keep_in(self._fence, leg)
         if abs(origin_m[2]) > self._flight.assessment.terms.tracking_error_z_m:
             self.void("the leg is at another height", frame_stands=True)
 

@@ -9,13 +9,15 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 import zenoh
+from rich.console import Console
 
 from gcs_tools.console.errors import CommandError
 from gcs_tools.console.processes import free_ports
 from gcs_tools.preflight.live.bus import BusConfig
-from gcs_tools.resume.command import ask, resume
+from gcs_tools.resume.command import ask, print_answer, send
 from onboard.daemon import Bus
 from onboard.files.contract_file import load_contract
+from onboard.files.resume_payload import ResumeAnswer, ResumeReason
 from onboard.files.zenoh_endpoints import ZenohEndpoints
 from onboard.guidance.departure import Refusal, RefusalKind
 from onboard.zenoh_session import open_session
@@ -24,6 +26,8 @@ from tests.gcs_tools.running import CONFIG
 if TYPE_CHECKING:
     from collections.abc import Callable
     from pathlib import Path
+
+    from onboard.files.resume_payload import Command
 
 CONTRACT = load_contract(CONFIG / "default_contract.yaml")
 KEY = "clearway/vehicle/resume"
@@ -34,9 +38,11 @@ class Service:
 
     def __init__(self, *refusals: Refusal) -> None:
         self._refusals, self.asked = list(refusals), 0
+        self.commands: list[str] = []
 
-    def receive_resume(self, answer: Callable[[list[Refusal]], None]) -> None:
+    def receive_resume(self, answer: Callable[[list[Refusal]], None], command: str) -> None:
         self.asked += 1
+        self.commands.append(command)
         answer(self._refusals)
 
 
@@ -53,9 +59,9 @@ def served(service: Service, act: Callable[[str], Any], remote_access: str | Non
     return asyncio.run(run())
 
 
-def resume_at(listen: str, output: Path, vehicle: str = "vehicle") -> bool:
-    bus = BusConfig(vehicle=vehicle, connect=(listen,), listen=())
-    return resume(bus, form="json", output=output)
+def resume_at(listen: str, output: Path, command: Command = "resume") -> bool:
+    bus = BusConfig(vehicle="vehicle", connect=(listen,), listen=())
+    return send(bus, command, form="json", output=output)
 
 
 def test_an_accepted_command_is_confirmed(tmp_path: Path) -> None:
@@ -63,6 +69,28 @@ def test_an_accepted_command_is_confirmed(tmp_path: Path) -> None:
     assert served(service, lambda listen: resume_at(listen, output)) is True
     assert service.asked == 1
     assert json.loads(output.read_text()) == {"version": 1, "accepted": True, "reasons": []}
+
+
+def test_the_command_to_return_goes_the_same_way(tmp_path: Path) -> None:
+    service, output = Service(), tmp_path / "answer.json"
+    assert served(service, lambda listen: resume_at(listen, output, "return")) is True
+    assert service.commands == ["return"]
+
+
+@pytest.mark.parametrize(
+    ("command", "accepted", "text"),
+    [
+        ("resume", True, "resumed: the vehicle flies on"),
+        ("return", True, "returning: the vehicle flies back along the way flown"),
+        ("return", False, "refused: the vehicle does not return\n  • flying [home]"),
+    ],
+)
+def test_the_answer_is_printed(
+    command: Command, accepted: bool, text: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    reasons = () if accepted else (ResumeReason(kind="no_way_back", text="flying [home]"),)
+    print_answer(ResumeAnswer(accepted=accepted, reasons=reasons), command, Console())
+    assert capsys.readouterr().out.strip() == text
 
 
 def test_every_reason_of_a_refusal_comes_back(tmp_path: Path) -> None:

@@ -210,7 +210,7 @@ def test_a_polygon_on_ardupilot_is_judged_by_where_it_is(
 ) -> None:
     fence = {
         "FENCE_ENABLE": enabled, "FENCE_TYPE": 7.0, "FENCE_TOTAL": 6.0,
-        "FENCE_ALT_MAX": 100.0, "FENCE_RADIUS": 150.0,
+        "FENCE_ALT_MAX": 100.0, "FENCE_RADIUS": 150.0, "FENCE_ACTION": 4.0,
     }  # fmt: skip
     found = judged(profile=ARDUPILOT, parameters=fence, fence=square(half_m))
     geofence = {name: each for name, each in found.items() if "FENCE" in name or "fence" in name}

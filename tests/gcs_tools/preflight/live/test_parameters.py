@@ -74,6 +74,18 @@ ARDUPILOT = {
     "FENCE_RADIUS": 150.0,
 }
 SETS = {"px4": PX4, "ardupilot": ARDUPILOT}
+# Of failsafes that a vehicle may lack, as its complete list shows.
+FAILSAFES = {
+    "px4": {"COM_LOW_BAT_ACT": 2.0, "BAT_CRIT_THR": 0.1},
+    "ardupilot": {
+        "FENCE_ACTION": 4.0,
+        "BATT_FS_LOW_ACT": 0.0,
+        "BATT_FS_CRT_ACT": 1.0,
+        "BATT_LOW_MAH": 1000.0,
+        "BATT_CRT_MAH": 500.0,
+        "BATT_CAPACITY": 5000.0,
+    },
+}
 
 
 def facts_of(flavour: str) -> ParameterFacts:
@@ -111,6 +123,11 @@ def test_a_vehicle_set_up_for_its_contract_is_fine(flavour: str) -> None:
         ("px4", {"NAV_DLL_ACT": 2.0}),
         ("px4", {"GF_MAX_HOR_DIST": 30.0}),
         ("px4", {"GF_MAX_VER_DIST": 3.0}),
+        ("px4", {"COM_LOW_BAT_ACT": 3.0}),
+        ("px4", {"GF_ACTION": 3.0}),
+        ("ardupilot", {"BATT_FS_LOW_ACT": 2.0}),
+        ("ardupilot", {"BATT2_FS_CRT_ACT": 3.0}),
+        ("ardupilot", {"FENCE_ACTION": 1.0}),
         ("ardupilot", {"ANGLE_MAX": 2000.0}),
         ("ardupilot", {"PSC_ANGLE_MAX": 15.0}),
         ("ardupilot", {"PSC_JERK_XY": 5.0}),
@@ -276,8 +293,11 @@ def recorded(flavour: str) -> dict[str, float]:
         return {row["name"]: float(row["value"]) for row in csv.DictReader(file)}
 
 
-# docs/vehicles.md asks for these two, which the recorded PX4 flights went without.
-DOCUMENTED = {"px4": {"COM_OBL_RC_ACT": 5.0, "COM_RCL_EXCEPT": 4.0}, "ardupilot": {}}
+# docs/vehicles.md asks for these, which the recorded PX4 flights went without.
+DOCUMENTED = {
+    "px4": {"COM_OBL_RC_ACT": 5.0, "COM_RCL_EXCEPT": 4.0, "COM_LOW_BAT_ACT": 2.0},
+    "ardupilot": {},
+}
 OF_RECORDING = {
     "px4": ("vehicle.setpoint_loss_timeout_s=1.0",),
     "ardupilot": ("vehicle.setpoint_loss_timeout_s=0.5",),
@@ -312,9 +332,11 @@ WRONG: dict[str, dict[str, dict[str, float]]] = {
         "COM_OBL_RC_ACT": {"COM_OBL_RC_ACT": 4.0},
         "COM_RC_IN_MODE": {"COM_RC_IN_MODE": 0.0, "NAV_RCL_ACT": 2.0, "COM_RCL_EXCEPT": 3.0},
         "NAV_DLL_ACT": {"NAV_DLL_ACT": 2.0, "COM_DLL_EXCEPT": 3.0},
+        "COM_LOW_BAT_ACT": {"COM_LOW_BAT_ACT": 3.0},
         "GF_ACTION": {"GF_ACTION": 2.0, "GF_MAX_HOR_DIST": 20.0, "GF_MAX_VER_DIST": 3.0},
     },
     "ardupilot": {
+        "FENCE_ACTION": {"FENCE_ACTION": 1.0, "FENCE_ENABLE": 1.0},
         "ANGLE_MAX": {"ANGLE_MAX": 1000.0},
         "PSC_ANGLE_MAX": {"PSC_ANGLE_MAX": 10.0},
         "PSC_JERK_XY": {"PSC_JERK_XY": 4.0},
@@ -323,7 +345,12 @@ WRONG: dict[str, dict[str, dict[str, float]]] = {
         "FS_THR_ENABLE": {"FS_THR_ENABLE": 1.0, "FS_OPTIONS": 0.0},
         "FS_GCS_ENABLE": {"FS_GCS_ENABLE": 1.0},
         "ARMING_CHECK": {"ARMING_CHECK": 64.0},
-        "FENCE_ENABLE": {"FENCE_ENABLE": 1.0, "FENCE_TYPE": 1.0, "FENCE_ALT_MAX": 3.0},
+        "FENCE_ENABLE": {
+            "FENCE_ACTION": 4.0,
+            "FENCE_ENABLE": 1.0,
+            "FENCE_TYPE": 1.0,
+            "FENCE_ALT_MAX": 3.0,
+        },
     },
 }
 
@@ -363,7 +390,7 @@ def test_demands_are_those_of_the_contract_and_the_mission() -> None:
 def test_what_the_recorded_px4_lacked_is_told() -> None:
     found = checked_as_recorded("px4", recorded("px4"))
     broken = {name for name, verdict in found.items() if verdict is not Verdict.HOLDS}
-    assert broken == {"COM_OBL_RC_ACT", "COM_RC_IN_MODE"}
+    assert broken == {"COM_OBL_RC_ACT", "COM_RC_IN_MODE", "COM_LOW_BAT_ACT"}
 
 
 @pytest.mark.parametrize(
@@ -454,3 +481,76 @@ def test_a_rule_is_told_with_value_and_demand(
 ) -> None:
     found = rule_finding(RULE, values)
     assert found == Finding("vehicle", name, verdict, text)
+
+
+# ------------------------------------------------------------------ what failsafes do
+
+
+@pytest.mark.parametrize(
+    ("flavour", "texts"),
+    [
+        (
+            "px4",
+            (
+                "low battery: land when critical (BAT_CRIT_THR) (COM_LOW_BAT_ACT = 2)",
+                "radio lost: return in a straight line (NAV_RCL_ACT = 2)",
+                "ground station lost: nothing (NAV_DLL_ACT = 0)",
+                "geofence left: hold (GF_ACTION = 2)",
+            ),
+        ),
+        (
+            "ardupilot",
+            (
+                "low battery: nothing (BATT_FS_LOW_ACT = 0)",
+                "critical battery: land (BATT_FS_CRT_ACT = 1)",
+                "radio lost: return in a straight line (FS_THR_ENABLE = 1)",
+                "geofence left: brake, or land (FENCE_ACTION = 4)",
+            ),
+        ),
+    ],
+)
+def test_it_says_what_the_failsafes_do(flavour: str, texts: tuple[str, ...]) -> None:
+    (said,) = [
+        each.text
+        for each in findings(flavour, SETS[flavour] | FAILSAFES[flavour])
+        if each.name == "failsafes"
+    ]
+    assert [text for text in texts if text not in said] == []
+    (odd,) = [
+        each.text
+        for each in findings("px4", {"GF_ACTION": 9.0}, mission=None)
+        if each.name == "failsafes"
+    ]
+    assert odd == "geofence left: not known (GF_ACTION = 9)"
+
+
+@pytest.mark.parametrize(
+    ("flavour", "change", "verdict"),
+    [
+        ("px4", {}, Verdict.HOLDS),
+        ("px4", {"BAT_CRIT_THR": 0.3}, Verdict.BROKEN),
+        ("px4", {"BAT_CRIT_THR": 0.3, "COM_LOW_BAT_ACT": 0.0}, Verdict.HOLDS),
+        ("ardupilot", {}, Verdict.HOLDS),
+        ("ardupilot", {"BATT_CRT_MAH": 1300.0}, Verdict.BROKEN),
+        ("ardupilot", {"BATT_LOW_MAH": 1300.0}, Verdict.HOLDS),
+        ("ardupilot", {"BATT_LOW_MAH": 1300.0, "BATT_FS_LOW_ACT": 7.0}, Verdict.BROKEN),
+    ],
+)
+def test_the_reserve_is_reached_before_the_autopilot_acts(
+    flavour: str, change: dict[str, float], verdict: Verdict
+) -> None:
+    budget = {"reserve_fraction": 0.25, "endurance_s": 900.0}
+    mission = Mission.model_validate({**MISSION.model_dump(), "energy": budget})
+    parameters = SETS[flavour] | FAILSAFES[flavour] | change
+    found = verdicts(flavour, parameters, mission=mission)
+    assert Verdict.worst(found.values()) is verdict
+    without = verdicts(flavour, parameters)
+    assert Verdict.worst(without.values()) is Verdict.HOLDS
+
+
+def test_a_battery_failsafe_is_unknown_unless_the_list_is_complete() -> None:
+    for flavour, name in (("px4", "COM_LOW_BAT_ACT"), ("ardupilot", "BATT_FS_LOW_ACT")):
+        assert verdicts(flavour, SETS[flavour], complete=False)[name] is Verdict.UNKNOWN
+        assert name not in verdicts(flavour, SETS[flavour])
+    unmonitored = {**ARDUPILOT, "BATT_MONITOR": 0.0}
+    assert verdicts("ardupilot", unmonitored, complete=False)["BATT_MONITOR"] is Verdict.HOLDS

@@ -15,7 +15,10 @@ from tests.gcs_tools.running import CONFIG, Clearway
 
 RECORDED = Path(__file__).parents[1] / "live" / "recorded_parameters"
 # What docs/vehicles.md asks for and the recorded flights went without.
-DOCUMENTED = {"px4": {"COM_OBL_RC_ACT": "5", "COM_RCL_EXCEPT": "4"}, "ardupilot": {}}
+DOCUMENTED = {
+    "px4": {"COM_OBL_RC_ACT": "5", "COM_RCL_EXCEPT": "4", "COM_LOW_BAT_ACT": "2"},
+    "ardupilot": {"BATT_MONITOR": "0"},
+}
 TIMEOUT_S = {"px4": 1.0, "ardupilot": 0.5}
 
 

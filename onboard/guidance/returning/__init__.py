@@ -1,0 +1,1 @@
+"""Returning: the way that was flown, and the legs that lead back along it."""
