@@ -334,8 +334,6 @@ def test_collections_walk_nothing_that_start_up_left(
     async def serve(*_: object) -> None:
         frozen.append(gc.get_freeze_count())
 
-    # Else this process and all that later tests start would run before everything else.
-    monkeypatch.setattr("onboard.daemon.request_realtime_priority", lambda: None)
     monkeypatch.setattr("onboard.daemon._serve", serve)
     config = load_yaml(write(tmp_path, settings), DaemonConfig)
     contract = load_yaml(Path(settings["contract"]), Contract)
