@@ -25,6 +25,7 @@ from gcs_tools.export.log_parts import log_metadata
 from gcs_tools.export.tlog import write_tlog
 from gcs_tools.logs.flight_log import read_log
 from onboard.__main__ import main
+from onboard.authentication.keys import DaemonKeys
 from onboard.daemon import run
 from onboard.files.contract_file import Contract, load_contract
 from onboard.files.daemon_config import DaemonConfig
@@ -339,7 +340,8 @@ def test_collections_walk_nothing_that_start_up_left(
     contract = load_yaml(Path(settings["contract"]), Contract)
     mission = load_yaml(Path(settings["mission"]), Mission)
     try:
-        asyncio.run(run(config, contract, mission, LogPlace(tmp_path / "flight.mcap")))
+        place = LogPlace(tmp_path / "flight.mcap")
+        asyncio.run(run(config, contract, mission, place, DaemonKeys()))
     finally:
         gc.unfreeze()
     assert frozen[0] > 10_000
