@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 from gcs_tools.scenario import load_scenario
@@ -83,7 +84,7 @@ def test_with_a_wrong_key_the_service_hears_nothing_and_never_departs() -> None:
 
 
 def test_where_signing_is_configured_nothing_is_flown_unsigned() -> None:
-    simulation = Simulation(flight(KEY))
+    simulation = Simulation(replace(flight(KEY), time_limit_s=3.0))
     phases, texts = flown(simulation)
     assert phases == {Phase.STANDBY}
     assert "MAVLink messages of 1/1 are refused: not signed" in texts
