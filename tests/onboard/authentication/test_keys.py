@@ -15,7 +15,10 @@ from tests.onboard.mavlink.test_signing import frame
 
 NOW_UNIX_S = 1_790_000_000.0
 NOW = timestamp_at(NOW_UNIX_S)
-BOTH = {"mavlink": {"signing": {"key_file": "a.key", "link_id": 4}}, "operator_key_file": "a.key"}
+BOTH: dict[str, Any] = {
+    "mavlink": {"signing": {"key_file": "a.key", "link_id": 4}},
+    "operator_key_file": "a.key",
+}
 
 
 def config(**changes: Any) -> DaemonConfig:
