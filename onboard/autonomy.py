@@ -75,6 +75,7 @@ class Autonomy:
     malformed_missions = 0
     refused_commands = 0
     log_ended = False
+    _pending_mission: bytes | None = None
 
     def __init__(
         self,
@@ -93,9 +94,8 @@ class Autonomy:
         sensors: Sequence[AnySource] = (),
         signing: LinkSigning | None = None,
     ) -> None:
-        self.epoch_unix_s = epoch_unix_s
+        self.epoch_unix_s, self._command_limiter = epoch_unix_s, EventLimiter()
         self.link = MavlinkEndpoint(system_id, signing)
-        self._command_limiter = EventLimiter()
         assessment = assess(contract, input_set, mission_altitude_m=mission.altitude_m)
         planner, adaptive = planner or Planner(), not fly_outside_contract
         self.navigator = Navigator(assessment, mission, planner, stopwatch, adaptive=adaptive)
@@ -118,7 +118,6 @@ class Autonomy:
             self.emit,
             fly_outside_contract=fly_outside_contract,
         )
-        self._pending_mission: bytes | None = None
         self._pending_resumes: list[AnswerResume] = []
         # What happened in this tick, and all that has not been fetched yet.
         self._news: list[Event] = []

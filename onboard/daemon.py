@@ -81,19 +81,13 @@ async def run(
         recorder = stack.enter_context(place.recorder(_metadata(contract, mission)))
         bus = Bus(session, config.vehicle, contract)
         bus.subscribe(autonomy, clock)
-        channel = OperatorChannel(session, config.vehicle, autonomy, clock, keys.commands)
-        channel.subscribe(accept_mission_updates=config.accept_mission_updates)
-        channel.answer_resumes(config.zenoh.remote_access)
+        OperatorChannel(session, config.vehicle, autonomy, clock, keys.commands).open(config)
         shown = await _shown(config, autonomy, bus, stack)
         manager = stack.enter_context(ServiceManager.of_environment(os.environ))
         stop = _stop_on_signals()
         freeze_gc_heap()
-        log.info(
-            "ready: %s, contract %s, log %s",
-            config.mavlink.url,
-            contract.sha256[:12],
-            recorder.path,
-        )
+        name = contract.sha256[:12]
+        log.info("ready: %s, contract %s, log %s", config.mavlink.url, name, recorder.path)
         manager.ready()
         saving = asyncio.create_task(_keep(keys))
         stack.callback(saving.cancel)

@@ -16,6 +16,7 @@ import zenoh
 
 from onboard.authentication.operator_command import CommandGate, CommandKind, CommandRefusedError
 from onboard.autonomy import Autonomy
+from onboard.files.daemon_config import DaemonConfig
 from onboard.files.json_payload import MalformedPayloadError, parse
 from onboard.files.resume_payload import ResumeAnswer, ResumeCommand, ResumeReason
 from onboard.guidance.departure import Refusal, reason_of
@@ -45,6 +46,11 @@ class OperatorChannel:
         self._autonomy, self._clock = autonomy, clock
         self._gate, self._opening = gate, threading.Lock()
         self._loop = asyncio.get_running_loop()
+
+    def open(self, config: DaemonConfig) -> None:
+        """Take every command that the daemon's file permits."""
+        self.subscribe(accept_mission_updates=config.accept_mission_updates)
+        self.answer_resumes(config.zenoh.remote_access)
 
     def subscribe(self, *, accept_mission_updates: bool) -> None:
         """Pass on clearances and, if allowed, other missions."""

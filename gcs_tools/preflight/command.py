@@ -217,7 +217,7 @@ def run_preflight(
     """
     check_options(files, vehicle_url, system_id, authorize_s)
     signing_key = mavlink_key(mavlink_key_file, vehicle_url)
-    sealing_key = daemon_key(operator_key_file, zenoh_config)
+    keys = (signing_key, daemon_key(operator_key_file, zenoh_config))
     contract = load_contract(files.contract, files.overrides)
     obstacles = None if files.field is None else load_field(files.field)
     mission = None if files.mission is None else load_yaml(files.mission, Mission)
@@ -229,12 +229,8 @@ def run_preflight(
         result = replace(result, fastest_mps=fastest_mps, rehearsal=rehearsal)
         if files.picture is not None:
             _draw(files.picture, result, obstacles, mission)
-    elif files.picture is not None:
-        raise CommandError("--picture needs --field: it draws the obstacle field")
     if vehicle_url is not None or zenoh_config is not None:
-        targets = LiveTargets(
-            vehicle_url, system_id, zenoh_config, endurance_s, signing_key, sealing_key
-        )
+        targets = LiveTargets(vehicle_url, system_id, zenoh_config, endurance_s, *keys)
         findings = _check_live(result, mission, targets)
         result = replace(result, findings=(*result.findings, *findings))
     table = partial(print_preflight, result, str(files.contract))

@@ -51,6 +51,8 @@ def check_options(
     authorize_s: float | None,
 ) -> None:
     """Refuse options that do not fit together."""
+    if files.picture is not None and files.field is None:
+        raise CommandError("--picture needs --field: it draws the obstacle field")
     if vehicle_url is not None and files.parameters is not None:
         raise CommandError("--parameters is for a vehicle that is not asked: leave out --vehicle")
     if vehicle_url is None and authorize_s is not None:

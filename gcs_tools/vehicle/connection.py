@@ -82,15 +82,22 @@ async def connected_vehicle(
             reasons = [str(error), *complaints[-1:], *relay.complaints]
             raise VehicleError("; ".join(reasons)) from error
         vehicle = Vehicle(system, number, await _profile_of(system), interruption)
-        tasks = [asyncio.ensure_future(watcher) for watcher in vehicle.watchers()]
-        try:
-            await vehicle.request_rates()
+        async with _watched(vehicle):
             yield vehicle
-        finally:
-            # These wait for a queue, never for a call into MAVSDK, so they may be cancelled.
-            for task in tasks:
-                task.cancel()
-            await asyncio.gather(*tasks, return_exceptions=True)
+
+
+@asynccontextmanager
+async def _watched(vehicle: Vehicle) -> AsyncIterator[None]:
+    """Keep a vehicle's state up to date during the context."""
+    tasks = [asyncio.ensure_future(watcher) for watcher in vehicle.watchers()]
+    try:
+        await vehicle.request_rates()
+        yield
+    finally:
+        # These wait for a queue, never for a call into MAVSDK, so they may be cancelled.
+        for task in tasks:
+            task.cancel()
+        await asyncio.gather(*tasks, return_exceptions=True)
 
 
 async def open_connection(mavsdk: Mavsdk, url: str, complaints: list[str]) -> None:

@@ -126,7 +126,7 @@ class DaemonConfig(FileModel):
     operator_key_file: FilePath | None = Field(
         None,
         description="clearances, missions and resuming only if signed with this key; 64 "
-        "hexadecimal digits, mode 0600 or 0640; null: from whoever reaches the bus",
+        "hexadecimal digits, mode 0600 or 0640; null: taken from every process on the bus",
     )
     fly_outside_contract: bool = Field(
         False, description="leave STANDBY although the contract does not comply; for tests"

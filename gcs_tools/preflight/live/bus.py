@@ -164,16 +164,7 @@ class BusCheck:
             checks={f"{each.subject} {each.name}": each.verdict.value for each in findings},
             progress="best_effort" if accept_no_progress else None,
         )
-        self._statuses.clear()
-        listeners = [
-            self._session.declare_subscriber(f"{self._prefix}/status", self._on_status),
-            self._session.declare_subscriber(f"{self._prefix}/events", self._on_event),
-        ]
-        payload = clearance.model_dump_json().encode()
-        self._session.put(f"{self._prefix}/clearance", self._sealed(payload))
-        heard = passed and self._until(lambda: self._confirmed(accepted=accept_no_progress))
-        for listener in listeners:
-            listener.undeclare()  # type: ignore[no-untyped-call]  # untyped in its own stubs
+        heard = self._sent(clearance, accepted=accept_no_progress)
         if not passed:
             verdict = Verdict.worst([Verdict.of(holds=compliant), verdict])
             text = "withheld: the check has not passed"
@@ -187,6 +178,20 @@ class BusCheck:
         if accept_no_progress:
             text = "given for one flight that may not arrive, and confirmed by the daemon"
         return Finding("daemon", FLIGHT_AUTHORIZATION, Verdict.HOLDS, text)
+
+    def _sent(self, clearance: FlightAuthorization, *, accepted: bool) -> bool:
+        """Send an authorization; tell whether the daemon confirms one that has passed."""
+        self._statuses.clear()
+        listeners = [
+            self._session.declare_subscriber(f"{self._prefix}/status", self._on_status),
+            self._session.declare_subscriber(f"{self._prefix}/events", self._on_event),
+        ]
+        payload = clearance.model_dump_json().encode()
+        self._session.put(f"{self._prefix}/clearance", self._sealed(payload))
+        heard = clearance.passed and self._until(lambda: self._confirmed(accepted=accepted))
+        for listener in listeners:
+            listener.undeclare()  # type: ignore[no-untyped-call]  # untyped in its own stubs
+        return heard
 
     def _sealed(self, payload: bytes) -> bytes:
         """Return the authorization as the daemon expects it, stamped by the daemon's clock."""
