@@ -68,9 +68,7 @@ async def run(
     """
     request_realtime_priority()
     clock = Clock()
-    autonomy = _service(config, contract, mission, clock, keys)
-    if geofence is not None:
-        autonomy.keep_in(geofence)
+    autonomy = _service(config, contract, mission, clock, keys, geofence)
     recorder: FlightRecorder | None = None
 
     def receive(data: bytes) -> None:
@@ -139,9 +137,14 @@ def _bus(
 
 
 def _service(
-    config: DaemonConfig, contract: Contract, mission: Mission, clock: Clock, keys: DaemonKeys
+    config: DaemonConfig,
+    contract: Contract,
+    mission: Mission,
+    clock: Clock,
+    keys: DaemonKeys,
+    geofence: Geofence | None,
 ) -> Autonomy:
-    return Autonomy(
+    autonomy = Autonomy(
         contract,
         mission,
         epoch_unix_s=clock.epoch_unix_s,
@@ -154,6 +157,9 @@ def _service(
         sensors=config.sources,
         signing=keys.signing,
     )
+    if geofence is not None:
+        autonomy.keep_in(geofence)
+    return autonomy
 
 
 async def _shown(
