@@ -14,9 +14,10 @@ from pathlib import Path
 import zenoh
 
 from onboard import daemon
+from onboard.authentication.keys import DaemonKeys
 from onboard.contract.assessment import assess
 from onboard.files.contract_file import Contract
-from onboard.files.daemon_config import DaemonConfig, log_directory
+from onboard.files.daemon_config import DaemonConfig, log_directory, state_directory
 from onboard.files.geofence_file import Geofence
 from onboard.files.mission_file import Mission
 from onboard.files.yaml_file import FileError, load_yaml
@@ -44,8 +45,9 @@ def main(arguments: list[str] | None = None) -> int:
         geofence = load_yaml(base / config.geofence, Geofence) if config.geofence else None
         configure_logging(config.log_level, options.log_format or config.log_format)
         _warn_if_not_compliant(contract, mission, config)
+        keys = DaemonKeys.load(config, base, state_directory(base, os.environ), time.time())
         place = _log_place(base, config)
-        asyncio.run(daemon.run(config, contract, mission, place, geofence))
+        asyncio.run(daemon.run(config, contract, mission, place, keys, geofence))
     except (FileError, LinkError, LogFileError) as error:
         return _refuse(str(error))
     except zenoh.ZError as error:

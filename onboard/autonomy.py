@@ -16,6 +16,7 @@ from itertools import chain
 from typing import Final
 
 from onboard.contract.assessment import Assessment, assess
+from onboard.event_limiter import EventLimiter
 from onboard.events import Event, EventName, Severity
 from onboard.files.contract_file import Contract, InputSet
 from onboard.files.geofence_file import FenceAreaFile, Geofence
@@ -29,6 +30,7 @@ from onboard.guidance.departure import Refusal
 from onboard.guidance.navigator import Navigator
 from onboard.guidance.phases import Phase
 from onboard.mavlink.endpoint import MavlinkEndpoint
+from onboard.mavlink.signing import LinkSigning
 from onboard.monitoring.flight_authorization import FlightAuthorizationGate
 from onboard.monitoring.supervisor import MonitorSupervisor
 from onboard.perception.intake import DetectionCounters, DetectionIntake
@@ -64,15 +66,19 @@ class Autonomy:
         planner: what plans avoidances.
         detection_source: decodes detection messages; JSON, version 1, by default.
         sensors: that the vehicle has besides; the flight relies on each.
+        signing: of MAVLink messages; None while it is off.
 
     Attributes:
         sensors: what has arrived from them.
         malformed_missions: missions that could not be read.
+        refused_commands: operator commands that were not authentic.
         log_ended: whether the flight goes on without a log.
     """
 
     malformed_missions = 0
+    refused_commands = 0
     log_ended = False
+    _pending_mission: bytes | None = None
 
     def __init__(
         self,
@@ -89,9 +95,10 @@ class Autonomy:
         planner: Planner | None = None,
         detection_source: DetectionSource | None = None,
         sensors: Sequence[AnySource] = (),
+        signing: LinkSigning | None = None,
     ) -> None:
-        self.epoch_unix_s = epoch_unix_s
-        self.link = MavlinkEndpoint(system_id)
+        self.epoch_unix_s, self._command_limiter = epoch_unix_s, EventLimiter()
+        self.link = MavlinkEndpoint(system_id, signing)
         assessment = assess(contract, input_set, mission_altitude_m=mission.altitude_m)
         planner, adaptive = planner or Planner(), not fly_outside_contract
         self.navigator = Navigator(assessment, mission, planner, stopwatch, adaptive=adaptive)
@@ -114,7 +121,6 @@ class Autonomy:
             self.emit,
             fly_outside_contract=fly_outside_contract,
         )
-        self._pending_mission: bytes | None = None
         self._pending_commands: list[tuple[Command, AnswerResume]] = []
         # What happened in this tick, and all that has not been fetched yet.
         self._news: list[Event] = []
@@ -207,6 +213,13 @@ class Autonomy:
             text = f"flying on without a log: {reason}"
             self.emit(Event(now_s, EventName.LOG_ENDED, Severity.WARNING, text))
 
+    def report_refused_command(self, kind: str, reason: str, now_s: float) -> None:
+        """Say that an operator command was not authentic; one of a kind in five seconds."""
+        self.refused_commands += 1
+        if self._command_limiter.allows(kind, now_s):
+            text = f"operator command refused: {kind}: {reason}"
+            self.emit(Event(now_s, EventName.COMMAND_REFUSED, Severity.WARNING, text))
+
     # ------------------------------------------------------------------ outputs
 
     def mavlink_to_send(self) -> bytes:
@@ -223,6 +236,9 @@ class Autonomy:
 
     def tick(self, now_s: float) -> None:
         """Decide what is flown until the next tick, and queue its setpoint."""
+        if self.link.security.signing is not None:
+            self.link.security.signing.follow_clock(self.epoch_unix_s + now_s)
+        self._news += self.link.security.take_news()
         self.link.keep_alive(now_s, active=self.navigator.phase is not Phase.STANDBY)
         self.supervisor.check_loop(now_s)
         try:

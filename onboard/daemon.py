@@ -12,23 +12,23 @@ import logging
 import os
 import signal
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import Final
 
 import zenoh
 
+from onboard.authentication.keys import SAVE_PERIOD_S, DaemonKeys
 from onboard.autonomy import Autonomy
 from onboard.contract.assessment import TICK_S
 from onboard.files.contract_file import Contract
 from onboard.files.daemon_config import DaemonConfig, MarkerOutput
 from onboard.files.geofence_file import Geofence
-from onboard.files.json_payload import MalformedPayloadError, parse
 from onboard.files.mission_file import Mission
-from onboard.files.resume_payload import ResumeAnswer, ResumeCommand, ResumeReason
-from onboard.guidance.departure import Refusal, reason_of
+from onboard.files.yaml_file import FileError
 from onboard.mavlink.connections import Link, open_link
 from onboard.obstacle_outputs.markers import attachment, markers_key
 from onboard.obstacle_outputs.outputs import ObstaclePublisher
+from onboard.operator_channel import OperatorChannel
 from onboard.perception.ros2.graph import node_token, publisher_token
 from onboard.perception.sensor_channels import SensorChannels
 from onboard.perception.sources.registry import transforms_key, zenoh_key
@@ -56,6 +56,7 @@ async def run(
     contract: Contract,
     mission: Mission,
     place: LogPlace,
+    keys: DaemonKeys,
     geofence: Geofence | None = None,
 ) -> None:
     """Serve until SIGINT or SIGTERM; the flights are logged where ``place`` says.
@@ -67,9 +68,7 @@ async def run(
     """
     request_realtime_priority()
     clock = Clock()
-    autonomy = _service(config, contract, mission, clock)
-    if geofence is not None:
-        autonomy.keep_in(geofence)
+    autonomy = _service(config, contract, mission, clock, keys, geofence)
     recorder: FlightRecorder | None = None
 
     def receive(data: bytes) -> None:
@@ -79,21 +78,23 @@ async def run(
             recorder.write_mavlink("received", clock.epoch_unix_s + now_s, data)
 
     with contextlib.ExitStack() as stack:
-        link = await open_link(config.mavlink.url, receive, config.mavlink.system_id)
+        link = await open_link(
+            config.mavlink.url, receive, config.mavlink.system_id, keys.is_genuine
+        )
         stack.callback(link.close)
         session = stack.enter_context(open_session(config.zenoh))
         # Last: a daemon that cannot start leaves no log behind.
         recorder = stack.enter_context(place.recorder(_metadata(contract, mission)))
-        bus = Bus(session, config.vehicle, contract)
-        bus.subscribe(autonomy, clock, accept_mission_updates=config.accept_mission_updates)
-        bus.answer_resumes(autonomy, config.zenoh.remote_access)
+        OperatorChannel(session, config.vehicle, autonomy, clock, keys.commands).open(config)
+        bus = _bus(session, config, contract, autonomy, clock)
         shown = await _shown(config, autonomy, bus, stack)
         manager = stack.enter_context(ServiceManager.of_environment(os.environ))
         stop = _stop_on_signals()
         freeze_gc_heap()
         _report_ready(config, contract, recorder)
         manager.ready()
-        await _serve(autonomy, link, recorder, bus, clock, stop, manager, shown)
+        with _saved(keys):
+            await _serve(autonomy, link, recorder, bus, clock, stop, manager, shown)
     log.info("stopped")
 
 
@@ -102,8 +103,48 @@ def _report_ready(config: DaemonConfig, contract: Contract, recorder: FlightReco
     log.info("ready: %s, contract %s, log %s", url, contract_id, recorder.path)
 
 
-def _service(config: DaemonConfig, contract: Contract, mission: Mission, clock: Clock) -> Autonomy:
-    return Autonomy(
+async def _keep(keys: DaemonKeys) -> None:
+    """Save how far the time stamps of signatures have come, in a thread: a disk may be slow."""
+    while True:
+        await asyncio.sleep(SAVE_PERIOD_S)
+        try:
+            await asyncio.to_thread(keys.save)
+        except FileError as error:
+            log.warning("%s", error)
+
+
+@contextlib.contextmanager
+def _saved(keys: DaemonKeys) -> Iterator[None]:
+    """Save the state of the keys now and then, and at the end."""
+    saving = asyncio.create_task(_keep(keys))
+    try:
+        yield
+    finally:
+        saving.cancel()
+    keys.save()
+
+
+def _bus(
+    session: zenoh.Session,
+    config: DaemonConfig,
+    contract: Contract,
+    autonomy: Autonomy,
+    clock: Clock,
+) -> Bus:
+    bus = Bus(session, config.vehicle, contract)
+    bus.subscribe(autonomy, clock)
+    return bus
+
+
+def _service(
+    config: DaemonConfig,
+    contract: Contract,
+    mission: Mission,
+    clock: Clock,
+    keys: DaemonKeys,
+    geofence: Geofence | None,
+) -> Autonomy:
+    autonomy = Autonomy(
         contract,
         mission,
         epoch_unix_s=clock.epoch_unix_s,
@@ -114,7 +155,11 @@ def _service(config: DaemonConfig, contract: Contract, mission: Mission, clock: 
         preflight_age_max_s=config.preflight_age_max_s if config.require_preflight else None,
         stopwatch=time.perf_counter,
         sensors=config.sources,
+        signing=keys.signing,
     )
+    if geofence is not None:
+        autonomy.keep_in(geofence)
+    return autonomy
 
 
 async def _shown(
@@ -225,12 +270,9 @@ class Bus:
         key = f"{self._prefix}/contract"
         session.declare_queryable(key, lambda query: query.reply(key, payload))
 
-    def subscribe(self, autonomy: Autonomy, clock: Clock, *, accept_mission_updates: bool) -> None:
-        """Pass detections, clearances and, if allowed, other missions on to the service."""
+    def subscribe(self, autonomy: Autonomy, clock: Clock) -> None:
+        """Pass detections and the messages of sensors on to the service."""
         self._pass_on("obstacles", autonomy.receive_detection, clock)
-        self._pass_on("clearance", autonomy.receive_flight_authorization, clock)
-        if accept_mission_updates:
-            self._pass_on("mission", autonomy.receive_mission, clock)
         for name, sensor in autonomy.sensors.sensors.items():
             if key := zenoh_key(sensor.config):
                 self._listen_to(name, key, autonomy.sensors, clock)
@@ -265,39 +307,6 @@ class Bus:
                 loop.call_soon_threadsafe(deliver, payload, from_key)
 
         subscribe_with_history(self._session, key, receive)
-
-    def answer_resumes(self, autonomy: Autonomy, remote_access: str | None) -> None:
-        """Pass on the commands to end a hold and to return; only this computer's may send them.
-
-        Nothing proves yet who sends it, so that it is refused wherever another computer might.
-
-        Args:
-            autonomy: decides.
-            remote_access: why another computer might reach this session; None if none can.
-        """
-        key, loop = f"{self._prefix}/resume", asyncio.get_running_loop()
-
-        def receive(query: zenoh.Query) -> None:
-            payload = b"" if query.payload is None else query.payload.to_bytes()
-            try:
-                command = parse(payload, ResumeCommand).command
-            except MalformedPayloadError as error:
-                query.reply(key, _refusal("malformed", f"no command to resume: {error}"))
-                return
-            routed = "a Zenoh router has joined, which may pass on what other computers send"
-            remote = remote_access or (routed if self._session.info.routers_zid() else None)
-            if remote is not None:
-                text = f"{remote}: resuming is not authenticated, and is for this computer only"
-                query.reply(key, _refusal("remote", text))
-                return
-
-            def answer(refusals: list[Refusal]) -> None:
-                query.reply(key, _resume_answer(refusals))
-
-            with contextlib.suppress(RuntimeError):  # the loop has closed: we are stopping
-                loop.call_soon_threadsafe(autonomy.receive_resume, answer, command)
-
-        self._session.declare_queryable(key, receive)
 
     def _pass_on(self, key: str, take: Callable[[bytes, float], None], clock: Clock) -> None:
         """Subscribe; Zenoh calls from its own thread, so its samples cross into the loop."""
@@ -356,16 +365,6 @@ class Bus:
             return False
         self._status_due_s = now_s + STATUS_PERIOD_S
         return True
-
-
-def _refusal(kind: str, text: str) -> bytes:
-    reason = ResumeReason(kind=kind, text=text)
-    return ResumeAnswer(accepted=False, reasons=(reason,)).model_dump_json().encode()
-
-
-def _resume_answer(refusals: list[Refusal]) -> bytes:
-    reasons = tuple(ResumeReason(**reason_of(refusal)) for refusal in refusals)
-    return ResumeAnswer(accepted=not refusals, reasons=reasons).model_dump_json().encode()
 
 
 def _metadata(contract: Contract, mission: Mission) -> dict[str, str]:

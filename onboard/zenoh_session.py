@@ -16,6 +16,7 @@ from onboard.files.zenoh_endpoints import ZenohEndpoints
 # Peers that only connect never reach each other, even through a router: each needs a listener whose
 # address the others can learn.  This one serves processes of this computer.
 _LOOPBACK: Final = "tcp/127.0.0.1:0"
+_LOOPBACK_ADDRESS: Final = "127.0.0.1"
 # How long a client waits for its router; a peer waits in the background, without limit.
 _CLIENT_PATIENCE_MS: Final = 5000
 # Of each publisher of static transforms: it repeats all that it has, or has one message for each.
@@ -70,6 +71,10 @@ def _configuration(endpoints: ZenohEndpoints) -> zenoh.Config:
     listen = endpoints.listen
     if endpoints.connect or listen:
         config.insert_json5("scouting/multicast/enabled", "false")
+    elif endpoints.mode == "peer":
+        # Nothing listens beyond this computer unless an endpoint says so.
+        config.insert_json5("scouting/multicast/interface", json.dumps(_LOOPBACK_ADDRESS))
+        listen = (_LOOPBACK,)
     if endpoints.mode == "client":
         listen = ()
         config.insert_json5("connect/timeout_ms", json.dumps(_CLIENT_PATIENCE_MS))

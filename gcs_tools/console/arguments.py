@@ -104,6 +104,20 @@ class VersionOption(argparse.Action):
         parser.exit()
 
 
+def add_operator_key(parser: argparse.ArgumentParser) -> None:
+    """Add ``--operator-key``, which signs what a daemon with `operator_key_file` is sent."""
+    parser.add_argument(
+        "--operator-key", type=Path, metavar="F", help="sign the command: the daemon's own key file"
+    )
+
+
+def add_mavlink_key(parser: argparse.ArgumentParser) -> None:
+    """Add ``--mavlink-key``, with which MAVLink messages to the vehicle are signed."""
+    parser.add_argument(
+        "--mavlink-key", type=Path, metavar="F", help="key file of a vehicle that signs MAVLink"
+    )
+
+
 def add_output_options(parser: argparse.ArgumentParser, *forms: str) -> None:
     """Add ``--format`` and ``-o``; the first of the forms is the default."""
     parser.add_argument(

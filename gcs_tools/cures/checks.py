@@ -151,6 +151,7 @@ FINDING_CURES: Final[Mapping[str, Cure]] = MappingProxyType(
             "the charge is too little for the mission, or unknown",
             "charge it, or state the hover time: `clearway preflight --endurance S`",
         ),
+        "failsafes": Cure("what the autopilot's failsafes will do", "read it before the flight"),
         "geofence": Cure(
             "no geofence is set by parameters, or it is too small", "set it, or shorten the legs"
         ),

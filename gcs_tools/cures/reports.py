@@ -41,6 +41,17 @@ REFUSAL_CURES: Final[Mapping[RefusalKind, Cure]] = MappingProxyType(
             "`clearway preflight --contract F --mission F --vehicle URL --zenoh-config F`, with "
             "the contract that the daemon has",
         ),
+        RefusalKind.NO_WAY_BACK: Cure(
+            "`clearway return` was asked where no way back is held, or not in flight",
+            "take over and fly back by hand, or land",
+        ),
+        RefusalKind.ENERGY: Cure(
+            "the battery does not suffice for the mission and the certified return",
+            "charge it, or shorten the mission",
+        ),
+        RefusalKind.GEOFENCE: Cure(
+            "the legs with their avoidances leave the geofence", "move the legs, or widen the fence"
+        ),
         RefusalKind.DETECTIONS: Cure(
             "a sensor has not been heard, or its newest frame is too old or stamped wrongly",
             "`clearway doctor` names the silent sensor, `clearway sensor check` what its messages "
@@ -104,8 +115,16 @@ EVENT_CURES: Final[Mapping[EventName, Cure]] = MappingProxyType(
             "the contract was solved again for what was measured; the vehicle flies slower",
             "declare before the next flight what was measured",
         ),
+        EventName.BATTERY: Cure(
+            "the battery is at its reserve: the vehicle returns along the flown way, or lands",
+            "let it return; land, and charge it",
+        ),
         EventName.CERTIFICATE: Cure(
             "a trajectory did not certify and was not flown", "report it with the flight's log"
+        ),
+        EventName.COMMAND_REFUSED: Cure(
+            "an operator's command was not authentic, or was a replay",
+            "give the command the daemon's operator key; set both clocks (they may differ by 30 s)",
         ),
         EventName.DELAYED: Cure(
             "the vehicle slows down, stops or looks round on the way that it holds", _NOTHING
@@ -128,6 +147,11 @@ EVENT_CURES: Final[Mapping[EventName, Cure]] = MappingProxyType(
         ),
         EventName.HOLD_REPLANNED: Cure(
             "the way to the hold was planned again", "see the violation before it"
+        ),
+        EventName.LINK_REFUSED: Cure(
+            "MAVLink messages were refused for their signature, or the vehicle signs and no key "
+            "is set",
+            "configure the vehicle's signing key in the daemon's file",
         ),
         EventName.LOG_ENDED: Cure(
             "the log cannot be written; the flight goes on",

@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from gcs_tools.console.arguments import natural
+from gcs_tools.console.arguments import add_mavlink_key, natural
 
 
 def add_parser(commands: Any) -> None:
@@ -27,6 +27,7 @@ def add_parser(commands: Any) -> None:
     doctor.add_argument(
         "--system-id", type=natural, metavar="N", help="of the vehicle, if several are heard"
     )
+    add_mavlink_key(doctor)
     doctor.set_defaults(run=_run_doctor)
 
 
@@ -61,5 +62,6 @@ def _run_doctor(options: argparse.Namespace) -> int:
         options.zenoh_config,
         vehicle_url=options.vehicle,
         system_id=options.system_id,
+        mavlink_key_file=options.mavlink_key,
         form=options.form,
     )

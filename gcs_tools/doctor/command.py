@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from gcs_tools.console.errors import EXIT_BAD_INPUT, EXIT_NO, CommandError
+from gcs_tools.console.keys import mavlink_key
 from gcs_tools.doctor.companion import DaemonFiles, diagnose_files, load_daemon_files
 from gcs_tools.doctor.diagnosis import Diagnosis, diagnose
 from gcs_tools.doctor.observation import Observation, observe
@@ -51,6 +52,7 @@ def doctor(
     *,
     vehicle_url: str | None,
     system_id: int | None,
+    mavlink_key_file: Path | None = None,
     form: Form,
 ) -> int:
     """Print what is missing before the daemon will fly; return the exit code.
@@ -62,6 +64,7 @@ def doctor(
         zenoh_config: how to reach it from another one; None for both scouts.
         vehicle_url: to ask the vehicle, too.
         system_id: of the vehicle; None if there is only one.
+        mavlink_key_file: of a vehicle that signs its messages; None of one that does not.
         form: of the output.
 
     Raises:
@@ -70,11 +73,12 @@ def doctor(
     """
     if system_id is not None and vehicle_url is None:
         raise CommandError("--system-id needs --vehicle: it selects one of a connection's vehicles")
+    key = mavlink_key(mavlink_key_file, vehicle_url)
     files = None if config is None else load_daemon_files(config)
     seen = observe(bus_of(zenoh_config, config))
     found = [] if files is None else list(diagnose_files(files))
     found += diagnose(seen, None if files is None else files.contract)
-    found += _vehicle(vehicle_url, system_id, files, seen)
+    found += _vehicle(vehicle_url, system_id, files, seen, key)
     if form == "json":
         _print_json(found, {})
     else:
@@ -84,7 +88,11 @@ def doctor(
 
 
 def _vehicle(
-    url: str | None, system_id: int | None, files: DaemonFiles | None, seen: Observation
+    url: str | None,
+    system_id: int | None,
+    files: DaemonFiles | None,
+    seen: Observation,
+    key: bytes | None,
 ) -> list[Diagnosis]:
     if url is None:
         return []
@@ -97,7 +105,7 @@ def _vehicle(
     from gcs_tools.doctor.vehicle import diagnose_vehicle  # noqa: PLC0415  MAVSDK: extra ground
 
     mission = None if files is None else files.mission
-    return diagnose_vehicle(url, contract, mission, system_id)
+    return diagnose_vehicle(url, contract, mission, system_id, key)
 
 
 def _exit_code(found: Iterable[Diagnosis]) -> int:

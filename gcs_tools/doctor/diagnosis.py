@@ -126,6 +126,9 @@ def _contract(seen: Observation, expected: Contract | None) -> Iterator[Diagnosi
 
 def _link(seen: Observation, state: StateRecord) -> Diagnosis:
     name, age_s = "link", state.telemetry_age_s
+    if state.link_doubt is not None:
+        cure = "mavlink.signing.key_file has to name the key that the vehicle has; docs/security.md"
+        return _bad(name, state.link_doubt, cure)
     garbage = seen.dropped("mavlink_garbage_bytes")
     if age_s is None and garbage > 0:
         text = f"{garbage} bytes that arrived meanwhile were no MAVLink"
@@ -210,7 +213,10 @@ def _log(state: StateRecord) -> Diagnosis:
 def _authorization(state: StateRecord) -> Diagnosis:
     if state.cleared is not False:
         return _good("authorization", "given, or not required")
-    cure = "clearway preflight --contract F --mission F --vehicle URL --zenoh-config F"
+    cure = (
+        "clearway preflight --contract F --mission F --vehicle URL --zenoh-config F, with "
+        "--operator-key F where the daemon has one"
+    )
     return _bad("authorization", "require_preflight: no recent check has passed", cure)
 
 

@@ -12,7 +12,11 @@ from onboard.files.mission_file import Mission
 
 
 def diagnose_vehicle(
-    url: str, contract: Contract, mission: Mission | None, system_id: int | None
+    url: str,
+    contract: Contract,
+    mission: Mission | None,
+    system_id: int | None,
+    mavlink_key: bytes | None = None,
 ) -> list[Diagnosis]:
     """Ask a vehicle everything that the pre-flight check asks; takes up to a minute.
 
@@ -22,7 +26,7 @@ def diagnose_vehicle(
     """
     altitude_m = None if mission is None else mission.altitude_m
     assessment = assess(contract, mission_altitude_m=altitude_m)
-    request = LiveRequest(url, system_id=system_id)
+    request = LiveRequest(url, system_id=system_id, mavlink_key=mavlink_key)
     findings = check_live(request, assessment, mission, paper_compliant=True)
     return [diagnosis_of(each) for each in findings]
 

@@ -6,7 +6,14 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from gcs_tools.console.arguments import RenamedOption, add_output_options, natural, positive
+from gcs_tools.console.arguments import (
+    RenamedOption,
+    add_mavlink_key,
+    add_operator_key,
+    add_output_options,
+    natural,
+    positive,
+)
 from gcs_tools.console.errors import EXIT_BAD_INPUT, EXIT_NO
 from gcs_tools.contract.arguments import add_contract_options
 
@@ -46,6 +53,8 @@ def add_parser(commands: Any) -> None:
         help="then answer the vehicle's arm requests with the verdict for S seconds",
     )
     parser.add_argument("--authorise", action=RenamedOption, const="--authorize")
+    add_mavlink_key(parser)
+    add_operator_key(parser)
     add_acceptance(parser)
     add_output_options(parser, "table", "json")
     parser.set_defaults(run=_run)
@@ -82,6 +91,8 @@ def _run(options: argparse.Namespace) -> int:
         authorize_s=options.authorize,
         input_set=options.input_set,
         accept_no_progress=options.accept_no_progress,
+        mavlink_key_file=options.mavlink_key,
+        operator_key_file=options.operator_key,
         form=options.form,
         output=options.output,
     )

@@ -23,6 +23,7 @@ from gcs_tools.preflight.finding import Verdict
 from gcs_tools.vehicle.connection import CONNECT_TIMEOUT_S, chosen_system, open_connection, quiet
 from gcs_tools.vehicle.operator import VehicleError
 from gcs_tools.vehicle.query import listening
+from gcs_tools.vehicle.signing_relay import signing_relay
 
 # System id of MAVSDK as a ground station.
 AUTHORIZER_SYSTEM_ID: Final = 245
@@ -43,6 +44,7 @@ def answer_arm_requests(
     report: Callable[[str], None],
     *,
     system_id: int | None = None,
+    mavlink_key: bytes | None = None,
 ) -> int:
     """Answer every request for a while; return the number of requests.
 
@@ -54,6 +56,7 @@ def answer_arm_requests(
         duration_s: how long the verdict is good for.
         report: called with every answer.
         system_id: of the vehicle that was checked; None if there is only one.
+        mavlink_key: of a vehicle that signs its messages; None of one that does not.
 
     Raises:
         UrlError: the URL cannot be opened.
@@ -61,7 +64,7 @@ def answer_arm_requests(
         AmbiguousVehicleError: several autopilots were heard, and none was chosen.
     """
     try:
-        return asyncio.run(_answer(url, verdict, duration_s, report, system_id))
+        return asyncio.run(_answer(url, verdict, duration_s, report, system_id, mavlink_key))
     except MavsdkError as error:
         raise VehicleError(f"arm authorization: {error}") from error
 
@@ -72,13 +75,18 @@ async def _answer(
     duration_s: float,
     report: Callable[[str], None],
     system_id: int | None,
+    mavlink_key: bytes | None,
 ) -> int:
     identity = Configuration.create_with_component_type(ComponentType.GROUND_STATION)
     identity.system_id = AUTHORIZER_SYSTEM_ID
     with interruptible() as interruption:
-        async with quiet() as complaints, Mavsdk(identity) as mavsdk:
+        async with (
+            signing_relay(url, mavlink_key, system_id) as relay,
+            quiet() as complaints,
+            Mavsdk(identity) as mavsdk,
+        ):
             server = ArmAuthorizerServerAsync(await mavsdk.server_component_by_id(_COMPONENT_ID))
-            await open_connection(mavsdk, url, complaints)
+            await open_connection(mavsdk, relay.url, complaints)
             checked, _ = await chosen_system(
                 mavsdk, url, system_id, CONNECT_TIMEOUT_S, interruption.check
             )

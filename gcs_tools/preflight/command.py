@@ -6,18 +6,19 @@ import itertools
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 from rich.console import Console
 
 from gcs_tools.console.errors import CommandError
+from gcs_tools.console.keys import mavlink_key
 from gcs_tools.console.output import Format, write_document
 from gcs_tools.console.progress import progress_bar
 from gcs_tools.contract.document import contract_document
 from gcs_tools.preflight import report as preflight_report
 from gcs_tools.preflight.field_check import check_field, legs_of
 from gcs_tools.preflight.field_placement import check_placement
-from gcs_tools.preflight.files import PreflightFiles
+from gcs_tools.preflight.files import LiveTargets, PreflightFiles, check_options, daemon_key
 from gcs_tools.preflight.finding import VEHICLE_IDENTITY, Finding, Verdict
 from gcs_tools.preflight.offline.sensors import check_sources
 from gcs_tools.preflight.remedy import Remedy, remedies
@@ -34,8 +35,6 @@ from onboard.files.yaml_file import load_yaml
 
 if TYPE_CHECKING:
     from gcs_tools.preflight.rehearsal.prediction import Rehearsal
-
-_SYSTEM_ID_MAX: Final = 255
 
 
 @dataclass(frozen=True)
@@ -204,6 +203,8 @@ def run_preflight(
     authorize_s: float | None,
     input_set: InputSet,
     accept_no_progress: bool = False,
+    mavlink_key_file: Path | None = None,
+    operator_key_file: Path | None = None,
     form: Format,
     output: Path | None,
 ) -> Verdict:
@@ -214,7 +215,9 @@ def run_preflight(
         CommandError: no Zenoh session, or the output or the picture cannot be written.
         VehicleError: no vehicle answers whose requests to arm could be answered.
     """
-    _check_options(files, vehicle_url, system_id, authorize_s)
+    check_options(files, vehicle_url, system_id, authorize_s)
+    signing_key = mavlink_key(mavlink_key_file, vehicle_url)
+    keys = (signing_key, daemon_key(operator_key_file, zenoh_config))
     contract = load_contract(files.contract, files.overrides)
     obstacles = None if files.field is None else load_field(files.field)
     mission = None if files.mission is None else load_yaml(files.mission, Mission)
@@ -226,16 +229,14 @@ def run_preflight(
         result = replace(result, fastest_mps=fastest_mps, rehearsal=rehearsal)
         if files.picture is not None:
             _draw(files.picture, result, obstacles, mission)
-    elif files.picture is not None:
-        raise CommandError("--picture needs --field: it draws the obstacle field")
     if vehicle_url is not None or zenoh_config is not None:
-        targets = _LiveTargets(vehicle_url, system_id, zenoh_config, endurance_s)
+        targets = LiveTargets(vehicle_url, system_id, zenoh_config, endurance_s, *keys)
         findings = _check_live(result, mission, targets)
         result = replace(result, findings=(*result.findings, *findings))
     table = partial(print_preflight, result, str(files.contract))
     write_document(result.document(), table, form=form, path=output)
     if authorize_s is not None and vehicle_url is not None:
-        _authorize(vehicle_url, system_id, result.verdict, authorize_s)
+        _authorize(vehicle_url, system_id, result.verdict, authorize_s, signing_key)
     return result.verdict
 
 
@@ -271,45 +272,28 @@ def _fence_rules(result: Preflight, mission: Mission | None, path: Path | None) 
         raise CommandError(f"{path}: {error}") from error
 
 
-def _check_options(
-    files: PreflightFiles,
-    vehicle_url: str | None,
-    system_id: int | None,
-    authorize_s: float | None,
-) -> None:
-    """Refuse options that do not fit together."""
-    if vehicle_url is not None and files.parameters is not None:
-        raise CommandError("--parameters is for a vehicle that is not asked: leave out --vehicle")
-    if vehicle_url is None and authorize_s is not None:
-        raise CommandError("--authorize needs --vehicle: it answers the vehicle's requests to arm")
-    if system_id is None:
-        return
-    if not 1 <= system_id <= _SYSTEM_ID_MAX:
-        raise CommandError(f"--system-id {system_id}: expected 1 to {_SYSTEM_ID_MAX}")
-    if vehicle_url is None:
-        raise CommandError("--system-id needs --vehicle: it selects one of a connection's vehicles")
-
-
 def _authorize(
-    vehicle_url: str, system_id: int | None, verdict: Verdict, duration_s: float
+    vehicle_url: str,
+    system_id: int | None,
+    verdict: Verdict,
+    duration_s: float,
+    signing_key: bytes | None,
 ) -> None:
     from gcs_tools.preflight.arm_authorization import answer_arm_requests  # noqa: PLC0415  as in `_check_live`
 
     console = Console(stderr=True, highlight=False)
-    answer_arm_requests(vehicle_url, verdict, duration_s, console.print, system_id=system_id)
-
-
-class _LiveTargets(NamedTuple):
-    """What a live check connects to."""
-
-    vehicle_url: str | None
-    system_id: int | None
-    zenoh_config: Path | None
-    endurance_s: float | None
+    answer_arm_requests(
+        vehicle_url,
+        verdict,
+        duration_s,
+        console.print,
+        system_id=system_id,
+        mavlink_key=signing_key,
+    )
 
 
 def _check_live(
-    result: Preflight, mission: Mission | None, targets: _LiveTargets
+    result: Preflight, mission: Mission | None, targets: LiveTargets
 ) -> tuple[Finding, ...]:
     # MAVSDK and Zenoh are large native libraries: load them only for a live check.
     from gcs_tools.preflight.live.bus import load_bus  # noqa: PLC0415
@@ -322,6 +306,8 @@ def _check_live(
         targets.endurance_s,
         system_id=targets.system_id,
         sensors=result.sensors,
+        mavlink_key=targets.mavlink_key,
+        operator_key=targets.operator_key,
         # Where the contract complies, nothing has to be accepted.
         accept_no_progress=result.accept_no_progress and not result.compliant,
     )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
@@ -11,6 +12,7 @@ import zenoh
 from gcs_tools.console.errors import CommandError
 from gcs_tools.console.output import Format, write_document
 from gcs_tools.preflight.live.bus import BusConfig
+from onboard.authentication.operator_command import CommandKind, sealed
 from onboard.files.json_payload import MalformedPayloadError, parse
 from onboard.files.resume_payload import Command, ResumeAnswer, ResumeCommand
 from onboard.zenoh_session import open_session
@@ -22,12 +24,20 @@ if TYPE_CHECKING:
 ANSWER_TIMEOUT_S: Final = 3.0
 
 
-def send(bus: BusConfig, command: Command, *, form: Format, output: Path | None) -> bool:
+def send(
+    bus: BusConfig,
+    command: Command,
+    key: bytes | None = None,
+    *,
+    form: Format,
+    output: Path | None,
+) -> bool:
     """Ask the daemon to fly on, or to return; write and return whether it does.
 
     Args:
         bus: the vehicle, and how to reach it.
         command: which of both.
+        key: the operator's, where the daemon has it.
         form: of the answer.
         output: file for it; None for standard output.
 
@@ -36,7 +46,7 @@ def send(bus: BusConfig, command: Command, *, form: Format, output: Path | None)
     """
     try:
         with open_session(bus) as session:
-            answer = ask(session, bus.vehicle, command)
+            answer = ask(session, bus.vehicle, command, operator_key=key)
     except zenoh.ZError as error:
         raise CommandError(f"cannot open a Zenoh session: {error}") from error
     write_document(
@@ -50,6 +60,7 @@ def ask(
     vehicle: str,
     command: Command = "resume",
     timeout_s: float = ANSWER_TIMEOUT_S,
+    operator_key: bytes | None = None,
 ) -> ResumeAnswer:
     """Send the command, and return the daemon's answer.
 
@@ -58,12 +69,21 @@ def ask(
         vehicle: its name in the Zenoh keys.
         command: to end a hold, or to return.
         timeout_s: how long to wait.
+        operator_key: signs the command; None where the daemon needs no signature.
 
     Raises:
         CommandError: no answer, one that cannot be read, or more than one.
     """
     key = f"clearway/{vehicle}/resume"
     payload = ResumeCommand(command=command).model_dump_json().encode()
+    if operator_key is not None:
+        payload = sealed(
+            payload,
+            key=operator_key,
+            vehicle=vehicle,
+            kind=CommandKind.RESUME,
+            now_unix_s=time.time(),
+        )
     replies = session.get(key, payload=payload, timeout=timeout_s)
     answers = [reply.ok.payload.to_bytes() for reply in replies if reply.ok is not None]
     if not answers:

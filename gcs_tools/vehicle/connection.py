@@ -16,7 +16,8 @@ from mavsdk.asyncio.plugins.mavlink_direct import MavlinkDirectAsync
 
 from gcs_tools.console.errors import CommandError
 from gcs_tools.console.interruption import Interruption
-from gcs_tools.vehicle.operator import Vehicle, VehicleError
+from gcs_tools.vehicle.operator import UrlError, Vehicle, VehicleError
+from gcs_tools.vehicle.signing_relay import signing_relay
 from onboard.mavlink.profiles.profile import AutopilotProfile
 from onboard.mavlink.profiles.registry import OTHER, profile_of
 
@@ -34,10 +35,6 @@ _LOG_LEVELS = (logging.DEBUG, logging.DEBUG, logging.INFO, logging.INFO)
 _URLS = "udpin://HOST:PORT, udpout://HOST:PORT, tcpout://HOST:PORT or serial://DEVICE:BAUD"
 
 
-class UrlError(VehicleError):
-    """A connection URL cannot be opened."""
-
-
 class AmbiguousVehicleError(CommandError):
     """Several vehicles are on one connection, and none was chosen."""
 
@@ -49,6 +46,7 @@ async def connected_vehicle(
     timeout_s: float = CONNECT_TIMEOUT_S,
     while_waiting: Callable[[], None] = lambda: None,
     system_id: int | None = None,
+    mavlink_key: bytes | None = None,
 ) -> AsyncIterator[Vehicle]:
     """Connect to the autopilot on a MAVSDK URL, and keep its state up to date.
 
@@ -58,6 +56,7 @@ async def connected_vehicle(
         timeout_s: how long to wait for an autopilot.
         while_waiting: called repeatedly until one is heard; may raise.
         system_id: of the autopilot; None if there is only one.
+        mavlink_key: of a vehicle that signs its messages; None of one that does not.
 
     Raises:
         UrlError: the URL cannot be opened.
@@ -66,8 +65,12 @@ async def connected_vehicle(
         Interrupted: the operator gave up.
     """
     identity = Configuration.create_with_component_type(ComponentType.GROUND_STATION)
-    async with quiet() as complaints, Mavsdk(identity) as mavsdk:
-        await open_connection(mavsdk, url, complaints)
+    async with (
+        signing_relay(url, mavlink_key, system_id) as relay,
+        quiet() as complaints,
+        Mavsdk(identity) as mavsdk,
+    ):
+        await open_connection(mavsdk, relay.url, complaints)
 
         def waiting() -> None:
             interruption.check()
@@ -76,17 +79,25 @@ async def connected_vehicle(
         try:
             system, number = await chosen_system(mavsdk, url, system_id, timeout_s, waiting)
         except VehicleError as error:
-            raise VehicleError("; ".join([str(error), *complaints[-1:]])) from error
+            reasons = [str(error), *complaints[-1:], *relay.complaints]
+            raise VehicleError("; ".join(reasons)) from error
         vehicle = Vehicle(system, number, await _profile_of(system), interruption)
-        tasks = [asyncio.ensure_future(watcher) for watcher in vehicle.watchers()]
-        try:
-            await vehicle.request_rates()
+        async with _watched(vehicle):
             yield vehicle
-        finally:
-            # These wait for a queue, never for a call into MAVSDK, so they may be cancelled.
-            for task in tasks:
-                task.cancel()
-            await asyncio.gather(*tasks, return_exceptions=True)
+
+
+@asynccontextmanager
+async def _watched(vehicle: Vehicle) -> AsyncIterator[None]:
+    """Keep a vehicle's state up to date during the context."""
+    tasks = [asyncio.ensure_future(watcher) for watcher in vehicle.watchers()]
+    try:
+        await vehicle.request_rates()
+        yield
+    finally:
+        # These wait for a queue, never for a call into MAVSDK, so they may be cancelled.
+        for task in tasks:
+            task.cancel()
+        await asyncio.gather(*tasks, return_exceptions=True)
 
 
 async def open_connection(mavsdk: Mavsdk, url: str, complaints: list[str]) -> None:

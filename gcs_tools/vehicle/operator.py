@@ -56,6 +56,10 @@ class VehicleError(CommandError):
     """The vehicle did not do what was asked, or cannot be reached."""
 
 
+class UrlError(VehicleError):
+    """A connection URL cannot be opened."""
+
+
 @dataclass
 class VehicleState:
     """The newest telemetry; NaN before the first."""

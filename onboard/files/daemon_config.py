@@ -61,12 +61,24 @@ class ObstacleOutputs(FileModel):
     markers: MarkerOutput | None = None
 
 
+class SigningConfig(FileModel):
+    """MAVLink 2 signing of the daemon's link: what is not signed alike is refused."""
+
+    key_file: FilePath = Field(description="one line of 64 hexadecimal digits; mode 0600 or 0640")
+    link_id: Annotated[int, Field(ge=0, le=255)] = Field(
+        0, description="of this link; another one for each program that signs as this component"
+    )
+
+
 class MavlinkLink(FileModel):
     """The daemon's MAVLink link."""
 
-    url: str = Field("udpin://0.0.0.0:14540", description="as in MAVSDK")
+    url: str = Field("udpin://127.0.0.1:14540", description="as in MAVSDK")
     system_id: Annotated[int, Field(ge=1, le=255)] = 1
     telemetry_timeout_s: Positive = Field(0.5, description="telemetry older than this is ignored")
+    signing: SigningConfig | None = Field(
+        None, description="sign what is sent, and refuse what is not signed; null: neither"
+    )
 
     @model_validator(mode="before")
     @classmethod
@@ -85,7 +97,7 @@ class DaemonConfig(FileModel):
     )
     input_set: InputSet = "inner"
     mavlink: MavlinkLink = MavlinkLink(
-        url="udpin://0.0.0.0:14540", system_id=1, telemetry_timeout_s=0.5
+        url="udpin://127.0.0.1:14540", system_id=1, telemetry_timeout_s=0.5, signing=None
     )
     zenoh: ZenohEndpoints = ZenohEndpoints(connect=(), listen=())
     sources: Annotated[tuple[AnySource, ...], Field(strict=False)] = Field(
@@ -113,6 +125,11 @@ class DaemonConfig(FileModel):
     accept_mission_updates: bool = Field(
         False,
         description="fly a mission received on the Zenoh key `mission` instead, even in flight",
+    )
+    operator_key_file: FilePath | None = Field(
+        None,
+        description="clearances, missions and resuming only if signed with this key; 64 "
+        "hexadecimal digits, mode 0600 or 0640; null: taken from every process on the bus",
     )
     fly_outside_contract: bool = Field(
         False, description="leave STANDBY although the contract does not comply; for tests"
@@ -160,6 +177,16 @@ def log_directory(base: Path, config: DaemonConfig, environment: Mapping[str, st
     """
     if config.log_directory is not None:
         return base / config.log_directory
+    return state_directory(base, environment) / "flights"
+
+
+def state_directory(base: Path, environment: Mapping[str, str]) -> Path:
+    """Return the directory of what outlives the daemon.
+
+    Args:
+        base: directory of the configuration.
+        environment: of the daemon; a service's STATE_DIRECTORY is where it may write.
+    """
     # Several directories are separated by colons.
     state, _, _ = environment.get("STATE_DIRECTORY", "").partition(":")
-    return (Path(state) if state else base) / "flights"
+    return Path(state) if state else base

@@ -14,7 +14,7 @@ Endpoints = Annotated[tuple[str, ...], Field(strict=False)]
 
 
 class ZenohEndpoints(FileModel):
-    """How a process joins Zenoh; without endpoints it scouts by multicast.
+    """How a process joins Zenoh; without endpoints it scouts this computer.
 
     A peer talks to other peers directly.  A client talks through what it connects to, which is what
     a router on another computer needs.
@@ -50,7 +50,7 @@ class ZenohEndpoints(FileModel):
         if self.config_file is not None:
             return f"zenoh.config_file = {self.config_file} may let other computers in"
         if not self.connect and not self.listen:
-            return "zenoh states no endpoint, so that it scouts other computers by multicast"
+            return "zenoh states no endpoint, so that it joins whatever answers its scouting"
         for key in ("connect", "listen"):
             for endpoint in getattr(self, key):
                 if not _is_loopback(endpoint):

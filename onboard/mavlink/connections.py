@@ -11,6 +11,7 @@ import itertools
 import logging
 import socket
 from collections.abc import Callable
+from functools import partial
 from typing import Any, Final, Protocol, cast
 
 from onboard.mavlink.link_url import LinkError, LinkUrl
@@ -43,13 +44,21 @@ class Link(Protocol):
         """Release the port."""
 
 
-async def open_link(url: str, receive: Receive, system_id: int) -> Link:
+async def open_link(
+    url: str,
+    receive: Receive,
+    system_id: int | None,
+    is_genuine: Callable[[bytes], bool] = lambda _: True,
+) -> Link:
     """Open a MAVLink connection.
 
     Args:
         url: as `onboard.mavlink.link_url` describes.
         receive: called in the event loop with the bytes that arrive.
-        system_id: MAVLink id of the vehicle, which alone may use a port that listens.
+        system_id: MAVLink id of the vehicle, which alone may use a port that listens; None for
+            whichever autopilot is heard.
+        is_genuine: tells whether the signature of a frame permits to believe that it is the
+            vehicle's.
 
     Raises:
         LinkError: the URL is malformed, its host unknown, the port in use, or the device unusable.
@@ -57,15 +66,16 @@ async def open_link(url: str, receive: Receive, system_id: int) -> Link:
     parsed = LinkUrl.parse(url)
     if parsed.scheme == "serial":
         return SerialLine(parsed, receive)
+    vehicle = partial(VehiclePeer, system_id, is_genuine)
     try:
         family, address = await _resolve(parsed)
         match parsed.scheme:
             case "udpin":
-                return await _UdpServer.open(family, address, receive, system_id)
+                return await _UdpServer.open(family, address, receive, vehicle())
             case "udpout":
                 return await _UdpClient.open(family, address, receive)
             case "tcpin":
-                return await _TcpServer.open(family, address, receive, system_id)
+                return await _TcpServer.open(family, address, receive, vehicle())
             case _:
                 return _TcpClient(url, family, address, receive)
     except OSError as error:
@@ -112,17 +122,21 @@ class _Udp(asyncio.DatagramProtocol):
 class _UdpServer(_Udp):
     """Bound to a port; sends to the vehicle once it has been heard."""
 
-    def __init__(self, receive: Receive, system_id: int) -> None:
+    def __init__(self, receive: Receive, vehicle: VehiclePeer[Address]) -> None:
         super().__init__(receive)
         self._loop = asyncio.get_running_loop()
-        self._vehicle: VehiclePeer[Address] = VehiclePeer(system_id)
+        self._vehicle = vehicle
 
     @classmethod
     async def open(
-        cls, family: socket.AddressFamily, address: Address, receive: Receive, system_id: int
+        cls,
+        family: socket.AddressFamily,
+        address: Address,
+        receive: Receive,
+        vehicle: VehiclePeer[Address],
     ) -> _UdpServer:
         _, link = await asyncio.get_running_loop().create_datagram_endpoint(
-            lambda: cls(receive, system_id), local_addr=_host_and_port(address), family=family
+            lambda: cls(receive, vehicle), local_addr=_host_and_port(address), family=family
         )
         return link
 
@@ -173,19 +187,23 @@ def _host_and_port(address: Address) -> tuple[str, int]:
 class _TcpServer:
     """Listens for connections, and exchanges data with the one from the vehicle."""
 
-    def __init__(self, receive: Receive, system_id: int) -> None:
+    def __init__(self, receive: Receive, vehicle: VehiclePeer[int]) -> None:
         self._receive = receive
         self._loop = asyncio.get_running_loop()
-        self._vehicle: VehiclePeer[int] = VehiclePeer(system_id)
+        self._vehicle = vehicle
         self._numbers = itertools.count(1)
         self._writers: dict[int, asyncio.StreamWriter] = {}
         self._server: asyncio.Server | None = None
 
     @classmethod
     async def open(
-        cls, family: socket.AddressFamily, address: Address, receive: Receive, system_id: int
+        cls,
+        family: socket.AddressFamily,
+        address: Address,
+        receive: Receive,
+        vehicle: VehiclePeer[int],
     ) -> _TcpServer:
-        link = cls(receive, system_id)
+        link = cls(receive, vehicle)
         host, port = _host_and_port(address)
         link._server = await asyncio.start_server(link._serve, host, port, family=family)
         return link

@@ -20,6 +20,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from onboard.files.mavlink_frames import FrameReader
 from onboard.mavlink.battery import BatteryReports
 from onboard.mavlink.heading_drift import Attitude, HeadingDrift
+from onboard.mavlink.link_security import LinkSecurity
 from onboard.mavlink.message_requests import MessageRequests
 from onboard.mavlink.position_reports import (
     EstimatorReport,
@@ -34,6 +35,7 @@ from onboard.mavlink.profiles.profile import (
     EstimatorMessage,
 )
 from onboard.mavlink.profiles.registry import OTHER, profile_of
+from onboard.mavlink.signing import LinkSigning
 from onboard.mavlink.transmitter import Transmitter
 from onboard.vehicle_state import Pose, Setpoint, Target, VehicleStatus
 
@@ -92,6 +94,7 @@ class MavlinkEndpoint:
 
     Args:
         system_id: MAVLink id of the vehicle, and ours.
+        signing: signs what is sent, and refuses what is not signed alike; None for neither.
 
     Attributes:
         profile: of the autopilot whose heartbeat came last; `OTHER` before the first.
@@ -107,10 +110,11 @@ class MavlinkEndpoint:
         heading_drift: of the estimated heading against the gyros.
         battery: what it says of its batteries.
         wants_battery: whether BATTERY_STATUS is requested.
+        security: what is refused because of its signature.
         range_messages: ids of the messages of ranges that are wanted, to be taken by `take_ranges`.
     """
 
-    def __init__(self, system_id: int) -> None:
+    def __init__(self, system_id: int, signing: LinkSigning | None = None) -> None:
         self.profile: AutopilotProfile = OTHER
         self.status = VehicleStatus()
         self.pose: Pose | None = None
@@ -128,7 +132,8 @@ class MavlinkEndpoint:
         self._system_id = system_id
         self._attitude_rad: tuple[float, float, float] | None = None
         self._attitude_s = -math.inf
-        self.transmitter = Transmitter(system_id)
+        self.security = LinkSecurity(signing)
+        self.transmitter = Transmitter(system_id, signing)
         self._requests = MessageRequests()
         self._handlers: dict[int, Callable[[Any, float], None]] = {
             mavlink.MAVLINK_MSG_ID_HEARTBEAT: self._on_heartbeat,
@@ -148,7 +153,9 @@ class MavlinkEndpoint:
     def receive(self, data: bytes, now_s: float) -> None:
         """Take bytes from the link; malformed ones are counted and dropped."""
         for message in self._reader.read(data):
-            self._handle(message, now_s)
+            of_vehicle = self._is_vehicle(message)
+            if self.security.admits(message, now_s, of_vehicle=of_vehicle):
+                self._handle(message, now_s)
         self.counters.garbage_bytes = self._reader.bytes_dropped
 
     def bytes_to_send(self) -> bytes:
@@ -180,13 +187,17 @@ class MavlinkEndpoint:
         """Queue a text for the operator; ``severity`` is a MAV_SEVERITY."""
         self.transmitter.send_text(severity, text)
 
-    def _handle(self, message: Any, now_s: float) -> None:
+    def _is_vehicle(self, message: Any) -> bool:
         sender = (message.get_srcSystem(), message.get_srcComponent())
+        return bool(sender == (self._system_id, mavlink.MAV_COMP_ID_AUTOPILOT1))
+
+    def _handle(self, message: Any, now_s: float) -> None:
         if message.get_msgId() in _RANGE_MESSAGES:
-            if sender[0] == self._system_id and message.get_msgId() in self.range_messages:
+            ours = message.get_srcSystem() == self._system_id
+            if ours and message.get_msgId() in self.range_messages:
                 self._requests.heard(message.get_msgId())
                 self._ranges.append((message.get_msgId(), bytes(message.get_msgbuf())))
-        elif sender != (self._system_id, mavlink.MAV_COMP_ID_AUTOPILOT1):
+        elif not self._is_vehicle(message):
             self.counters.foreign_messages += 1
             self._note_second_commander(message, now_s)
         elif (handler := self._handlers.get(message.get_msgId())) is not None:

@@ -10,6 +10,7 @@ from typing import Final
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from onboard.files.mavlink_frames import FrameWriter
+from onboard.mavlink.signing import LinkSigning
 from onboard.mavlink.status_text import chunks
 from onboard.vehicle_state import Setpoint
 
@@ -34,12 +35,13 @@ class Transmitter:
 
     Args:
         system_id: MAVLink id of the vehicle, and ours.
+        signing: signs every message; None for none.
     """
 
-    def __init__(self, system_id: int) -> None:
+    def __init__(self, system_id: int, signing: LinkSigning | None = None) -> None:
         self._system_id = system_id
         self._outgoing: deque[bytes] = deque(maxlen=_MESSAGES_MAX)
-        self._mavlink = FrameWriter(_Sink(self._outgoing), system_id, COMPONENT_ID)
+        self._mavlink = FrameWriter(_Sink(self._outgoing, signing), system_id, COMPONENT_ID)
         self._heartbeat_due_s = -math.inf
         # Severity, chunk, id of the text, number of the chunk.
         self._texts: deque[tuple[int, bytes, int, int]] = deque(maxlen=_TEXTS_MAX)
@@ -136,8 +138,9 @@ class Transmitter:
 class _Sink:
     """The write-only file that pymavlink wants."""
 
-    def __init__(self, queue: deque[bytes]) -> None:
-        self._queue = queue
+    def __init__(self, queue: deque[bytes], signing: LinkSigning | None) -> None:
+        self._queue, self._signing = queue, signing
 
     def write(self, data: bytes) -> None:
-        self._queue.append(bytes(data))
+        frame = bytes(data)
+        self._queue.append(frame if self._signing is None else self._signing.sign(frame))

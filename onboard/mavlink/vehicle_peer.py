@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 import math
-from collections.abc import Hashable
+from collections.abc import Callable, Hashable
 from typing import Final, Generic, TypeVar
 
 from pymavlink.dialects.v20 import common as mavlink
@@ -28,17 +28,20 @@ class VehiclePeer(Generic[PeerT]):
     has sent none for `SILENCE_S`, or has disconnected.
 
     Args:
-        system_id: MAVLink id of the vehicle.
+        system_id: MAVLink id of the vehicle; None for whichever autopilot is heard.
+        is_genuine: tells whether the signature of a whole frame permits to believe it.
 
     Attributes:
         peer: the vehicle; None before its first heartbeat.
         ignored: pieces of data of other peers that were dropped.
     """
 
-    def __init__(self, system_id: int) -> None:
+    def __init__(
+        self, system_id: int | None, is_genuine: Callable[[bytes], bool] = lambda _: True
+    ) -> None:
         self.peer: PeerT | None = None
         self.ignored = 0
-        self._system_id = system_id
+        self._system_id, self._is_genuine = system_id, is_genuine
         self._heard_s = -math.inf
         self._codec = mavlink.MAVLink(None)
         self._stranger_named = False
@@ -53,7 +56,7 @@ class VehiclePeer(Generic[PeerT]):
             peer: the sender.
             now_s: the time.
         """
-        if _has_heartbeat(data, self._system_id, self._codec):
+        if self._has_heartbeat(data):
             self._hear_vehicle(peer, now_s)
         if self.peer is None or peer == self.peer:
             return True
@@ -61,9 +64,9 @@ class VehiclePeer(Generic[PeerT]):
         if not self._stranger_named:
             self._stranger_named = True
             log.warning(
-                "%s also sends to this port and is ignored: vehicle %d is %s",
+                "%s also sends to this port and is ignored: vehicle %s is %s",
                 _name(peer),
-                self._system_id,
+                self._system_id or "",
                 _name(self.peer),
             )
         return False
@@ -77,32 +80,31 @@ class VehiclePeer(Generic[PeerT]):
         if peer != self.peer:
             if self.peer is not None and now_s - self._heard_s <= SILENCE_S:
                 return
-            log.info("vehicle %d is %s", self._system_id, _name(peer))
+            log.info("vehicle %s is %s", self._system_id or "", _name(peer))
             self.peer, self._stranger_named = peer, False
         self._heard_s = now_s
 
+    def _has_heartbeat(self, data: bytes) -> bool:
+        """Tell whether an intact, genuine heartbeat of the autopilot is among whole frames."""
+        frames, start = bytearray(data), 0
+        while start < len(frames):
+            length = frame_length(frames, start, mavlink.mavlink_map)
+            if length is None:
+                return False
+            frame = frames[start : start + length]
+            if length and _is_heartbeat(frame, self._system_id) and _is_intact(frame, self._codec):
+                return self._is_genuine(bytes(frame))
+            start += length or 1
+        return False
 
-def _has_heartbeat(data: bytes, system_id: int, codec: mavlink.MAVLink) -> bool:
-    """Tell whether an intact heartbeat of the vehicle's autopilot is among whole frames."""
-    frames, start = bytearray(data), 0
-    while start < len(frames):
-        length = frame_length(frames, start, mavlink.mavlink_map)
-        if length is None:
-            return False
-        frame = frames[start : start + length]
-        if length and _is_heartbeat(frame, system_id) and _is_intact(frame, codec):
-            return True
-        start += length or 1
-    return False
 
-
-def _is_heartbeat(frame: bytearray, system_id: int) -> bool:
+def _is_heartbeat(frame: bytearray, system_id: int | None) -> bool:
     if frame[0] == mavlink.PROTOCOL_MARKER_V1:
         sender, message_id = (frame[3], frame[4]), frame[5]
     else:
         sender, message_id = (frame[5], frame[6]), frame[7] | frame[8] << 8 | frame[9] << 16
-    vehicle = (system_id, mavlink.MAV_COMP_ID_AUTOPILOT1)
-    return sender == vehicle and message_id == mavlink.MAVLINK_MSG_ID_HEARTBEAT
+    named = system_id in (None, sender[0]) and sender[1] == mavlink.MAV_COMP_ID_AUTOPILOT1
+    return named and message_id == mavlink.MAVLINK_MSG_ID_HEARTBEAT
 
 
 def _is_intact(frame: bytearray, codec: mavlink.MAVLink) -> bool:

@@ -52,11 +52,13 @@ class DropCounters:
     mavlink_garbage_bytes: int = 0
     mavlink_malformed: int = 0
     mavlink_foreign: int = 0
+    mavlink_refused: int = 0
     frames_malformed: int = 0
     frames_unplaced: int = 0
     frames_dropped: int = 0
     clearances_malformed: int = 0
     missions_malformed: int = 0
+    commands_refused: int = 0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -81,6 +83,7 @@ class StateRecord:
         telemetry_age_s: of the newest pose.
         sensors: by source.
         position_doubt: why the position is not trusted; None while it is.
+        link_doubt: why signatures keep the MAVLink link from working; None while they do not.
         progress: ``guaranteed`` or ``best_effort``, as this flight or the next is flown.
         cleared: whether a valid flight authorization is present, or none is required.
         log_ended: whether the service flies on without a log.
@@ -117,6 +120,7 @@ class StateRecord:
     telemetry_age_s: Number | None = None
     sensors: dict[str, SensorRecord] = field(default_factory=dict)
     position_doubt: str | None = None
+    link_doubt: str | None = None
     progress: str = ""
     cleared: bool | None = None
     log_ended: bool = False

@@ -40,6 +40,7 @@ def state_of(autonomy: Autonomy, now_s: float) -> StateRecord:
         telemetry_age_s=None if pose is None else now_s - pose.time_s,
         sensors=_sensors(autonomy, now_s),
         position_doubt=None if doubt is None else doubt.sentence,
+        link_doubt=autonomy.link.security.doubt(now_s),
         progress=autonomy.assessment.contract.requirements.progress,
         cleared=autonomy.flight_authorization.refusal(autonomy.epoch_unix_s + now_s) is None,
         log_ended=autonomy.log_ended,
@@ -79,11 +80,13 @@ def _dropped(autonomy: Autonomy) -> DropCounters:
         mavlink_garbage_bytes=link.garbage_bytes,
         mavlink_malformed=link.malformed_messages,
         mavlink_foreign=link.foreign_messages,
+        mavlink_refused=autonomy.link.security.refused.total(),
         frames_malformed=detections.malformed_frames,
         frames_unplaced=detections.unplaced_frames,
         frames_dropped=detections.dropped_frames,
         clearances_malformed=autonomy.flight_authorization.malformed,
         missions_malformed=autonomy.malformed_missions,
+        commands_refused=autonomy.refused_commands,
     )
 
 

@@ -15,6 +15,7 @@ from onboard.files.mavlink_frames import FrameReader, FrameWriter
 from onboard.geometry.rest import RestDetector
 from onboard.mavlink.profiles.profile import AutopilotProfile, Mode
 from onboard.mavlink.profiles.registry import OTHER, profile_of
+from onboard.mavlink.signing import LinkSigning
 
 REPEAT_S: Final = 0.5
 HEALTH: Final = mavlink.MAV_SYS_STATUS_PREARM_CHECK
@@ -60,18 +61,21 @@ class Operator:
     Args:
         system_id: MAVLink id of the vehicle.
         altitude_m: height above the local origin to take off to.
+        signing: signs every message; None for none.
 
     Attributes:
         step: what it is doing.
         gave_up: why it never handed the vehicle over; None otherwise.
     """
 
-    def __init__(self, system_id: int, altitude_m: float) -> None:
+    def __init__(
+        self, system_id: int, altitude_m: float, signing: LinkSigning | None = None
+    ) -> None:
         self.step = Step.ARM
         self.gave_up: str | None = None
         self._system_id = system_id
         self._altitude_m = altitude_m
-        self._outgoing = _Outgoing()
+        self._outgoing = _Outgoing(signing)
         self._mavlink = FrameWriter(self._outgoing, 255, mavlink.MAV_COMP_ID_MISSIONPLANNER)
         self._reader = FrameReader(mavlink, _HEARD, trusts_unknown=False)
         self._armed = self._ready = False
@@ -206,11 +210,11 @@ class Operator:
 class _Outgoing:
     """The write-only file that pymavlink needs."""
 
-    def __init__(self) -> None:
-        self._data = bytearray()
+    def __init__(self, signing: LinkSigning | None) -> None:
+        self._data, self._signing = bytearray(), signing
 
     def write(self, data: bytes) -> None:
-        self._data += data
+        self._data += data if self._signing is None else self._signing.sign(bytes(data))
 
     def take(self) -> bytes:
         data = bytes(self._data)

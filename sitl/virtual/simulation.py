@@ -25,12 +25,14 @@ from onboard.files.mission_file import Mission
 from onboard.files.obstacle_field import ObstacleField
 from onboard.files.sensor_sources import AnySource
 from onboard.guidance.phases import Phase
+from onboard.mavlink.signing import LinkSigning, timestamp_at
 from onboard.perception.sources.registry import zenoh_key
 from onboard.planning.planner import Planner
 from onboard.planning.qp.search import QpPlanner
 from onboard.recording.flight_log import FlightLog
 from onboard.recording.journal import Journal
 from onboard.recording.messages import Record
+from sitl.autopilot.protocol.signing import key_of_passphrase
 from sitl.config import SitlConfig
 from sitl.environment.sensor_message import ZenohMessage
 from sitl.environment.truth_log import TruthLog
@@ -70,6 +72,7 @@ class SimulatedFlight:
         sources: sensors that the service relies on, besides those that publish JSON.
         input_set: which accelerations plans may use.
         fly_outside_contract: fly although the contract's clauses are not met.
+        mavlink_key: of the service's link; None: that of `sitl.signing_passphrase`, if any.
         time_limit_s: the simulation ends after this, landed or not.
     """
 
@@ -82,6 +85,7 @@ class SimulatedFlight:
     sources: tuple[AnySource, ...] = ()
     input_set: InputSet = "inner"
     fly_outside_contract: bool = False
+    mavlink_key: bytes | None = None
     time_limit_s: float = 600.0
 
 
@@ -125,7 +129,9 @@ class Simulation:
         )
         self._service_faults = ServiceFaults(schedule, flight.mission)
         self.autonomy = _start_service(flight, self._service_faults.solver)
-        self.operator = Operator(config.system_id, flight.mission.altitude_m)
+        self.operator = Operator(
+            config.system_id, flight.mission.altitude_m, _signing(_vehicle_key(flight))
+        )
         self.flight = flight
         self._steps = 0
         self._dead = False
@@ -239,7 +245,18 @@ def _start_service(flight: SimulatedFlight, solver: QpPlanner) -> Autonomy:
         stopwatch=time.perf_counter,
         planner=Planner(solver),
         sensors=flight.sources,
+        signing=_signing(flight.mavlink_key or _vehicle_key(flight)),
     )
+
+
+def _vehicle_key(flight: SimulatedFlight) -> bytes | None:
+    """Return the key that the simulated vehicle signs with; None if it does not."""
+    passphrase = flight.sitl.signing_passphrase
+    return None if passphrase is None else key_of_passphrase(passphrase)
+
+
+def _signing(key: bytes | None) -> LinkSigning | None:
+    return None if key is None else LinkSigning(key, 0, timestamp_at(EPOCH_UNIX_S))
 
 
 @contextmanager

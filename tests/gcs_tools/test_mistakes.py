@@ -61,6 +61,22 @@ MISTAKES = [
     Mistake("a folder that is in use", "init .", ("exists already", "nothing is overwritten")),
     Mistake("a folder that is a file", "init contract.yaml", ("contract.yaml", "be written")),
     Mistake("another autopilot", "init new --vehicle betaflight", ("betaflight", "ardupilot")),
+    # ------------------------------------------------------------------------ keys
+    Mistake(
+        "a key for nothing to sign",
+        "preflight --contract contract.yaml --mavlink-key contract.yaml",
+        ("--mavlink-key needs --vehicle",),
+    ),
+    Mistake(
+        "an operator's key without a daemon",
+        "preflight --contract contract.yaml --operator-key contract.yaml",
+        ("--operator-key needs --zenoh-config",),
+    ),
+    Mistake(
+        "a key that everybody reads",
+        "resume --zenoh-config bus.yaml --operator-key contract.yaml",
+        ("contract.yaml: mode", "lets other users"),
+    ),
     # ------------------------------------------------------------------------ contract file
     Mistake("a file that is not there", "preflight --contract contact.yaml", ("No such file",)),
     Mistake("a folder for a file", "preflight --contract schemas", ("schemas", "directory")),

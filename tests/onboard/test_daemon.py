@@ -14,6 +14,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager, redirect_stderr
 from pathlib import Path
 from typing import Any
+from unittest import mock
 
 import pytest
 import yaml
@@ -25,6 +26,7 @@ from gcs_tools.export.log_parts import log_metadata
 from gcs_tools.export.tlog import write_tlog
 from gcs_tools.logs.flight_log import read_log
 from onboard.__main__ import main
+from onboard.authentication.keys import DaemonKeys
 from onboard.daemon import run
 from onboard.files.contract_file import Contract, load_contract
 from onboard.files.daemon_config import DaemonConfig
@@ -72,7 +74,9 @@ def write(directory: Path, settings: dict[str, Any]) -> Path:
 
 def refused(directory: Path, settings: dict[str, Any]) -> str:
     """Start the daemon, in this process, on settings that it must refuse; return its complaint."""
-    with redirect_stderr(io.StringIO()) as stderr:
+    # Else this process and all that later tests start would run before everything else.
+    priority = mock.patch("onboard.daemon.request_realtime_priority")
+    with priority, redirect_stderr(io.StringIO()) as stderr:
         code = main(["--config", str(write(directory, settings))])
     return complaint(code, stderr.getvalue())
 
@@ -339,7 +343,8 @@ def test_collections_walk_nothing_that_start_up_left(
     contract = load_yaml(Path(settings["contract"]), Contract)
     mission = load_yaml(Path(settings["mission"]), Mission)
     try:
-        asyncio.run(run(config, contract, mission, LogPlace(tmp_path / "flight.mcap")))
+        place = LogPlace(tmp_path / "flight.mcap")
+        asyncio.run(run(config, contract, mission, place, DaemonKeys()))
     finally:
         gc.unfreeze()
     assert frozen[0] > 10_000

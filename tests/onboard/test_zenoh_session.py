@@ -6,6 +6,7 @@ import gc
 import json
 import queue
 import socket
+import subprocess
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -21,7 +22,7 @@ import zenoh.ext
 from gcs_tools.preflight.live.bus import bus_of, load_bus
 from onboard.files.yaml_file import FileError, validate
 from onboard.files.zenoh_endpoints import ZenohEndpoints
-from onboard.zenoh_session import open_session, subscribe_with_history
+from onboard.zenoh_session import _configuration, open_session, subscribe_with_history
 from sitl.config import load_sitl_config
 
 KEY = "clearway/v1/obstacles"
@@ -242,3 +243,90 @@ def test_what_was_published_before_is_heard_by_who_asks_for_history() -> None:
             assert heard.get(timeout=20.0) == b"mounted"
             late.put(b"again")
             assert heard.get(timeout=20.0) == b"again"
+
+
+EXAMPLES = sorted((Path(__file__).parents[2] / "config" / "zenoh").glob("*.json5"))
+
+
+@pytest.mark.parametrize("path", EXAMPLES, ids=lambda path: path.stem)
+def test_the_examples_of_users_and_tls_load_and_scout_nothing(path: Path) -> None:
+    config = _configuration(ZenohEndpoints(config_file=path))
+    assert config.get_json("scouting/multicast/enabled") == "false"
+    link, auth = config.get_json("transport/link/tls"), config.get_json("transport/auth/usrpwd")
+    assert ('"enable_mtls":true' in link) is ("mtls" in path.stem)
+    assert ("change me" in auth) is ("users" in path.stem)
+
+
+def test_both_sides_of_mtls_meet_and_who_has_no_certificate_does_not(tmp_path: Path) -> None:
+    authority = issue(tmp_path, "ca")
+    issue(tmp_path, "localhost", signed_by="ca")
+    issue(tmp_path, "operator", signed_by="ca")
+    where = endpoint().replace("tcp/127.0.0.1", "tls/localhost")
+    document: dict[str, Any] = {
+        "transport/link/tls/enable_mtls": True,
+        "transport/link/tls/root_ca_certificate": str(authority),
+    }
+    daemon = document | {
+        "transport/link/tls/listen_certificate": str(tmp_path / "localhost.pem"),
+        "transport/link/tls/listen_private_key": str(tmp_path / "localhost.key"),
+    }
+    operator = {**document, "mode": "client", "connect/endpoints": [where]}
+    stranger = operator | {"transport/link/tls/enable_mtls": False}
+    operator |= {
+        "transport/link/tls/connect_certificate": str(tmp_path / "operator.pem"),
+        "transport/link/tls/connect_private_key": str(tmp_path / "operator.key"),
+    }
+    with router(where, **daemon):
+        for name, settings in (("operator", operator), ("stranger", stranger)):
+            config = zenoh.Config()
+            for key, value in {**settings, "connect/timeout_ms": 1000}.items():
+                config.insert_json5(key, json.dumps(value))
+            (tmp_path / f"{name}.json5").write_text(str(config))
+        joining = ZenohEndpoints(config_file=tmp_path / "operator.json5")
+        assert meet(joining, joining)
+        with (
+            pytest.raises(zenoh.ZError),
+            open_session(ZenohEndpoints(config_file=tmp_path / "stranger.json5")),
+        ):
+            pass
+
+
+def issue(directory: Path, name: str, signed_by: str | None = None) -> Path:
+    """Make a key and a certificate for a name with OpenSSL; return the certificate."""
+    certificate, key = directory / f"{name}.pem", directory / f"{name}.key"
+    extension = "basicConstraints=critical,CA:TRUE"
+    if signed_by is not None:
+        extension = f"subjectAltName=DNS:{name}"
+    command = [
+        *("openssl", "req", "-x509", "-newkey", "ec", "-pkeyopt", "ec_paramgen_curve:P-256"),
+        *("-nodes", "-days", "1", "-subj", f"/CN={name}", "-addext", extension),
+        *("-keyout", str(key), "-out", str(certificate)),
+    ]
+    if signed_by is not None:
+        authority = directory / f"{signed_by}.pem"
+        command += ["-CA", str(authority), "-CAkey", str(authority.with_suffix(".key"))]
+        command += ["-addext", "basicConstraints=critical,CA:FALSE"]
+    subprocess.run(command, check=True, capture_output=True)
+    return certificate
+
+
+def test_without_endpoints_nothing_listens_beyond_this_computer() -> None:
+    before = listening()
+    with open_session(ZenohEndpoints()):
+        opened = listening() - before
+    assert opened
+    # Big-endian words of the addresses 127.0.0.1 and, of scouting, 224.0.0.224 on loopback.
+    assert {address for address, _ in opened if address != "00000000"} <= {"0100007F", "E00000E0"}
+    assert not [each for each in opened if each == ("00000000", "tcp")]
+
+
+def listening() -> set[tuple[str, str]]:
+    """Return address and protocol of the sockets of this process that take what comes."""
+    own = {str(each.readlink()) for each in Path("/proc/self/fd").iterdir() if each.is_symlink()}
+    found = set()
+    for protocol, state in (("tcp", "0A"), ("udp", "07"), ("tcp6", "0A"), ("udp6", "07")):
+        for line in Path(f"/proc/self/net/{protocol}").read_text().splitlines()[1:]:
+            fields = line.split()
+            if fields[3] == state and f"socket:[{fields[9]}]" in own:
+                found.add((fields[1].partition(":")[0], protocol))
+    return found

@@ -22,7 +22,9 @@ from gcs_tools.preflight.live.daemon import (
     telemetry_finding,
 )
 from gcs_tools.preflight.live.detections import Sample, check_detections
+from onboard.authentication.operator_command import CommandKind, sealed
 from onboard.contract.assessment import Assessment
+from onboard.events import EventName
 from onboard.files.contract_file import Contract
 from onboard.files.daemon_config import DaemonConfig
 from onboard.files.yaml_file import FileError, load_yaml
@@ -84,12 +86,16 @@ class BusCheck:
     Args:
         session: an open session.
         vehicle: its name in the Zenoh keys.
+        operator_key: signs the authorization; None where the daemon needs no signature.
     """
 
-    def __init__(self, session: zenoh.Session, vehicle: str) -> None:
-        self._session = session
+    def __init__(
+        self, session: zenoh.Session, vehicle: str, operator_key: bytes | None = None
+    ) -> None:
+        self._session, self._vehicle, self._operator_key = session, vehicle, operator_key
         self._prefix = f"clearway/{vehicle}"
         self._statuses: list[Status] = []
+        self._refusals: list[str] = []
         self._daemon_ahead_s: float | None = None
         # If this computer sets its clock during the check, the other clocks must not seem to step.
         self._epoch_unix_s = time.time() - time.monotonic()
@@ -158,22 +164,54 @@ class BusCheck:
             checks={f"{each.subject} {each.name}": each.verdict.value for each in findings},
             progress="best_effort" if accept_no_progress else None,
         )
-        self._statuses.clear()
-        listener = self._session.declare_subscriber(f"{self._prefix}/status", self._on_status)
-        self._session.put(f"{self._prefix}/clearance", clearance.model_dump_json().encode())
-        heard = passed and self._until(lambda: self._confirmed(accepted=accept_no_progress))
-        listener.undeclare()  # type: ignore[no-untyped-call]  # untyped in its own stubs
+        heard = self._sent(clearance, accepted=accept_no_progress)
         if not passed:
             verdict = Verdict.worst([Verdict.of(holds=compliant), verdict])
             text = "withheld: the check has not passed"
             return Finding("daemon", FLIGHT_AUTHORIZATION, verdict, text)
         if not heard:
             text = f"given, but the daemon did not confirm it within {ANSWER_TIMEOUT_S:g} s"
+            if self._refusals:
+                text += f": {self._refusals[-1]}"
             return Finding("daemon", FLIGHT_AUTHORIZATION, Verdict.UNKNOWN, text)
         text = "given, and confirmed by the daemon"
         if accept_no_progress:
             text = "given for one flight that may not arrive, and confirmed by the daemon"
         return Finding("daemon", FLIGHT_AUTHORIZATION, Verdict.HOLDS, text)
+
+    def _sent(self, clearance: FlightAuthorization, *, accepted: bool) -> bool:
+        """Send an authorization; tell whether the daemon confirms one that has passed."""
+        self._statuses.clear()
+        listeners = [
+            self._session.declare_subscriber(f"{self._prefix}/status", self._on_status),
+            self._session.declare_subscriber(f"{self._prefix}/events", self._on_event),
+        ]
+        payload = clearance.model_dump_json().encode()
+        self._session.put(f"{self._prefix}/clearance", self._sealed(payload))
+        heard = clearance.passed and self._until(lambda: self._confirmed(accepted=accepted))
+        for listener in listeners:
+            listener.undeclare()  # type: ignore[no-untyped-call]  # untyped in its own stubs
+        return heard
+
+    def _sealed(self, payload: bytes) -> bytes:
+        """Return the authorization as the daemon expects it, stamped by the daemon's clock."""
+        if self._operator_key is None:
+            return payload
+        return sealed(
+            payload,
+            key=self._operator_key,
+            vehicle=self._vehicle,
+            kind=CommandKind.CLEARANCE,
+            now_unix_s=self._now_unix_s() + (self._daemon_ahead_s or 0.0),
+        )
+
+    def _on_event(self, sample: zenoh.Sample) -> None:
+        try:
+            event = json.loads(sample.payload.to_bytes())
+        except ValueError:  # another node may publish something else under this key
+            return
+        if isinstance(event, dict) and event.get("name") == EventName.COMMAND_REFUSED:
+            self._refusals.append(str(event.get("text")))
 
     def _confirmed(self, *, accepted: bool) -> bool:
         """Tell whether a status says that the daemon may fly, and flies as was accepted."""

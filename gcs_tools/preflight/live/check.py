@@ -14,8 +14,8 @@ from gcs_tools.console.interruption import interruptible
 from gcs_tools.preflight.finding import Finding, Verdict
 from gcs_tools.preflight.live.bus import BusCheck, BusConfig
 from gcs_tools.preflight.live.vehicle import evaluate
-from gcs_tools.vehicle.connection import CONNECT_TIMEOUT_S, UrlError, connected_vehicle
-from gcs_tools.vehicle.operator import Vehicle, VehicleError
+from gcs_tools.vehicle.connection import CONNECT_TIMEOUT_S, connected_vehicle
+from gcs_tools.vehicle.operator import UrlError, Vehicle, VehicleError
 from gcs_tools.vehicle.survey import survey
 from onboard.contract.assessment import Assessment
 from onboard.files.mission_file import Mission
@@ -38,6 +38,8 @@ class LiveRequest:
         system_id: of the vehicle; None if there is only one on the connection.
         sensors: names of those of the daemon's file, each of which has to deliver.
         accept_no_progress: have the daemon fly once without a guarantee to arrive.
+        mavlink_key: of a vehicle that signs its messages; None of one that does not.
+        operator_key: signs the authorization; None where the daemon needs no signature.
     """
 
     vehicle_url: str | None = None
@@ -47,6 +49,8 @@ class LiveRequest:
     system_id: int | None = None
     sensors: tuple[str, ...] = ()
     accept_no_progress: bool = False
+    mavlink_key: bytes | None = None
+    operator_key: bytes | None = None
 
 
 def check_live(
@@ -74,7 +78,7 @@ def check_live(
         Interrupted: the operator gave up.
     """
     with ExitStack() as stack:
-        bus = None if request.bus is None else _joined(request.bus, stack)
+        bus = None if request.bus is None else _joined(request.bus, stack, request.operator_key)
         findings = []
         if request.vehicle_url is not None:
             findings += asyncio.run(
@@ -95,13 +99,13 @@ def check_live(
     return tuple(findings)
 
 
-def _joined(config: BusConfig, stack: ExitStack) -> BusCheck:
+def _joined(config: BusConfig, stack: ExitStack, operator_key: bytes | None) -> BusCheck:
     """Join the bus until the stack is closed."""
     try:
         session = stack.enter_context(open_session(config))
     except zenoh.ZError as error:
         raise CommandError(f"cannot open a Zenoh session: {error}") from error
-    return BusCheck(session, config.vehicle)
+    return BusCheck(session, config.vehicle, operator_key)
 
 
 async def _check_vehicle_at(
@@ -115,7 +119,11 @@ async def _check_vehicle_at(
     with interruptible() as interruption:
         try:
             async with connected_vehicle(
-                url, interruption, request.connect_timeout_s, system_id=request.system_id
+                url,
+                interruption,
+                request.connect_timeout_s,
+                system_id=request.system_id,
+                mavlink_key=request.mavlink_key,
             ) as vehicle:
                 return await check_vehicle(
                     vehicle, assessment, mission, request.endurance_s, report

@@ -109,7 +109,10 @@ def _sensor_finding(name: str, said: object, terms: Terms[float], *, heard: bool
 
 
 def telemetry_finding(statuses: Sequence[Status]) -> Finding:
-    """Check the age of the telemetry on the daemon's own link."""
+    """Check the daemon's own link: the age of the telemetry, and whether signatures agree."""
+    doubts = [each.document.get("link_doubt") for each in statuses]
+    if doubts and isinstance(doubts[-1], str):
+        return Finding("daemon", "telemetry", Verdict.BROKEN, doubts[-1])
     return _age_finding(
         statuses,
         "telemetry",

@@ -15,13 +15,18 @@ from gcs_tools.console.errors import CommandError
 from gcs_tools.console.processes import free_ports
 from gcs_tools.preflight.live.bus import BusConfig
 from gcs_tools.resume.command import ask, print_answer, send
-from onboard.daemon import Bus
-from onboard.files.contract_file import load_contract
-from onboard.files.resume_payload import ResumeAnswer, ResumeReason
+from onboard.authentication.operator_command import (
+    CommandGate,
+    CommandJournal,
+    CommandKind,
+    sealed,
+)
+from onboard.files.resume_payload import ResumeAnswer, ResumeCommand, ResumeReason
 from onboard.files.zenoh_endpoints import ZenohEndpoints
 from onboard.guidance.departure import Refusal, RefusalKind
+from onboard.operator_channel import OperatorChannel
+from onboard.timing import Clock
 from onboard.zenoh_session import open_session
-from tests.gcs_tools.running import CONFIG
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -29,7 +34,6 @@ if TYPE_CHECKING:
 
     from onboard.files.resume_payload import Command
 
-CONTRACT = load_contract(CONFIG / "default_contract.yaml")
 KEY = "clearway/vehicle/resume"
 
 
@@ -39,29 +43,40 @@ class Service:
     def __init__(self, *refusals: Refusal) -> None:
         self._refusals, self.asked = list(refusals), 0
         self.commands: list[str] = []
+        self.reported: list[str] = []
 
     def receive_resume(self, answer: Callable[[list[Refusal]], None], command: str) -> None:
         self.asked += 1
         self.commands.append(command)
         answer(self._refusals)
 
+    def report_refused_command(self, kind: str, reason: str, now_s: float) -> None:  # noqa: ARG002  of the service
+        self.reported.append(f"{kind}: {reason}")
 
-def served(service: Service, act: Callable[[str], Any], remote_access: str | None = None) -> Any:
+
+def served(
+    service: Service,
+    act: Callable[[str], Any],
+    remote_access: str | None = None,
+    gate: CommandGate | None = None,
+) -> Any:
     """Serve the bus on loopback while something is done in another thread."""
 
     async def run() -> Any:
         listen = f"tcp/127.0.0.1:{free_ports(1)[0]}"
         with open_session(ZenohEndpoints(listen=(listen,))) as session:
-            bus = Bus(session, "vehicle", CONTRACT)
-            bus.answer_resumes(service, remote_access)  # type: ignore[arg-type]
+            channel = OperatorChannel(session, "vehicle", service, Clock(), gate)  # type: ignore[arg-type]
+            channel.answer_resumes(remote_access)
             return await asyncio.to_thread(act, listen)
 
     return asyncio.run(run())
 
 
-def resume_at(listen: str, output: Path, command: Command = "resume") -> bool:
+def resume_at(
+    listen: str, output: Path, command: Command = "resume", key: bytes | None = None
+) -> bool:
     bus = BusConfig(vehicle="vehicle", connect=(listen,), listen=())
-    return send(bus, command, form="json", output=output)
+    return send(bus, command, key, form="json", output=output)
 
 
 def test_an_accepted_command_is_confirmed(tmp_path: Path) -> None:
@@ -113,6 +128,45 @@ def test_where_other_computers_may_send_it_the_command_is_refused(tmp_path: Path
     assert service.asked == 0
     (reason,) = json.loads(output.read_text())["reasons"]
     assert reason["text"].startswith("zenoh.listen has tcp/0.0.0.0:7447 (expected a loopback")
+
+
+def test_a_command_signed_with_the_operators_key_may_come_from_anywhere(tmp_path: Path) -> None:
+    output, refused = tmp_path / "answer.json", "signed with another key, or altered"
+    gate = CommandGate(bytes(32), "vehicle", CommandJournal())
+    service, why = Service(), "zenoh.listen has another computer"
+    act = lambda listen: resume_at(listen, output, key=bytes(32))  # noqa: E731  one line each
+    assert served(service, act, why, gate) is True
+    assert service.asked == 1
+    act = lambda listen: resume_at(listen, output, key=bytes([1] * 32))  # noqa: E731
+    assert served(service, act, why, gate) is False
+    (reason,) = json.loads(output.read_text())["reasons"]
+    assert (reason["kind"], reason["text"]) == ("authentication", refused)
+    act = lambda listen: resume_at(listen, output)  # noqa: E731
+    assert served(service, act, None, gate) is False
+    assert service.asked == 1
+    assert service.reported == [f"resume: {refused}", "resume: not signed with the operator's key"]
+
+
+def test_the_command_to_return_is_inside_what_is_signed(tmp_path: Path) -> None:
+    """One signed to resume cannot be made one to return; the key lets either come from anywhere."""
+    key, output = bytes(32), tmp_path / "answer.json"
+    service, gate = Service(), CommandGate(key, "vehicle", CommandJournal())
+    act = lambda listen: resume_at(listen, output, "return", key)  # noqa: E731  one line each
+    assert served(service, act, "zenoh.listen has another computer", gate) is True
+    assert service.commands == ["return"]
+
+    def alter(listen: str) -> bytes:
+        resume = ResumeCommand(command="resume").model_dump_json().encode()
+        kind = CommandKind.RESUME
+        command = sealed(resume, key=key, vehicle="vehicle", kind=kind, now_unix_s=time.time())
+        with open_session(ZenohEndpoints(connect=(listen,))) as session:
+            payload = command.replace(b"resume", b"return")
+            (reply,) = session.get(KEY, payload=payload, timeout=3.0)
+            assert reply.ok is not None
+            return reply.ok.payload.to_bytes()
+
+    assert json.loads(served(service, alter, None, gate))["reasons"][0]["kind"] == "authentication"
+    assert service.commands == ["return"]
 
 
 def test_where_a_router_has_joined_the_command_is_refused(tmp_path: Path) -> None:

@@ -82,7 +82,7 @@ def test_a_timeout_is_a_number_above_zero(value: Any) -> None:
 def test_what_is_not_stated_is_the_documented_default() -> None:
     config = validate(MINIMUM, DaemonConfig, source="d.yaml")
     assert config.mavlink == MavlinkLink()
-    assert (config.mavlink.url, config.mavlink.system_id) == ("udpin://0.0.0.0:14540", 1)
+    assert (config.mavlink.url, config.mavlink.system_id) == ("udpin://127.0.0.1:14540", 1)
     assert not config.accept_mission_updates
     assert not config.require_preflight
     assert config.log_file is None

@@ -74,7 +74,7 @@ def test_without_a_configuration_file_nothing_is_moved() -> None:
         ({"listen": ("tcp/[::1]:0", "udp/127.0.0.2:7448")}, None),
         ({"listen": ("unixsock-stream//run/clearway",)}, None),
         ({"connect": ("tcp/127.0.0.1:7447?rel=1#iface=lo",)}, None),
-        ({}, "scouts other computers"),
+        ({}, "whatever answers its scouting"),
         (
             {"listen": ("tcp/127.0.0.1:7448", "tcp/0.0.0.0:7449")},
             "zenoh.listen has tcp/0.0.0.0:7449",
