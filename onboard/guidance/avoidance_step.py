@@ -68,6 +68,12 @@ class AvoidanceStep:
         self._planned: list[PlannedStep] = []
         # Which obstacle no plan was found around, and when to try again.
         self._unplanned, self._retry_s = "", -math.inf
+        # Of this leg: which tracks have been noted, up to which state of the map, and which of
+        # them were seen in time.
+        self._noted: set[str] = set()
+        self._in_time: set[str] = set()
+        self._noted_leg: LegFrame | None = None
+        self._noted_revision = -1
 
     def take_planned(self) -> list[PlannedStep]:
         """Return and forget the plans made since the last call."""
@@ -75,6 +81,27 @@ class AvoidanceStep:
         return planned
 
     # ------------------------------------------------------------------ from begin to end
+
+    def note_first_sights(self, now_s: float) -> None:
+        """Remember of each obstacle that is new whether it is seen in time on this leg.
+
+        What is known when a leg begins, where the vehicle rests, is known in time.
+        """
+        situation = self._situation
+        state, revision = situation.reference.sample(now_s), situation.obstacles.revision
+        begins = situation.leg != self._noted_leg
+        if state is None or (revision == self._noted_revision and not begins):
+            return
+        if begins:
+            self._noted.clear()
+            self._in_time.clear()
+        self._noted_leg, self._noted_revision = situation.leg, revision
+        x_m, y_m, _ = state.position_leg_m
+        for seen in situation.obstacles.each_new(self._noted):
+            self._noted.add(seen.id)
+            late_m = x_m - seen.region.approach_x_m
+            if begins or late_m <= self._late_max_m(seen, y_m):
+                self._in_time.add(seen.id)
 
     def begin(self, obstacle: Obstacle, now_s: float) -> None:
         """Plan the step around an obstacle whose region begins by the next tick.
@@ -129,10 +156,7 @@ class AvoidanceStep:
     def _check_pre_condition(self, start: State, obstacle: Obstacle, now_s: float) -> None:
         """Report where a step does not start as the contract says; it is planned all the same."""
         assessment = self._situation.assessment
-        allowed_m = (
-            assessment.inflated.manoeuvre_encounter.speed_mps * assessment.terms.reaction_time_s
-            + self._out_of_sight_m(obstacle, start.position_leg_m[Y])
-        )
+        allowed_m = self._late_max_m(obstacle, start.position_leg_m[Y])
         if self._may_have_grown_into_way(obstacle, start.position_leg_m[Y]):
             allowed_m = math.inf
         condition: Condition = pre_condition(
@@ -148,6 +172,13 @@ class AvoidanceStep:
         other = Event(now_s, EventName.PRE_CONDITION, Severity.ERROR, "; ".join(condition.failures))
         self._situation.emit(late.event(now_s) if late_m > allowed_m else other)
 
+    def _late_max_m(self, obstacle: Obstacle, y_m: float) -> float:
+        """Return how far into an obstacle's region the contract allows the vehicle to see it."""
+        assessment = self._situation.assessment
+        encounter_mps = assessment.inflated.manoeuvre_encounter.speed_mps
+        reaction_m = encounter_mps * assessment.terms.reaction_time_s
+        return reaction_m + self._out_of_sight_m(obstacle, y_m)
+
     def _out_of_sight_m(self, obstacle: Obstacle, y_m: float) -> float:
         """Return how far into an obstacle's region the vehicle flies before the range shows it.
 
@@ -162,13 +193,15 @@ class AvoidanceStep:
         return max(box.x_min_m - ahead_m - obstacle.region.approach_x_m, 0.0)
 
     def _may_have_grown_into_way(self, obstacle: Obstacle, y_m: float) -> bool:
-        """Tell whether an obstacle seen before may have come into the way only by faces' errors.
+        """Tell whether an obstacle seen in time may have come into the way only by faces' errors.
 
         The box of all measurements grows by up to an error of each, beside what is flown past it.
+        The error is the contract's: one that a sensor reports excuses nothing.
         """
+        if not self._in_time.issuperset(obstacle.members):
+            return False
         low_m, high_m = obstacle.region.conflict_band_y_m
-        error_m = max(obstacle.position_error_m, self._situation.assessment.face_error_m)
-        return min(y_m - low_m, high_m - y_m) <= 2.0 * error_m
+        return min(y_m - low_m, high_m - y_m) <= 2.0 * self._situation.assessment.face_error_m
 
     def _fly(self, avoidance: Avoidance, now_s: float) -> None:
         situation = self._situation

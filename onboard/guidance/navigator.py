@@ -174,6 +174,7 @@ class Navigator:
         """Decide what is flown until the next tick."""
         if self.flying and not self.situation.route.returning:
             self.situation.route.flown.add(pose.position_ned_m[:2])
+        self._avoidance_step.note_first_sights(now_s)
         if self.thread is not None and self.state.in_seen_space:
             self._leg_progress.thread_on(self.thread, pose, now_s)
             return

@@ -36,7 +36,7 @@ from onboard.mavlink.profiles.profile import (
 )
 from onboard.mavlink.profiles.registry import OTHER, profile_of
 from onboard.mavlink.signing import LinkSigning
-from onboard.mavlink.transmitter import Transmitter
+from onboard.mavlink.transmitter import COMPONENT_ID, Transmitter
 from onboard.vehicle_state import Pose, Setpoint, Target, VehicleStatus
 
 TELEMETRY_RATE_HZ: Final = POSITION_RATE_HZ
@@ -62,7 +62,8 @@ _SETPOINT_MESSAGES: Final = (
     mavlink.MAVLINK_MSG_ID_SET_POSITION_TARGET_GLOBAL_INT,
     mavlink.MAVLINK_MSG_ID_SET_ATTITUDE_TARGET,
 )
-# Ranges come from the autopilot or from any other component of the vehicle.
+# Ranges come from the autopilot or from any other component of the vehicle, but not from us: our
+# own OBSTACLE_DISTANCE tells what we know, and is no measurement.
 _RANGE_MESSAGES: Final = (
     mavlink.MAVLINK_MSG_ID_OBSTACLE_DISTANCE,
     mavlink.MAVLINK_MSG_ID_DISTANCE_SENSOR,
@@ -81,7 +82,7 @@ class LinkCounters:
     Attributes:
         garbage_bytes: bytes outside any intact frame.
         malformed_messages: with values that are NaN, infinite or absurd.
-        foreign_messages: of the kinds that are read, but not from our autopilot.
+        foreign_messages: of the kinds that are read, but not from our autopilot, or our own.
     """
 
     garbage_bytes: int = 0
@@ -193,8 +194,10 @@ class MavlinkEndpoint:
 
     def _handle(self, message: Any, now_s: float) -> None:
         if message.get_msgId() in _RANGE_MESSAGES:
-            ours = message.get_srcSystem() == self._system_id
-            if ours and message.get_msgId() in self.range_messages:
+            sender = (message.get_srcSystem(), message.get_srcComponent())
+            if sender == (self._system_id, COMPONENT_ID):
+                self.counters.foreign_messages += 1  # our own, routed back to us
+            elif sender[0] == self._system_id and message.get_msgId() in self.range_messages:
                 self._requests.heard(message.get_msgId())
                 self._ranges.append((message.get_msgId(), bytes(message.get_msgbuf())))
         elif not self._is_vehicle(message):

@@ -91,12 +91,16 @@ def _foot_rad(begin_m: tuple[float, float], end_m: tuple[float, float], first_ra
 
 
 def _contains_body(corners: list[tuple[float, float]]) -> bool:
-    """Tell whether a convex outline contains the origin."""
-    signs = {
-        begin[0] * end[1] - begin[1] * end[0] > 0.0
+    """Tell whether the interior of a convex outline contains the origin.
+
+    A point, or a box without width seen along itself, has no interior: its sides alone count.
+    """
+    crosses = [
+        begin[0] * end[1] - begin[1] * end[0]
         for begin, end in pairwise([*corners, corners[0]])
-    }
-    return len(signs) == 1
+        if begin != end
+    ]
+    return bool(crosses) and (all(c > 0.0 for c in crosses) or all(c < 0.0 for c in crosses))
 
 
 def _wrapped(angle_rad: float) -> float:

@@ -15,7 +15,7 @@ import bisect
 import functools
 import math
 from collections import defaultdict
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Container, Iterable, Iterator
 from dataclasses import dataclass, replace
 from typing import Final
 
@@ -138,6 +138,13 @@ class ObstacleMap:
         """Return the obstacle that a detection belongs to, as it is known now."""
         obstacle_id = self._obstacle_of_track.get(track_id)
         return None if obstacle_id is None else self._obstacles[obstacle_id]
+
+    def each_new(self, known: Container[str]) -> Iterator[Obstacle]:
+        """Yield each detected obstacle by itself, the newest first, up to one that is known."""
+        for track_id in reversed(self._tracks):
+            if track_id in known:
+                return
+            yield self._obstacle((track_id,))
 
     def is_several(self, obstacle: Obstacle) -> bool:
         """Tell whether an obstacle is known to consist of several, not of parts of one.

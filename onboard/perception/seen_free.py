@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from onboard.geometry.free_grid import FreeGrid
 from onboard.perception.line_of_sight import BoolArray, View, seen_free
-from onboard.perception.view_sector import Sectors
+from onboard.perception.view_sector import in_sector
 
 if TYPE_CHECKING:
     from onboard.geometry.fence import Fence
@@ -60,7 +60,6 @@ class SeenFree:
         self._free = np.zeros((2 * self._half, 2 * self._half), np.bool_)
         # By sensor: how many successive frames of it have shown a cell free so far.
         self._rows: dict[str, Counts] = {}
-        self._sectors = Sectors(cell_m)
         self._half_width_m = math.inf
         self._fence: tuple[Fence, LegFrame] | None = None
         # By where the grid is: the cells within the fence; None if all are.
@@ -157,9 +156,8 @@ class SeenFree:
         if window is None:
             return
         rows, columns = window
-        unseen = self._sectors.around(view, self._corner, rows, columns)
-        i, j = _indices(unseen > self._free[rows, columns])
         xs_m, ys_m = self._centres(rows, columns)
+        i, j = _indices(in_sector(view, xs_m, ys_m) > self._free[rows, columns])
         seen = seen_free(view, xs_m[i], ys_m[j], self._cell_m)
         i, j = i[seen] + rows.start, j[seen] + columns.start
         row[i, j] = 1 if before is None else before[i, j] + 1

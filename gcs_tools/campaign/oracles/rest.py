@@ -17,25 +17,49 @@ from gcs_tools.campaign.generator.faults import MISLEADING
 from gcs_tools.campaign.oracles.evidence import ROUND_OFF, Evidence
 from onboard.files.obstacle_field import ObstacleField
 from onboard.geometry.frames import FloatArray
-from onboard.guidance.phases import FLYING_PHASES
+from onboard.guidance.phases import FLYING_PHASES, FlightState
 from onboard.recording.messages import StateRecord
 
 # A reference slower than this rests.
 _AT_REST_MPS: Final = 0.01
+# In these the vehicle has left the place where it took control, or may at any time.
+_ON_ITS_WAY: Final = frozenset(
+    {
+        FlightState.CRUISING,
+        FlightState.RECENTRING,
+        FlightState.STOPPING,
+        FlightState.AVOIDING,
+        FlightState.AVOIDING_THEN_STOPPING,
+        FlightState.THREADING,
+    }
+)
 
 
 def rest_held(evidence: Evidence) -> Iterator[str]:
     """Where the contract requires to be able to stop, a certified way to rest is always held."""
     if not evidence.case.scenario.contract.requirements.stop:
         return
+    unseen = True
     for state in evidence.states:
-        if state.phase in FLYING_PHASES and not _holds_way(state, evidence):
+        unseen = _may_be_unseen(state, before=unseen)
+        if state.phase in FLYING_PHASES and not _holds_way(state, evidence, unseen=unseen):
             certified = "not held" if state.rest_certified is None else "not certified"
             yield f"the way to rest is {certified} in {state.phase} ({state.state})"
     yield from _ways_into_obstacles(evidence)
 
 
-def _holds_way(state: StateRecord, evidence: Evidence) -> bool:
+def _may_be_unseen(state: StateRecord, *, before: bool) -> bool:
+    """Tell whether the place where the vehicle rests need not have been seen free yet.
+
+    That is so from when it takes control until it first flies along a leg, and again from when the
+    set is emptied; the start of every later leg has been seen on the way there.
+    """
+    if state.phase not in FLYING_PHASES or state.free_cells == 0:
+        return True
+    return before and state.state not in _ON_ITS_WAY
+
+
+def _holds_way(state: StateRecord, evidence: Evidence, *, unseen: bool) -> bool:
     """Tell whether a tick is as the invariant says.
 
     A vehicle that rests where it has taken control holds nothing before it has looked round; it may
@@ -44,7 +68,8 @@ def _holds_way(state: StateRecord, evidence: Evidence) -> bool:
     """
     if state.rest_certified is None:
         velocity_mps = state.reference_velocity_ned_mps
-        return velocity_mps is not None and math.hypot(*velocity_mps[:2]) <= _AT_REST_MPS
+        at_rest = velocity_mps is not None and math.hypot(*velocity_mps[:2]) <= _AT_REST_MPS
+        return unseen and at_rest
     voided = state.free_cells == 0 and not evidence.undisturbed
     return state.rest_certified or voided
 

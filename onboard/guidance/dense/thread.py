@@ -116,7 +116,7 @@ class Thread(ThreadRecord):
             self.way.certified = None  # not before the look all round
         looks_rad = first_looks_rad(0.0, outlook.half_view_rad) if self._confirming else (0.0,)
         self._leg.pause.look_round(looks_rad, seen.frames_needed)
-        self._clock.begin_leg(now_s)
+        self._clock.begin_leg(now_s, self._situation.route.length_m)
         self._restart_clock(now_s)
 
     def take_over(self, held: Trajectory, now_s: float) -> None:
@@ -134,7 +134,7 @@ class Thread(ThreadRecord):
         self._confirming = self._level.changing = False
         seen.limit(self._leg.half_width_m)
         self._leg.pause.look_round((0.0,), seen.frames_needed)
-        self._clock.begin_leg(now_s)
+        self._clock.begin_leg(now_s, self._situation.route.length_m)
         self._restart_clock(now_s)
 
     def release(self) -> None:
@@ -204,7 +204,7 @@ class Thread(ThreadRecord):
         leg = with_free_end(self._leg, self._situation, self.way, self._seen.frames_needed)
         if leg is not None and leg is not self._leg:
             self._leg = leg
-            self._clock.begin_leg(now_s)
+            self._clock.begin_leg(now_s, self._situation.route.length_m)
         return leg is not None
 
     def _manoeuvre(self, pose: Pose, now_s: float, *, passed: bool) -> None:

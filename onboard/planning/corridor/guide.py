@@ -50,7 +50,8 @@ _WISH_EDGE_M, _WISH_EDGE_FACTOR = 0.3, 1.5
 # Where a plan stood and nothing certified: another gap is to be tried.
 _PENALTY: Final = 8.0
 _PENALTY_HALF_M: Final = 0.9
-_FAR_M: Final = 1e3
+# The distance from where no way is known.
+FAR_M: Final = 1e3
 # Of the set that is seen free: a cell that a box takes a part of is not free, nor one that is so
 # near to its face that the line of sight to the cell's corners may be shut.
 _SEEN_CELL_M, _SIGHT_M = 0.1, 0.03
@@ -115,11 +116,11 @@ class Guide:
     def distance_m(self, x_m: FloatArray, y_m: FloatArray) -> FloatArray:
         """Return the way to the goal from each point; from a blocked cell, by the next open one."""
         i, j, inside = self._cells(x_m, y_m)
-        values = np.where(inside, self._ways.left_m[i, j], _FAR_M)
+        values = np.where(inside, self._ways.left_m[i, j], FAR_M)
         for k in np.flatnonzero(~np.isfinite(values)).tolist():
             near = self._nearest_open((float(x_m[k]), float(y_m[k])))
             # Where the path from there begins: staying must not look cheaper than setting off.
-            values[k] = _FAR_M if near is None else min(self._ways.left_m[near] + 1.0, _FAR_M)
+            values[k] = FAR_M if near is None else min(self._ways.left_m[near] + 1.0, FAR_M)
         return values
 
     def path_leg_m(self, position_leg_m: tuple[float, float], length_m: float) -> FloatArray | None:

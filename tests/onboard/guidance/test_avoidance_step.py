@@ -1,5 +1,6 @@
 """One step of the induction: begun, followed, rechecked, extended, ended."""
 
+from collections.abc import Iterator
 from dataclasses import replace
 
 import pytest
@@ -151,15 +152,49 @@ def test_an_obstacle_that_grows_into_the_way_within_its_error_is_not_seen_late(
     cruising: PerfectFlight,
 ) -> None:
     beside = cruising.see(cruising.reference.position_leg_m[0] + 12.0, 3.0, name="beside")
-    low_m, _ = beside.region.conflict_band_y_m
-    error_m = cruising.navigator.assessment.face_error_m
-    here = State((beside.region.approach_x_m + 2.0, low_m + 1.9 * error_m, 0.0), (2.8, 0.0, 0.0))
-    step = cruising.navigator._avoidance_step
+    cruising.tick()
+    step, here, deep = cruising.navigator._avoidance_step, *grown_by(cruising, beside, 1.9, 2.1)
     step._check_pre_condition(here, beside, cruising.now_s)
     assert cruising.texts("violation") == []
-    deep = State((here.position_leg_m[0], low_m + 2.1 * error_m, 0.0), (2.8, 0.0, 0.0))
     step._check_pre_condition(deep, beside, cruising.now_s)
     assert len(cruising.texts("violation")) == 1
+
+
+def grown_by(flight: PerfectFlight, obstacle: Obstacle, *errors: float) -> Iterator[State]:
+    """States 2 m late, that an obstacle beside comes into the way of by some errors of a face."""
+    low_m, _ = obstacle.region.conflict_band_y_m
+    for each in errors:
+        y_m = low_m + each * flight.navigator.assessment.face_error_m
+        yield State((obstacle.region.approach_x_m + 2.0, y_m, 0.0), (2.8, 0.0, 0.0))
+
+
+def test_what_was_known_when_a_leg_began_may_grow_into_the_way_and_what_joined_it_late_not(
+    flight: PerfectFlight,
+) -> None:
+    flight.see(6.0, 3.0, name="1")
+    flight.cruise_at_full_speed()
+    step, beside = flight.navigator._avoidance_step, flight.see(25.0, 3.0, name="2")
+    flight.tick()
+    assert step._in_time == {"front/1", "front/2"}
+    (here,) = grown_by(flight, beside, 1.0)
+    flight.see(flight.reference.position_leg_m[0] + 1.0, 3.0, name="3")
+    flight.tick()
+    assert step._in_time == {"front/1", "front/2"}
+    joined = replace(beside, members=("front/2", "front/3"))
+    step._check_pre_condition(here, joined, flight.now_s)
+    assert len(flight.texts("violation")) == 1
+
+
+@pytest.mark.parametrize(
+    ("y_m", "error_m"), [(0.0, 1.5), (0.0, 2.0), (0.0, 3.0), (1.0, 0.05), (-1.0, 0.05)]
+)
+def test_an_obstacle_never_seen_before_is_late_however_coarse_its_sensor_or_far_aside(
+    cruising: PerfectFlight, y_m: float, error_m: float
+) -> None:
+    cruising.see(cruising.reference.position_leg_m[0] + 3.0, y_m, error_m=error_m)
+    cruising.tick()
+    late = [text for text in cruising.texts("violation") if text.startswith("late_first_sight")]
+    assert len(late) == 1
 
 
 def test_another_broken_pre_condition_is_reported(cruising: PerfectFlight) -> None:

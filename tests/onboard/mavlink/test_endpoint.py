@@ -13,6 +13,7 @@ from onboard.mavlink.endpoint import MavlinkEndpoint
 from onboard.mavlink.position_reports import GpsReport, HealthReport
 from onboard.mavlink.profiles.ardupilot import ARDUPILOT
 from onboard.mavlink.profiles.px4 import PX4
+from onboard.mavlink.transmitter import COMPONENT_ID, Transmitter
 
 OFFBOARD = 6 << 16
 LOITER = 4 << 16 | 3 << 24
@@ -349,6 +350,17 @@ def test_ranges_are_taken_from_any_component_of_the_vehicle(
     assert endpoint.take_ranges() == [(mavlink.MAVLINK_MSG_ID_OBSTACLE_DISTANCE, data)]
     assert endpoint.take_ranges() == []
     assert endpoint.counters.foreign_messages == 0
+
+
+def test_our_own_ranges_routed_back_to_us_are_no_measurement(endpoint: MavlinkEndpoint) -> None:
+    endpoint.range_messages = frozenset({mavlink.MAVLINK_MSG_ID_OBSTACLE_DISTANCE})
+    ours = Transmitter(1)
+    ours.send_obstacle_distance([500] * 72, 1.79e9)
+    sent = ours.bytes_to_send()
+    endpoint.receive(sent + obstacle_distance(1, COMPONENT_ID), 1.0)
+    assert sent
+    assert endpoint.take_ranges() == []
+    assert endpoint.counters.foreign_messages == 2
 
 
 def test_a_flood_of_ranges_keeps_the_newest(endpoint: MavlinkEndpoint) -> None:

@@ -78,6 +78,37 @@ def test_of_two_the_nearer_counts_and_a_body_within_one_is_at_it() -> None:
     assert sectors_cm([box(0.1, 0.0)], (0.0, 0.0, 0.0), 0.0) == [10] * SECTORS
 
 
+@pytest.mark.parametrize(
+    "outline",
+    [
+        [(10.0, 0.0)],
+        [(10.0, 0.0)] * 4,
+        [(10.0, 0.0), (12.0, 0.0), (12.0, 0.0), (10.0, 0.0)],
+        [(12.0, 0.0), (10.0, 0.0)],
+    ],
+    ids=["point", "point of four corners", "seen along itself", "line"],
+)
+def test_what_has_no_interior_is_in_its_own_sector_only(outline: Outline) -> None:
+    found = sectors_cm([outline], (0.0, 0.0, 0.0), 0.0)
+    assert found == [1000, *[UNKNOWN] * (SECTORS - 1)]
+
+
+def test_a_wall_without_width_is_seen_across_and_shields_nothing_behind() -> None:
+    wall = [(10.0, -1.0), (10.0, 1.0), (10.0, 1.0), (10.0, -1.0)]
+    found = sectors_cm([wall], (0.0, 0.0, 0.0), 0.0)
+    assert found[0] == 1000
+    assert found[10:-10] == [UNKNOWN] * (SECTORS - 20)
+
+
+@pytest.mark.parametrize("turned", [1, -1])
+def test_a_body_within_an_outline_is_at_it_whichever_way_round_and_with_a_corner_twice(
+    turned: int,
+) -> None:
+    corners = box(0.3, -0.2, 2.0, 30.0)[::turned]
+    for outline in (corners, [corners[0], *corners]):
+        assert sectors_cm([outline], (0.0, 0.0, 0.0), 1.0) == [10] * SECTORS
+
+
 def test_of_very_many_the_nearest_are_sent() -> None:
     far = [box(50.0, 0.0)] * (2 * OBSTACLES_MAX)
     assert sectors_cm([*far, box(-3.0, 0.0)], (0.0, 0.0, 0.0), 0.0)[36] == 250

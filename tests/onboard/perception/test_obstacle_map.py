@@ -191,6 +191,19 @@ def test_several_obstacles_are_those_of_which_two_were_seen_as_a_whole() -> None
     assert obstacle_map.is_several(merged)
 
 
+def test_each_new_obstacle_is_told_by_itself_up_to_one_that_is_known() -> None:
+    known = ObstacleMap(NORTH_LEG, region_around, merged_size_max_m=4.0)
+    for name, north_m in (("a", 20.0), ("b", 21.5), ("c", 60.0)):
+        known.add(name, square((north_m, 0.0)), 0.1)
+    known.add("a", square((20.0, 0.1)), 0.1)  # grows, but is no newer
+    assert len(known) == 2
+    assert [each.members for each in known.each_new(())] == [("c",), ("b",), ("a",)]
+    (b, c) = reversed(list(known.each_new({"a"})))
+    assert (b.id, c.id) == ("b", "c")
+    assert b.region == region_around(b.measured, 0.1)
+    assert list(known.each_new({"a", "b", "c"})) == []
+
+
 def test_what_does_not_fit_stays_apart_and_in_conflict() -> None:
     obstacle_map = merging_map(merged_size_max_m=2.9)
     obstacle_map.add("a", square((10.0, 0.0)), 0.0)

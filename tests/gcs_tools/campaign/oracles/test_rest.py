@@ -58,10 +58,40 @@ def test_one_tick_without_a_certified_way_is_found(changes: dict[str, Any], text
     assert text in found
 
 
+STILL: dict[str, Any] = {"reference_velocity_ned_mps": (0.0, 0.0, 0.0)}
+
+
+def flown_through(*states: dict[str, Any]) -> list[str]:
+    """Findings about a flight that ends with ticks in some states, the last one at rest."""
+    evidence, found = threaded(), list(threaded().flight.states)
+    for tick, changes in enumerate(states, start=len(found) - len(states)):
+        found[tick] = replace(found[tick], **changes)
+    return list(rest_held(replace(evidence, flight=replace(evidence.flight, states=found))))
+
+
 def test_before_the_first_look_a_vehicle_at_rest_holds_nothing() -> None:
-    still: dict[str, Any] = {"reference_velocity_ned_mps": (0.0, 0.0, 0.0)}
-    assert list(rest_held(threaded(rest_certified=None, **still))) == []
-    assert list(rest_held(threaded(rest_certified=False, **still)))
+    assert list(rest_held(threaded(rest_certified=None, **STILL))) == []
+    assert list(rest_held(threaded(rest_certified=False, **STILL)))
+
+
+UNSEEN: dict[str, Any] = {"phase": "cruise", "state": "aligning", "rest_certified": None, **STILL}
+ON_ITS_WAY: dict[str, Any] = {"phase": "cruise", "state": "cruising"}
+
+
+@pytest.mark.parametrize("state", ["cruising", "avoiding", "threading"])
+def test_the_start_of_a_later_leg_has_been_seen_on_the_way_there(state: str) -> None:
+    before = {"state": state}
+    assert flown_through(UNSEEN, before) == []
+    assert flown_through(UNSEEN, before, UNSEEN, {"state": "cruising"}) == [
+        "the way to rest is not held in cruise (aligning)"
+    ]
+
+
+def test_after_control_is_taken_again_or_the_set_is_emptied_a_start_may_be_unseen() -> None:
+    assert flown_through(ON_ITS_WAY, {"phase": "hold", "state": "holding"}, UNSEEN, UNSEEN) == []
+    emptied = {**UNSEEN, "free_cells": 0}
+    assert flown_through(ON_ITS_WAY, emptied, UNSEEN) == []
+    assert len(flown_through(ON_ITS_WAY, emptied, UNSEEN, ON_ITS_WAY, UNSEEN)) == 1
 
 
 def test_what_a_doubt_has_emptied_certifies_nothing_any_more() -> None:
