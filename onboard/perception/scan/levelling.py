@@ -26,8 +26,12 @@ FRD_FROM: Final[dict[Axes, FloatArray]] = {
     "optical": np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]),
 }
 
-# Less than a vehicle stands high.
+# Less than a vehicle, and a sensor of it, stands high.
 _BAND_MIN_M: Final = 0.1
+# Below this cosine of the pitch, yaw and roll turn about one axis and cannot be told apart.  It is
+# less than what a rotation may be off by, so that leaving it out is no error.
+_LOCKED_MAX: Final = 1e-7
+_ROTATION_ERROR_MAX: Final = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
@@ -113,19 +117,31 @@ def mounting_of(base_from_sensor: FloatArray, axes: Axes) -> Mounting:
         axes: of the sensor.
 
     Raises:
-        ValueError: it is farther from the base than a mounting may be.
+        ValidationError: it is farther from the base than a mounting may be.
+        ValueError: its turn is not a rotation.
     """
     flip = FRD_FROM["flu"]
     turn = flip @ base_from_sensor[:3, :3] @ FRD_FROM[axes].T
     x_m, y_m, z_m = (float(value) for value in flip @ base_from_sensor[:3, 3])
-    return Mounting(
+    level = math.hypot(turn[0, 0], turn[1, 0])
+    if level < _LOCKED_MAX:
+        # Straight up or down: what there is of a turn about the axis counts as yaw.
+        roll_rad, yaw_rad = 0.0, math.atan2(-turn[0, 1], turn[1, 1])
+    else:
+        roll_rad = math.atan2(turn[2, 1], turn[2, 2])
+        yaw_rad = math.atan2(turn[1, 0], turn[0, 0])
+    mounting = Mounting(
         x_m=x_m,
         y_m=y_m,
         z_m=z_m,
-        roll_deg=math.degrees(math.atan2(turn[2, 1], turn[2, 2])),
-        pitch_deg=math.degrees(math.asin(min(max(-turn[2, 0], -1.0), 1.0))),
-        yaw_deg=math.degrees(math.atan2(turn[1, 0], turn[0, 0])),
+        roll_deg=math.degrees(roll_rad),
+        pitch_deg=math.degrees(math.atan2(-turn[2, 0], level)),
+        yaw_deg=math.degrees(yaw_rad),
     )
+    error = float(np.abs(mounting_rotation(mounting) - turn).max())
+    if not error <= _ROTATION_ERROR_MAX:  # NaN compares false
+        raise ValueError(f"the turn of the pose is no rotation: its angles are {error:g} off")
+    return mounting
 
 
 def mounting_offset_m(mounting: Mounting) -> FloatArray:
