@@ -149,17 +149,32 @@ def mounting_offset_m(mounting: Mounting) -> FloatArray:
     return np.array([[mounting.x_m], [mounting.y_m], [mounting.z_m]])
 
 
-def band_above_ground_m(config: SensorSource, down_m: float) -> tuple[float, float]:
+def band_above_ground_m(
+    config: SensorSource, down_m: float, sensor_down_m: float = 0.0
+) -> tuple[float, float]:
     """Return the heights above and below the vehicle that are looked at, without the ground.
 
-    Near the ground the band ends just below the vehicle: a level beam still counts.
+    Near the ground the band ends just below the vehicle and its sensor: a level beam still counts.
 
     Args:
         config: of the sensor.
         down_m: of the vehicle in local NED, whose origin is on the ground.
+        sensor_down_m: how far the sensor is below the vehicle's centre, in the levelled body.
     """
     above_m, below_m = config.height_band_m
-    return above_m, min(below_m, max(-down_m - config.ground_margin_m, _BAND_MIN_M))
+    ground_m = max(-down_m - config.ground_margin_m, _BAND_MIN_M, sensor_down_m + _BAND_MIN_M)
+    return above_m, min(below_m, ground_m)
+
+
+def is_in_band(sensor_down_m: float, band_m: tuple[float, float]) -> bool:
+    """Tell whether a sensor is at a height that is looked at; from outside none of it is seen.
+
+    Args:
+        sensor_down_m: below the vehicle's centre, in the levelled body.
+        band_m: heights above and below the vehicle.
+    """
+    above_m, below_m = band_m
+    return -above_m <= sensor_down_m <= below_m
 
 
 def in_sectors(
