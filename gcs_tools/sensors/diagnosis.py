@@ -27,6 +27,7 @@ _CURES: Final = (
     ("no pose at its stamp", "set use_sim_time to false, or the clocks by one source (chrony)"),
     ("mounting not known", "publish the transform from base_frame to its frame_id on tf_topic"),
     ("mounting changed", "two nodes state its mounting: stop one, then start the daemon again"),
+    ("mounting not a rotation", "correct the transform: its turn is none"),
     ("mounting too far", "correct the transform: a sensor is within 3 m of base_frame"),
     (
         "does not look ahead",

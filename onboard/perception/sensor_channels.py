@@ -50,7 +50,6 @@ class SensorChannels:
     ) -> None:
         self._sensors = {config.name: sensor(config, poses) for config in configs}
         self._pending: dict[str, deque[_Waiting]] = {name: deque() for name in self._sensors}
-        self._transforms: dict[str, deque[bytes]] = {name: deque() for name in self._sensors}
         self._counters = counters
         self.frames_read: Counter[str] = Counter()
         self.newest: dict[str, DetectionFrame] = {}
@@ -93,25 +92,26 @@ class SensorChannels:
         pending.append(_Waiting(payload, now_s))
 
     def receive_transforms(self, name: str, payload: bytes, *, key: str = "") -> None:
-        """Latch one message of the transforms that mount a sensor.
+        """Have one message of the transforms that mount a sensor read.
+
+        At once: all that was latched comes together, and none of it comes again.
 
         Args:
             name: of the sensor.
             payload: as it arrived.
             key: of its Zenoh sample.
         """
-        sensor, pending = self._sensors[name], self._transforms[name]
+        sensor = self._sensors[name]
         try:
             if getattr(sensor.config, "middleware", "") == "rmw_zenoh":
                 check_key(key, TRANSFORMS)
         except DecodeError as error:
             self._refuse(name, f"transforms: {error.reason}")
             return
-        if len(pending) == MAX_PENDING_FRAMES:
-            pending.popleft()
-            self._counters.dropped_frames += 1
-            self._say(name, f"transforms: {_TOO_FAST}")
-        pending.append(payload)
+        if isinstance(sensor.input, MountedByTransforms):
+            before = sensor.input.refused.copy()
+            sensor.input.take_transforms(payload)
+            self._count(name, before)
 
     def receive_mavlink(self, message_id: int, payload: bytes, now_s: float) -> None:
         """Latch one MAVLink frame for every sensor that reads its kind."""
@@ -127,7 +127,6 @@ class SensorChannels:
         """
         for name, pending in self._pending.items():
             sensor = self._sensors[name]
-            self._take_transforms(name)
             for _ in range(min(len(pending), 1) if sensor.is_large else len(pending)):
                 waiting, before = pending.popleft(), sensor.input.refused.copy()
                 frames = sensor.input.read(waiting.payload, epoch_unix_s + waiting.arrived_s)
@@ -141,15 +140,6 @@ class SensorChannels:
         """Return and forget the refusals that have come for the first time."""
         news, self._news = self._news, []
         return news
-
-    def _take_transforms(self, name: str) -> None:
-        """Have the transforms that arrived for a sensor read, before its own messages."""
-        reader, pending = self._sensors[name].input, self._transforms[name]
-        if isinstance(reader, MountedByTransforms):
-            before = reader.refused.copy()
-            while pending:
-                reader.take_transforms(pending.popleft())
-            self._count(name, before)
 
     def _count(self, name: str, before: Counter[str]) -> None:
         """Count and say what a sensor has refused since."""

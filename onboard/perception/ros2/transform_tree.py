@@ -30,15 +30,19 @@ class TransformTree:
         return frozenset(self._parents) | {parent for parent, _ in self._parents.values()}
 
     def add(self, transforms: Iterable[Transform]) -> None:
-        """Take the transforms of a message.
+        """Take the transforms of a message; a full tree still takes those of frames that it has.
 
         Raises:
             DecodeError: there are too many frames.
         """
+        is_full = False
         for each in transforms:
             if each.child_frame_id not in self._parents and len(self._parents) >= FRAMES_MAX:
-                raise DecodeError("too many frames")
+                is_full = True
+                continue
             self._parents[each.child_frame_id] = (each.header.frame_id, each.pose)
+        if is_full:
+            raise DecodeError("too many frames")
 
     def root_of(self, frame: str) -> str:
         """Return the last frame on the way up from a frame; itself if it has no parent."""

@@ -17,7 +17,7 @@ from onboard.files.sensor_sources import SensorSource
 from onboard.geometry.frames import FloatArray
 from onboard.perception.scan.free_ranges import BIN_RAD
 from onboard.perception.scan.levelled_beams import BoolArray, LevelledBeams
-from onboard.perception.scan.levelling import in_sectors
+from onboard.perception.scan.levelling import in_sectors, is_in_band
 
 CELL_M: Final = 0.05
 _NOWHERE_M: Final = 0.01
@@ -55,6 +55,8 @@ def cloud_beams(
 ) -> LevelledBeams:
     """Return a cloud as beams, one for each bearing that is covered.
 
+    A sensor above or below the band shows nothing free and sees no distance of it.
+
     Args:
         points_m: (3, n) in the axes of the message; NaN where nothing was measured.
         level_from_points: (3, 3) from those axes into the levelled body.
@@ -76,6 +78,7 @@ def cloud_beams(
     silent_m = min(config.no_return_is_free_to_m or 0.0, config.range_m)
     # Up to the first point, whether or not it is of an obstacle.
     free_m = np.where(np.isfinite(first_m), np.minimum(first_m, config.range_m), silent_m)
+    looks = is_in_band(float(sensor_m[2]), band_m)
     beams = LevelledBeams(
         BEARINGS_RAD,
         np.full(_BINS, BIN_RAD),
@@ -83,9 +86,9 @@ def cloud_beams(
         middle_m[:, owner] + np.asarray(sensor_m[:2])[:, None]
         if count.size
         else np.zeros((2, _BINS)),
-        np.where(hidden | ~covered, 0.0, free_m),
+        np.where(hidden | ~covered, 0.0, free_m if looks else 0.0),
         hidden,
-        np.where(hit, math.inf, config.range_m),
+        np.where(hit, math.inf, config.range_m if looks else 0.0),
         (float(sensor_m[0]), float(sensor_m[1])),
         point_error_m=CELL_M / math.sqrt(2.0),
     )

@@ -26,8 +26,12 @@ FRD_FROM: Final[dict[Axes, FloatArray]] = {
     "optical": np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]),
 }
 
-# Less than a vehicle stands high.
+# Less than a vehicle, and a sensor of it, stands high.
 _BAND_MIN_M: Final = 0.1
+# Below this cosine of the pitch, yaw and roll turn about one axis and cannot be told apart.  It is
+# less than what a rotation may be off by, so that leaving it out is no error.
+_LOCKED_MAX: Final = 1e-7
+_ROTATION_ERROR_MAX: Final = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
@@ -113,19 +117,31 @@ def mounting_of(base_from_sensor: FloatArray, axes: Axes) -> Mounting:
         axes: of the sensor.
 
     Raises:
-        ValueError: it is farther from the base than a mounting may be.
+        ValidationError: it is farther from the base than a mounting may be.
+        ValueError: its turn is not a rotation.
     """
     flip = FRD_FROM["flu"]
     turn = flip @ base_from_sensor[:3, :3] @ FRD_FROM[axes].T
     x_m, y_m, z_m = (float(value) for value in flip @ base_from_sensor[:3, 3])
-    return Mounting(
+    level = math.hypot(turn[0, 0], turn[1, 0])
+    if level < _LOCKED_MAX:
+        # Straight up or down: what there is of a turn about the axis counts as yaw.
+        roll_rad, yaw_rad = 0.0, math.atan2(-turn[0, 1], turn[1, 1])
+    else:
+        roll_rad = math.atan2(turn[2, 1], turn[2, 2])
+        yaw_rad = math.atan2(turn[1, 0], turn[0, 0])
+    mounting = Mounting(
         x_m=x_m,
         y_m=y_m,
         z_m=z_m,
-        roll_deg=math.degrees(math.atan2(turn[2, 1], turn[2, 2])),
-        pitch_deg=math.degrees(math.asin(min(max(-turn[2, 0], -1.0), 1.0))),
-        yaw_deg=math.degrees(math.atan2(turn[1, 0], turn[0, 0])),
+        roll_deg=math.degrees(roll_rad),
+        pitch_deg=math.degrees(math.atan2(-turn[2, 0], level)),
+        yaw_deg=math.degrees(yaw_rad),
     )
+    error = float(np.abs(mounting_rotation(mounting) - turn).max())
+    if not error <= _ROTATION_ERROR_MAX:  # NaN compares false
+        raise ValueError(f"the turn of the pose is no rotation: its angles are {error:g} off")
+    return mounting
 
 
 def mounting_offset_m(mounting: Mounting) -> FloatArray:
@@ -133,17 +149,32 @@ def mounting_offset_m(mounting: Mounting) -> FloatArray:
     return np.array([[mounting.x_m], [mounting.y_m], [mounting.z_m]])
 
 
-def band_above_ground_m(config: SensorSource, down_m: float) -> tuple[float, float]:
+def band_above_ground_m(
+    config: SensorSource, down_m: float, sensor_down_m: float = 0.0
+) -> tuple[float, float]:
     """Return the heights above and below the vehicle that are looked at, without the ground.
 
-    Near the ground the band ends just below the vehicle: a level beam still counts.
+    Near the ground the band ends just below the vehicle and its sensor: a level beam still counts.
 
     Args:
         config: of the sensor.
         down_m: of the vehicle in local NED, whose origin is on the ground.
+        sensor_down_m: how far the sensor is below the vehicle's centre, in the levelled body.
     """
     above_m, below_m = config.height_band_m
-    return above_m, min(below_m, max(-down_m - config.ground_margin_m, _BAND_MIN_M))
+    ground_m = max(-down_m - config.ground_margin_m, _BAND_MIN_M, sensor_down_m + _BAND_MIN_M)
+    return above_m, min(below_m, ground_m)
+
+
+def is_in_band(sensor_down_m: float, band_m: tuple[float, float]) -> bool:
+    """Tell whether a sensor is at a height that is looked at; from outside none of it is seen.
+
+    Args:
+        sensor_down_m: below the vehicle's centre, in the levelled body.
+        band_m: heights above and below the vehicle.
+    """
+    above_m, below_m = band_m
+    return -above_m <= sensor_down_m <= below_m
 
 
 def in_sectors(

@@ -90,7 +90,7 @@ def levelled_beams(
     point_m = origin_m[:2] + np.where(measured, ranges_m, 0.0) * ray[:2]
     own = np.hypot(point_m[0], point_m[1]) < config.own_radius_m
     blocked = np.where(measured, own, ~silent)
-    band_m = band_above_ground_m(config, down_m)
+    band_m = band_above_ground_m(config, down_m, float(origin_m[2].max()))
     limit_m = np.minimum(_band_exit_m(origin_m[2], ray[2], band_m) * flat, config.range_m)
     along_m = np.where(measured, ranges_m * flat, config.no_return_is_free_to_m or 0.0)
     hit = measured & ~own & (along_m <= limit_m)

@@ -74,7 +74,7 @@ class ScanFrames:
         return self.frame_of(
             self._in_body(boxes, pose),
             stamp_unix_s,
-            range_m=max(view.range_m, _NO_RANGE_M),
+            range_m=view.range_m,
             field_of_view_deg=min(math.degrees(2.0 * view.half_view_rad), 360.0),
             free_range_m=tuple(free_m.tolist()),
         )
@@ -97,7 +97,7 @@ class ScanFrames:
                 "sequence": self._sequence,
                 "stamp_unix_s": stamp_unix_s,
                 "frame": "body_frd",
-                "range_m": range_m,
+                "range_m": max(range_m, _NO_RANGE_M),
                 "field_of_view_deg": field_of_view_deg,
                 "obstacles": obstacles,
                 "free_range_m": free_range_m,

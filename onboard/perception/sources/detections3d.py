@@ -21,6 +21,7 @@ from onboard.perception.scan.levelling import (
     FRD_FROM,
     BodyMotion,
     band_above_ground_m,
+    is_in_band,
     mounting_offset_m,
     mounting_rotation,
 )
@@ -68,8 +69,9 @@ class DetectionsInput(SensorInput):
         level = BodyMotion.of([pose], None).levelled(np.eye(3))
         from_sensor = level @ mounting_rotation(config.mounting)
         sensor_m = (level @ mounting_offset_m(config.mounting))[:, 0]
+        band_m = band_above_ground_m(config, pose.position_ned_m[2], float(sensor_m[2]))
         view = free_view(
-            self._looks(from_sensor, sensor_m),
+            self._looks(from_sensor, sensor_m, band_m),
             range_m=config.range_m,
             view_max_rad=math.radians(config.field_of_view_deg),
             own_radius_m=config.own_radius_m,
@@ -77,7 +79,9 @@ class DetectionsInput(SensorInput):
         if view is None:
             raise DecodeError("does not look ahead")
         turn = from_sensor @ FRD_FROM[config.axes]
-        found = [(box.id, self._footprint(box, turn, sensor_m, pose)) for box in message.boxes]
+        found = [
+            (box.id, self._footprint(box, turn, sensor_m, band_m, pose)) for box in message.boxes
+        ]
         obstacles = self._obstacles([(name, each) for name, each in found if each is not None])
         return (
             self._frames.frame_of(
@@ -89,9 +93,11 @@ class DetectionsInput(SensorInput):
             ),
         )
 
-    def _looks(self, from_sensor: FloatArray, sensor_m: FloatArray) -> LevelledBeams:
+    def _looks(
+        self, from_sensor: FloatArray, sensor_m: FloatArray, band_m: tuple[float, float]
+    ) -> LevelledBeams:
         """Return what the sensor looks at as beams that return nothing."""
-        config = self._config
+        config, looks = self._config, is_in_band(float(sensor_m[2]), band_m)
         covered = np.flatnonzero(covered_bearings(from_sensor, config.view_deg, config))
         nothing, count = np.zeros(covered.size, np.bool_), covered.size
         return LevelledBeams(
@@ -99,20 +105,25 @@ class DetectionsInput(SensorInput):
             np.full(count, BIN_RAD),
             nothing,
             np.zeros((2, count)),
-            np.full(count, config.no_return_is_free_to_m or 0.0),
+            np.full(count, (config.no_return_is_free_to_m or 0.0) if looks else 0.0),
             nothing,
-            np.full(count, config.range_m),
+            np.full(count, config.range_m if looks else 0.0),
             (float(sensor_m[0]), float(sensor_m[1])),
         )
 
     def _footprint(
-        self, box: DetectedBox, turn: FloatArray, sensor_m: FloatArray, pose: Pose
+        self,
+        box: DetectedBox,
+        turn: FloatArray,
+        sensor_m: FloatArray,
+        band_m: tuple[float, float],
+        pose: Pose,
     ) -> _Footprint | None:
         """Return a box from above; None for one that lies above or below the vehicle."""
         own = rotation_of(box.center.rotation)
         corners_m = (_CORNERS * box.size_m) @ own.T + box.center.position_m
         corners_m = corners_m @ turn.T + sensor_m
-        above_m, below_m = band_above_ground_m(self._config, pose.position_ned_m[2])
+        above_m, below_m = band_m
         if corners_m[:, 2].min() > below_m or corners_m[:, 2].max() < -above_m:
             return None
         # The side that lies flattest gives the direction.

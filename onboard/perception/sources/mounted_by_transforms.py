@@ -12,6 +12,7 @@ from collections.abc import Callable, Sequence
 from typing import Any, Final
 
 import numpy as np
+from pydantic import ValidationError
 
 from onboard.files.sensor_sources import Axes, Ros2Source
 from onboard.geometry.frames import FloatArray
@@ -52,8 +53,8 @@ class MountedByTransforms(SensorInput):
         try:
             self._tree.add(decode_transforms(payload))
         except DecodeError as error:
+            # A message that a full tree refuses in part may have changed the mounting before.
             self.refuse(f"transforms: {error.reason}")
-            return
         if self._taken is not None and self._frame is not None:
             now = self._tree.pose(self._frame, self._config.mounting.base_frame)
             self._agrees = now is not None and bool((np.abs(now - self._taken) <= _SAME).all())
@@ -80,7 +81,9 @@ class MountedByTransforms(SensorInput):
         axes: Axes = getattr(config, "axes", "flu")
         try:
             mounting = mounting_of(pose, axes)
-        except ValueError as error:
+        except ValidationError as error:
             raise DecodeError("mounting too far from base_frame") from error
+        except ValueError as error:
+            raise DecodeError("mounting not a rotation") from error
         self._frame, self._taken = frame, pose
         return self._reader(config.model_copy(update={"mounting": mounting}), self._poses)

@@ -50,6 +50,6 @@ class PointCloudInput(SensorInput):
         sensor_m = (level @ mounting_offset_m(config.mounting))[:, 0]
         covered = covered_bearings(from_sensor, config.view_deg, config)
         turn = from_sensor @ FRD_FROM[config.axes]
-        band_m = band_above_ground_m(config, pose.position_ned_m[2])
+        band_m = band_above_ground_m(config, pose.position_ned_m[2], float(sensor_m[2]))
         beams = cloud_beams(cloud.points_m, turn, sensor_m, covered, band_m, config)
         return (self._frames.frame(beams, pose, stamp_unix_s, self._poses.generation),)

@@ -9,6 +9,9 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from onboard.files.sensor_sources import Axes, Mounting
+from onboard.geometry.frames import FloatArray
+from onboard.perception.ros2.messages import PoseInFrame
+from onboard.perception.ros2.transform_tree import matrix_of
 from onboard.perception.scan.levelling import (
     FRD_FROM,
     BodyMotion,
@@ -101,10 +104,56 @@ def test_sectors_run_clockwise(
     assert in_sectors(np.radians([bearing_deg]), []).tolist() == [False]
 
 
+near_lock_deg = st.sampled_from((90.0, -90.0)).flatmap(
+    lambda lock_deg: st.floats(-9.0, -3.0).map(
+        lambda power: lock_deg - math.copysign(10.0**power, lock_deg)
+    )
+)
+all_pitches_deg = st.sampled_from((90.0, -90.0)) | near_lock_deg | st.floats(-90.0, 90.0)
+
+
+def pose_of(turn: FloatArray, axes: Axes) -> FloatArray:
+    """Return the pose, as transforms state it, of a sensor that is turned in forward, right, down.
+
+    By way of a quaternion, as it comes: that leaves noise where exact angles would leave none.
+    """
+    in_base = FRD_FROM["flu"] @ turn @ FRD_FROM[axes]
+    x, y, z, w = Rotation.from_matrix(in_base).as_quat().tolist()
+    return matrix_of(PoseInFrame((0.1, 0.2, -0.3), (x, y, z, w)))
+
+
+@given(st.sampled_from(("flu", "optical")), angles_deg, all_pitches_deg, angles_deg)
+def test_the_mounting_of_a_pose_turns_as_the_pose_does(
+    axes: Axes, roll_deg: float, pitch_deg: float, yaw_deg: float
+) -> None:
+    turn = Rotation.from_euler("ZYX", (yaw_deg, pitch_deg, roll_deg), degrees=True).as_matrix()
+    mounting = mounting_of(pose_of(turn, axes), axes)
+    np.testing.assert_allclose(mounting_rotation(mounting), turn, atol=1e-6)
+    assert (mounting.x_m, mounting.y_m, mounting.z_m) == pytest.approx((0.1, -0.2, 0.3))
+
+
 @pytest.mark.parametrize("axes", ["flu", "optical"])
-def test_the_mounting_of_a_pose_turns_as_the_pose_does(axes: Axes) -> None:
-    mounting = Mounting(x_m=0.1, y_m=-0.2, z_m=0.3, roll_deg=20.0, pitch_deg=-35.0, yaw_deg=130.0)
+@pytest.mark.parametrize("pitch_deg", [90.0, -90.0])
+@pytest.mark.parametrize("roll_deg", [0.0, 30.0, 180.0])
+def test_a_sensor_that_looks_straight_up_or_down_is_turned_as_its_pose(
+    axes: Axes, pitch_deg: float, roll_deg: float
+) -> None:
+    for yaw_deg in range(-180, 181, 5):
+        turn = Rotation.from_euler("ZYX", (yaw_deg, pitch_deg, roll_deg), degrees=True).as_matrix()
+        found = mounting_rotation(mounting_of(pose_of(turn, axes), axes))
+        np.testing.assert_allclose(found, turn, atol=1e-6)
+
+
+@pytest.mark.parametrize("turn", [np.diag([1.0, 1.0, -1.0]), 1.001 * np.eye(3)])
+def test_what_is_not_a_rotation_mounts_nothing(turn: FloatArray) -> None:
     pose = np.eye(4)
-    pose[:3, :3] = FRD_FROM["flu"] @ mounting_rotation(mounting) @ FRD_FROM[axes]
-    pose[:3, 3] = FRD_FROM["flu"] @ (0.1, -0.2, 0.3)
+    pose[:3, :3] = turn
+    with pytest.raises(ValueError, match="no rotation"):
+        mounting_of(pose, "flu")
+
+
+@pytest.mark.parametrize("axes", ["flu", "optical"])
+def test_away_from_the_lock_the_angles_of_a_mounting_are_those_of_the_file(axes: Axes) -> None:
+    mounting = Mounting(x_m=0.1, y_m=-0.2, z_m=0.3, roll_deg=20.0, pitch_deg=-35.0, yaw_deg=130.0)
+    pose = pose_of(mounting_rotation(mounting), axes)
     assert mounting_of(pose, axes).model_dump() == pytest.approx(mounting.model_dump())

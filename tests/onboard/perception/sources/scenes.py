@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +19,9 @@ from onboard.vehicle_state import Pose
 from sitl.environment.lidar import ray_ranges_m
 
 EPOCH_UNIX_S = 1_790_000_000.0
+# Height, how far below the centre the sensor is, ground_margin_m: it looks at what is lower than
+# the margin, near the ground.
+LOW_SENSORS: Final = ((0.55, 0.15, 0.5), (0.8, 0.35, 0.5), (2.1, 0.15, 2.0))
 # A box: centre north, east, extents, yaw.
 Box = tuple[float, float, float, float, float]
 

@@ -13,7 +13,13 @@ from onboard.perception.detection import DetectionFrame
 from onboard.perception.sources.detections3d import DetectionsInput, rotation_of
 from onboard.vehicle_state import Pose
 from tests.onboard.perception.ros2.encoding import CdrWriter, stamp_of
-from tests.onboard.perception.sources.scenes import EPOCH_UNIX_S, free_at, pose_at, poses_of
+from tests.onboard.perception.sources.scenes import (
+    EPOCH_UNIX_S,
+    LOW_SENSORS,
+    free_at,
+    pose_at,
+    poses_of,
+)
 
 # Name, centre, size: forward, left, up; yaw, counter-clockwise.
 Seen = tuple[str, tuple[float, float, float], tuple[float, float, float], float]
@@ -77,6 +83,18 @@ def test_boxes_above_and_below_the_vehicle_are_left_out() -> None:
         ("b", (5.0, 0.0, -1.4), (1, 1, 1), 0.0),
     )
     assert [box.id for box in read(high, low).obstacles] == ["id-b"]
+
+
+@pytest.mark.parametrize(("up_m", "z_m", "margin_m"), LOW_SENSORS)
+def test_a_low_sensor_near_the_ground_still_sees_what_stands_there(
+    up_m: float, z_m: float, margin_m: float
+) -> None:
+    keys: dict[str, Any] = {"mounting": {"z_m": z_m}, "no_return_is_free_to_m": 8.0}
+    seen = ("a", (3.0, 0.0, 0.0), (0.5, 0.5, 0.04), 0.0)
+    pose = pose_at(position_ned_m=(0.0, 0.0, -up_m))
+    assert len(read(seen, pose=pose, ground_margin_m=margin_m, **keys).obstacles) == 1
+    outside = read(seen, pose=pose, height_band_m=(1.0, z_m - 0.05), **keys)
+    assert (set(outside.free_range_m or ()), outside.range_m) == ({0.0}, 0.01)
 
 
 def test_boxes_without_a_name_are_named_by_where_they_are() -> None:

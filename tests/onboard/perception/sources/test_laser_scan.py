@@ -15,6 +15,7 @@ from onboard.vehicle_state import Pose
 from tests.onboard.perception.ros2.encoding import CdrWriter, laser_scan, scan_all_round, stamp_of
 from tests.onboard.perception.sources.scenes import (
     EPOCH_UNIX_S,
+    LOW_SENSORS,
     Box,
     free_at,
     lidar,
@@ -148,6 +149,21 @@ def test_the_ground_is_no_obstacle_during_take_off() -> None:
     # Without a margin, errors of height make the ground an obstacle.
     bold = read(ranges_m, pose, height_band_m=(6.0, 3.5), box_max_m=9.0, ground_margin_m=0.0)
     assert len(bold.obstacles) == 1
+
+
+@pytest.mark.parametrize(("up_m", "z_m", "margin_m"), LOW_SENSORS)
+def test_a_low_sensor_near_the_ground_still_sees_what_stands_there(
+    up_m: float, z_m: float, margin_m: float
+) -> None:
+    keys: dict[str, Any] = {"mounting": {"z_m": z_m}, "no_return_is_free_to_m": 8.0}
+    pose = pose_at(position_ned_m=(0.0, 0.0, -up_m))
+    ranges_m = ranges_around([(3.5, 0.0, 1.0, 1.0, 0.0)])
+    frame = read(ranges_m, pose, ground_margin_m=margin_m, **keys)
+    assert frame.obstacles[0].center_m == pytest.approx((3.0, 0.0), abs=0.05)
+    assert free_at(frame, 0.3) == pytest.approx(3.0, abs=0.02)
+    # Where every obstacle may end above the sensor, it sees nothing.
+    below = read(ranges_m, pose, height_band_m=(1.0, z_m - 0.01), **keys)
+    assert (below.obstacles, free_at(below, 0.3), below.range_m) == ((), 0.0, 0.01)
 
 
 def test_the_range_is_that_of_the_view_which_is_counted_on() -> None:

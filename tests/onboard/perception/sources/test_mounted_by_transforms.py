@@ -8,6 +8,7 @@ import pytest
 from pydantic import ValidationError
 
 from onboard.perception.intake import Refusal
+from onboard.perception.ros2.transform_tree import FRAMES_MAX, TransformTree
 from onboard.perception.sources.mounted_by_transforms import MountedByTransforms
 from onboard.perception.sources.registry import sensor, transforms_key
 from tests.onboard.perception.ros2.encoding import point_cloud, scan_all_round, transforms
@@ -94,16 +95,32 @@ def test_transforms_of_another_type_hash_or_form_are_refused_by_name() -> None:
     bench.channels.receive_transforms("front", mounted(), key=TF_KEY + "x")
     bench.channels.receive_transforms("front", mounted(), key="0/tf_static/std_msgs/String_/x")
     bench.channels.receive_transforms("front", mounted()[:30], key=TF_KEY)
-    bench.sources_taken()
     assert set(bench.channels.take_news()) == {
         Refusal("front", "transforms: unknown hash of the type"),
         Refusal("front", "transforms: another type"),
         Refusal("front", "transforms: sequence longer than the payload"),
     }
     assert bench.counters.malformed_frames == 3
-    for _ in range(40):
-        bench.channels.receive_transforms("front", mounted(), key=TF_KEY)
-    assert bench.counters.dropped_frames == 8
+
+
+def test_of_many_transforms_between_two_ticks_none_is_lost() -> None:
+    """Latched messages all come at once, one of each publisher."""
+    bench = Bench(source("laserscan", "front", middleware="zenoh-bridge-ros2dds", **TF))
+    bench.channels.receive_transforms("front", mounted())
+    for number in range(200):
+        other = transforms(("map", f"frame{number}", (0.0, 0.0, 0.0), BACKWARDS))
+        bench.channels.receive_transforms("front", other)
+    bench.channels.receive("front", scan(), 0.0)
+    assert bench.sources_taken() == ["front"]
+    assert bench.channels.take_news() == []
+    assert bench.counters.dropped_frames == 0
+
+
+def test_transforms_for_a_sensor_that_its_file_mounts_are_left_alone() -> None:
+    bench = Bench(source("laserscan", "front", middleware="zenoh-bridge-ros2dds"))
+    bench.channels.receive_transforms("front", mounted(x_m=2.0))
+    bench.channels.receive("front", scan(), 0.0)
+    assert bench.sources_taken() == ["front"]
 
 
 def test_the_frame_of_the_messages_is_the_one_that_counts() -> None:
@@ -118,6 +135,30 @@ def test_a_sensor_far_from_its_base_is_refused() -> None:
     by_transforms.take_transforms(mounted(x_m=3.5))
     assert by_transforms.read(scan(), EPOCH_UNIX_S) == ()
     assert by_transforms.refused == {"mounting too far from base_frame": 1}
+
+
+def test_a_pose_that_is_not_a_rotation_mounts_nothing_and_is_counted(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    mirrored = np.diag([1.0, 1.0, -1.0, 1.0])
+    monkeypatch.setattr(TransformTree, "pose", lambda *_: mirrored)
+    by_transforms = reader()
+    by_transforms.take_transforms(mounted())
+    assert by_transforms.read(scan(), EPOCH_UNIX_S) == ()
+    assert by_transforms.refused == {"mounting not a rotation": 1}
+
+
+def test_a_full_tree_does_not_hide_a_mounting_that_changed() -> None:
+    by_transforms = reader()
+    others = [("map", f"frame{k}", (0.0, 0.0, 0.0), BACKWARDS) for k in range(FRAMES_MAX)]
+    by_transforms.take_transforms(transforms(*others[:-1]))
+    by_transforms.take_transforms(mounted())
+    assert len(by_transforms.read(scan(), EPOCH_UNIX_S)) == 1
+    # The tree is full: of this message the mounting is taken, and the new frame is not.
+    moved = ("base_link", "laser", (2.0, 0.05, 0.2), BACKWARDS)
+    by_transforms.take_transforms(transforms(others[-1], moved))
+    assert by_transforms.read(scan(), EPOCH_UNIX_S) == ()
+    assert by_transforms.refused == {"transforms: too many frames": 1, CHANGED: 1}
 
 
 def test_the_key_of_the_transforms() -> None:

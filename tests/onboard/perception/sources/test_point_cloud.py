@@ -13,7 +13,13 @@ from onboard.perception.detection import DetectionFrame
 from onboard.perception.sources.point_cloud import PointCloudInput
 from onboard.vehicle_state import Pose
 from tests.onboard.perception.ros2.encoding import point_cloud
-from tests.onboard.perception.sources.scenes import EPOCH_UNIX_S, free_at, pose_at, poses_of
+from tests.onboard.perception.sources.scenes import (
+    EPOCH_UNIX_S,
+    LOW_SENSORS,
+    free_at,
+    pose_at,
+    poses_of,
+)
 
 Points = NDArray[np.float64]
 
@@ -75,6 +81,23 @@ def test_a_vehicle_on_the_ground_does_not_take_it_for_an_obstacle() -> None:
     assert len(read(post, on_it, **tall).obstacles) == 1
     # At 4 m it is a shrub, which a vehicle may descend to.
     assert read(ground, pose_at(), **tall).obstacles != ()
+
+
+@pytest.mark.parametrize(("up_m", "z_m", "margin_m"), LOW_SENSORS)
+def test_a_low_sensor_near_the_ground_still_sees_what_stands_there(
+    up_m: float, z_m: float, margin_m: float
+) -> None:
+    keys: dict[str, Any] = {"mounting": {"z_m": z_m}, "no_return_is_free_to_m": 8.0}
+    pose, pillar = pose_at(position_ned_m=(0.0, 0.0, -up_m)), wall(3.0, (-0.3, 0.3), (0.0, 0.04))
+    frame = read(pillar, pose, ground_margin_m=margin_m, **keys)
+    assert len(frame.obstacles) == 1
+    assert free_at(frame, 0.3) == pytest.approx(3.0, abs=0.1)
+    # From outside the band it shows nothing free and sees no distance, whatever returns.
+    for band_m in ((1.0, z_m - 0.01), (0.01, 1.0)):
+        mounted = keys if band_m[1] < 1.0 else keys | {"mounting": {"z_m": -z_m}}
+        outside = read(pillar, pose_at(), height_band_m=band_m, **mounted)
+        assert set(outside.free_range_m or ()) == {0.0}
+        assert outside.range_m == 0.01
 
 
 def test_it_is_levelled_by_the_attitude() -> None:
