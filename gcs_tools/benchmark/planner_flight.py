@@ -118,7 +118,7 @@ class Flight:
         self._looks = list(looks)
         self._dwell_s = self._idle_s = 0.0
         self._clock = StandstillClock()
-        self._clock.begin_leg(0.0)
+        self._clock.begin_leg(0.0, scene.length_m)
         self._tries, self._best_m = 0, math.inf
         self._first_look = True
         self.outcome = Outcome()
