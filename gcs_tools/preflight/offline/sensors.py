@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
+from typing import Final
 
 from gcs_tools.preflight.finding import Finding, Verdict
 from onboard.contract.assessment import Assessment
@@ -17,8 +18,14 @@ from onboard.files.sensor_sources import (
     LaserScanSource,
     MavlinkSource,
     ObstacleDistanceSource,
+    OccupancyGridSource,
     PointCloudSource,
 )
+from onboard.perception.scan.levelling import band_above_ground_m
+
+# By how much the heights that are looked at have to reach below the sensor.
+_SENSOR_ABOVE_M: Final = 0.1
+_ROUND_OFF_M: Final = 1e-9
 
 
 def check_sources(
@@ -35,7 +42,7 @@ def check_sources(
     for source in sources:
         wrong = [
             *_against_contract(source, assessment),
-            *_against_tilt(source, assessment),
+            *_against_tilt(source, assessment, mission),
             *_against_ground(source, mission),
         ]
         text = f"{source.kind}, {source.range_m:g} m, ±{source.uncertainty_m:g} m: as the contract"
@@ -82,26 +89,42 @@ def _view_deg(source: AnySource) -> float:
     return max(2.0 * half_deg, 0.0)
 
 
-def _against_tilt(source: AnySource, assessment: Assessment) -> Iterator[tuple[str, str]]:
+def _against_tilt(
+    source: AnySource, assessment: Assessment, mission: Mission | None
+) -> Iterator[tuple[str, str]]:
     """Check that a plane that tilts with the body stays in the height band up to the range."""
     if not isinstance(source, LaserScanSource | ObstacleDistanceSource):
         return
     vehicle, need_m = assessment.contract.vehicle, assessment.terms.detection_range_m
     tilt_deg = max(vehicle.roll_max_deg, vehicle.pitch_max_deg)
-    band_m = min(source.height_band_m)
+    z_m = source.mounting.z_m
+    above_m, below_m = source.height_band_m
+    if mission is not None:
+        above_m, below_m = band_above_ground_m(source, -mission.altitude_m, z_m)
+    # From the sensor, which is not in the middle of the band.
+    band_m = max(min(above_m + z_m, below_m - z_m), 0.0)
     seen_m = band_m / math.tan(math.radians(tilt_deg))
     if seen_m < need_m:
         need = f"the contract's detection_range_m {need_m:g} m"
-        text = (
-            f"at a tilt of {tilt_deg:g}° the scan leaves {band_m:g} m after {seen_m:.1f} m, {need}"
-        )
-        yield "height_band_m", f"{text}: state the heights that every obstacle spans"
+        leaves = f"the scan leaves {band_m:.4g} m after {seen_m:.1f} m, {need}"
+        cure = "state the heights that every obstacle spans"
+        if below_m < source.height_band_m[1] and below_m - z_m <= band_m:
+            margin = f"ground_margin_m {source.ground_margin_m:g} m"
+            cure = f"it ends {margin} above the ground: fly higher, or tilt less"
+        yield "height_band_m", f"at a tilt of {tilt_deg:g}° {leaves}: {cure}"
 
 
 def _against_ground(source: AnySource, mission: Mission | None) -> Iterator[tuple[str, str]]:
-    if mission is None:
+    """Check that the band ends above the ground and, by enough, below the sensor."""
+    if mission is None or isinstance(source, OccupancyGridSource):
         return
-    below_m = source.height_band_m[1]
+    z_m, margin_m = source.mounting.z_m, source.ground_margin_m
+    _, below_m = band_above_ground_m(source, -mission.altitude_m)
+    altitude = f"the mission's altitude_m {mission.altitude_m:g} m"
     if below_m >= mission.altitude_m:
-        text = f"{below_m:g} m below, the mission's altitude_m {mission.altitude_m:g} m: the ground"
+        text = f"{below_m:g} m below, {altitude}, ground_margin_m {margin_m:g} m: the ground"
         yield "height_band_m", f"{text} is seen as an obstacle"
+    elif below_m < z_m + _SENSOR_ABOVE_M - _ROUND_OFF_M:
+        text = f"{below_m:g} m below at {altitude} with ground_margin_m {margin_m:g} m"
+        need = f"the sensor, {z_m:g} m below, needs {z_m + _SENSOR_ABOVE_M:g} m"
+        yield "height_band_m", f"{text}: {need} to see what stands at its height"

@@ -55,30 +55,27 @@ def cloud_beams(
 ) -> LevelledBeams:
     """Return a cloud as beams, one for each bearing that is covered.
 
-    A sensor above or below the band shows nothing free and sees no distance of it.
-
     Args:
         points_m: (3, n) in the axes of the message; NaN where nothing was measured.
         level_from_points: (3, 3) from those axes into the levelled body.
         sensor_m: (3,) where the sensor is in it.
         covered: of each bearing, see `covered_bearings`.
-        band_m: heights above and below the vehicle that are looked at.
+        band_m: heights above and below the vehicle that are looked at; from outside, 0 m far.
         config: of the sensor.
     """
     middle_m, count = _filled_cells(points_m, level_from_points, sensor_m, band_m, config)
     away_m = np.hypot(middle_m[0], middle_m[1])
     own = np.hypot(middle_m[0] + sensor_m[0], middle_m[1] + sensor_m[1]) < config.own_radius_m
     near_m = np.maximum(away_m - CELL_M / math.sqrt(2.0), 0.0)
-    blind = in_sectors(BEARINGS_RAD, config.blind_sectors_deg)
     seen = ~own & (near_m < config.range_m)
     owner = _nearest(middle_m, away_m, np.flatnonzero(seen & (count >= config.points_min)))
     first_m = _distances(near_m, _nearest(middle_m, away_m, np.flatnonzero(seen)))
-    hit = (owner >= 0) & ~blind
+    hit = (owner >= 0) & ~in_sectors(BEARINGS_RAD, config.blind_sectors_deg)
     hidden = _nearest(middle_m, away_m, np.flatnonzero(own)) >= 0
-    silent_m = min(config.no_return_is_free_to_m or 0.0, config.range_m)
+    range_m = config.range_m if is_in_band(float(sensor_m[2]), band_m) else 0.0
+    silent_m = min(config.no_return_is_free_to_m or 0.0, range_m)
     # Up to the first point, whether or not it is of an obstacle.
-    free_m = np.where(np.isfinite(first_m), np.minimum(first_m, config.range_m), silent_m)
-    looks = is_in_band(float(sensor_m[2]), band_m)
+    free_m = np.where(np.isfinite(first_m), np.minimum(first_m, range_m), silent_m)
     beams = LevelledBeams(
         BEARINGS_RAD,
         np.full(_BINS, BIN_RAD),
@@ -86,9 +83,9 @@ def cloud_beams(
         middle_m[:, owner] + np.asarray(sensor_m[:2])[:, None]
         if count.size
         else np.zeros((2, _BINS)),
-        np.where(hidden | ~covered, 0.0, free_m if looks else 0.0),
+        np.where(hidden | ~covered, 0.0, free_m),
         hidden,
-        np.where(hit, math.inf, config.range_m if looks else 0.0),
+        np.where(hit, math.inf, range_m),
         (float(sensor_m[0]), float(sensor_m[1])),
         point_error_m=CELL_M / math.sqrt(2.0),
     )

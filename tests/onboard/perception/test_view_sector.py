@@ -21,8 +21,8 @@ HALF_PI = math.pi / 2.0
 
 def centres_m(middle_m: float, reach_m: float = 2.8) -> FloatArray:
     first = math.floor((middle_m - reach_m) / CELL_M)
-    cells = np.arange(first, first + round(2.0 * reach_m / CELL_M), dtype=np.float64)
-    return (cells + 0.5) * CELL_M
+    count = round(2.0 * reach_m / CELL_M)
+    return (np.arange(count, dtype=np.float64) + first + 0.5) * CELL_M
 
 
 @given(

@@ -23,6 +23,8 @@ CONTRACT = load_contract(CONFIG / "px4_contract.yaml")
 MISSION = load_yaml(CONFIG / "default_mission.yaml", Mission)
 # Sees as far and as exactly as the contract says, among trees.
 GOOD = {"range_m": 15.0, "uncertainty_m": 0.05, "height_band_m": (6.0, 4.5)}
+LOW: dict[str, Any] = {"height_band_m": (6.0, 8.0)}
+NEAR_GROUND: dict[str, Any] = {"ground_margin_m": 4.3, "mounting": {"z_m": 0.65}}
 
 
 def checked(kind: str, **keys: Any) -> dict[str, Finding]:
@@ -50,7 +52,17 @@ def test_a_sensor_that_fits_holds(kind: str) -> None:
         ("detection3d", {"mounting": {"yaw_deg": 40.0}}, "field of view", "10° around"),
         ("obstacle_distance", {"latency_s": 1.0}, "latency_s", "reaction_time_s"),
         ("laserscan", {"height_band_m": (1.0, 1.0)}, "height_band_m", "after 3.7 m"),
-        ("laserscan", {"height_band_m": (6.0, 8.0)}, "height_band_m", "the ground is seen"),
+        ("laserscan", LOW | {"ground_margin_m": 0.0}, "height_band_m", "the ground is seen"),
+        ("laserscan", LOW | {"ground_margin_m": 1.5}, "height_band_m", "after 13.1 m"),
+        ("laserscan", LOW | {"mounting": {"z_m": 0.6}}, "height_band_m", "after 14.6 m"),
+        ("laserscan", LOW | {"mounting": {"z_m": -2.0}}, "height_band_m", "after 14.9 m"),
+        ("range", NEAR_GROUND, "height_band_m", "0.65 m below, needs 0.75 m"),
+        (
+            "range",
+            {"height_band_m": (1.0, 0.2), "mounting": {"z_m": 0.15}},
+            "height_band_m",
+            "0.2 m below at the mission's altitude_m 5 m",
+        ),
     ],
 )
 def test_a_sensor_that_declares_less_is_refused(
@@ -60,6 +72,19 @@ def test_a_sensor_that_declares_less_is_refused(
     assert list(found) == [name]
     assert found[name].verdict is Verdict.BROKEN
     assert words in found[name].text
+
+
+def test_of_the_height_band_what_the_ground_takes_is_not_counted_on() -> None:
+    """As in flight: the band ends at ground_margin_m, so that a tilted scan sees less far."""
+    mission = MISSION.model_copy(update={"altitude_m": 4.13})
+    lidar = source("laserscan", "s", **(GOOD | {"height_band_m": (4.03, 4.03)}))
+    (found,) = check_sources([lidar], assess(CONTRACT), mission)
+    assert (found.name, found.verdict) == ("s height_band_m", Verdict.BROKEN)
+    assert "leaves 3.63 m after 13.5 m" in found.text
+    assert "ends ground_margin_m 0.5 m above the ground" in found.text
+    # Without a mission only what is declared is known.
+    (found,) = check_sources([lidar], assess(CONTRACT), None)
+    assert found.verdict is Verdict.HOLDS
 
 
 def test_a_blind_sector_behind_is_no_matter() -> None:
