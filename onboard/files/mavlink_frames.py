@@ -49,7 +49,8 @@ class _Layout(NamedTuple):
 def _layout_of(kind: Any) -> _Layout | None:
     """Return the layout of a class of messages; None if pymavlink has to code them."""
     names = list(getattr(kind, "ordered_fieldnames", ()))
-    if len(names) <= 1 or any(kind.array_lengths):
+    derived = not kind.__module__.startswith("pymavlink.")  # may code itself in its own way
+    if derived or len(names) <= 1 or any(kind.array_lengths):
         return None
     empty = vars(kind(*(0,) * len(names)))
     return _Layout(kind.unpacker, bytes((kind.crc_extra,)), names, attrgetter(*names), empty)

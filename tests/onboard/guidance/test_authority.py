@@ -1,6 +1,7 @@
 """Who flies: what is taken, given back, handed over and taken back, and what never is."""
 
 from dataclasses import dataclass, field, replace
+from types import SimpleNamespace
 from typing import Any, cast
 
 import pytest
@@ -47,6 +48,9 @@ class FakeNavigator:
         self.refusals: list[Refusal] = []
         self.planned = PLANNED
         self.hovers: list[Pose] = []
+        # Without a budget of energy, and on the way out.
+        mission = SimpleNamespace(energy=None)
+        self.situation = SimpleNamespace(route=SimpleNamespace(mission=mission, returning=False))
 
     @property
     def flying(self) -> bool:

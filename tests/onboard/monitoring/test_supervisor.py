@@ -68,7 +68,7 @@ class Bench:
             telemetry_timeout_s=TIMEOUT_S,
             counters=self.counters,
         )
-        self.link.status = replace(self.link.status, airborne=True)
+        self.link.status = replace(self.link.status, airborne=True, heard_s=math.inf)
         self.see()
 
     def see(self, *obstacles: dict[str, Any], **changes: Any) -> None:

@@ -119,10 +119,12 @@ def test_what_breaks_nothing_for_certain_has_no_bound(kind: str) -> None:
     assert detection_bound(fault(kind, amount=0.3), CONTRACT) is None
 
 
-@pytest.mark.parametrize("kind", ["heartbeats_lost", "operator_takes_over"])
-def test_some_faults_end_the_control(kind: str) -> None:
-    found = bound(fault(kind, duration_s=30.0))
-    assert found.assumptions == frozenset()
+@pytest.mark.parametrize(
+    ("kind", "assumptions"),
+    [("heartbeats_lost", {"telemetry_age"}), ("operator_takes_over", set())],
+)
+def test_some_faults_end_the_control(kind: str, assumptions: set[str]) -> None:
+    assert bound(fault(kind, duration_s=30.0)).assumptions == assumptions
 
 
 def test_an_end_of_control_has_to_be_noticed() -> None:
