@@ -36,27 +36,31 @@ class ZenohError(RuntimeError):
 
 
 class LiveSimulator:
-    """Couple one vehicle's scene to sockets and Zenoh."""
+    """Couple one vehicle's scene to sockets and Zenoh.
+
+    Attributes:
+        scene: the vehicle and its world.
+    """
 
     def __init__(self, config: SitlConfig, field: ObstacleField) -> None:
         self._config = config
-        self._scene = Scene(config, field, start_unix_s=time.time())
+        self.scene = Scene(config, field, start_unix_s=time.time())
         self._senders: dict[int, Send] = {}
         self._origin_s = time.monotonic()
 
     def link_opened(self, link: int, send: Send) -> None:
         """Start to stream to a peer."""
         self._senders[link] = send
-        self._scene.vehicle.autopilot.open_link(link)
+        self.scene.vehicle.autopilot.open_link(link)
 
     def link_received(self, link: int, data: bytes) -> None:
         """Pass bytes on to the autopilot."""
-        self._scene.vehicle.receive(data, link)
+        self.scene.vehicle.receive(data, link)
 
     def link_closed(self, link: int) -> None:
         """Stop streaming to a peer."""
         self._senders.pop(link, None)
-        self._scene.vehicle.autopilot.close_link(link)
+        self.scene.vehicle.autopilot.close_link(link)
 
     async def run(self, stop: asyncio.Event, session: zenoh.Session) -> None:
         """Serve until ``stop`` is set.
@@ -73,16 +77,15 @@ class LiveSimulator:
                 await transport.open(url)
             truth_log = None
             if config.truth_log is not None:
-                truth_log = stack.enter_context(
-                    TruthLog(config.truth_log, self._scene.start_unix_s)
-                )
-            bus = Bus(session, config, self._scene.publishers)
-            self._origin_s = time.monotonic()
+                truth_log = stack.enter_context(TruthLog(config.truth_log, self.scene.start_unix_s))
+            bus = Bus(session, config, self.scene.publishers)
+            # The scene's time began with the scene.  Were it to begin now, all stamps would be late.
+            self.scene.advance((time.monotonic() - self._origin_s) * config.speed_factor)
             log.info("ready: %s on %s", config.vehicle, ", ".join(config.mavlink))
             await self._serve(stop, bus, truth_log)
 
     async def _serve(self, stop: asyncio.Event, bus: Bus, truth_log: TruthLog | None) -> None:
-        scene = self._scene
+        scene = self.scene
         published = logged = -1
         while not stop.is_set():
             scene.advance(self._now_s())
@@ -103,7 +106,7 @@ class LiveSimulator:
     def _now_s(self) -> float:
         """Return the simulation time that corresponds to real time."""
         now_s = (time.monotonic() - self._origin_s) * self._config.speed_factor
-        behind_s = now_s - self._scene.vehicle.truth.time_s
+        behind_s = now_s - self.scene.vehicle.truth.time_s
         if behind_s > _BEHIND_MAX_S * self._config.speed_factor:
             log.warning("simulation stalled for %.2f s and does not catch up", behind_s)
             self._origin_s += behind_s / self._config.speed_factor

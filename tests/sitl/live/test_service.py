@@ -8,10 +8,12 @@ import json
 import queue
 import signal
 import socket
+import time
 from collections.abc import Callable
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
+from unittest.mock import MagicMock
 
 import pytest
 import zenoh
@@ -20,6 +22,7 @@ from mavsdk.asyncio.plugins.action import ActionAsync
 from mavsdk.asyncio.plugins.telemetry import TelemetryAsync
 from mcap.reader import make_reader
 
+from onboard.files.obstacle_field import ObstacleField
 from onboard.files.zenoh_endpoints import ZenohEndpoints
 from onboard.zenoh_session import open_session
 from sitl.__main__ import main
@@ -27,7 +30,7 @@ from sitl.config import SitlConfig
 from sitl.environment.formats.ros2_topics import Ros2Publisher, Ros2Topic
 from sitl.environment.sensor import SensorConfig
 from sitl.environment.sensor_message import ZenohMessage
-from sitl.live.service import Bus
+from sitl.live.service import Bus, LiveSimulator
 from tests.sitl.process import configured, free_port, running
 
 
@@ -106,6 +109,18 @@ def test_detections_and_truth_on_zenoh_and_a_tcp_client(tmp_path: Path) -> None:
         assert truth["collisions"] == 0
         with socket.create_connection(("127.0.0.1", tcp_port), timeout=60.0) as client:
             assert client.recv(1) == b"\xfd"
+
+
+def test_what_start_up_takes_makes_no_stamp_late(monkeypatch: pytest.MonkeyPatch) -> None:
+    config = SitlConfig(mavlink=(f"udpin://127.0.0.1:{free_port(socket.SOCK_DGRAM)}",))
+    made_s = time.monotonic()
+    monkeypatch.setattr("sitl.live.service.time.monotonic", lambda: made_s)
+    simulator = LiveSimulator(config, ObstacleField.of([]))
+    monkeypatch.setattr("sitl.live.service.time.monotonic", lambda: made_s + 2.0)
+    stop = asyncio.Event()
+    stop.set()
+    asyncio.run(simulator.run(stop, session=MagicMock()))
+    assert simulator.scene.vehicle.truth.time_s == pytest.approx(2.0, abs=0.01)
 
 
 def test_a_sensor_that_speaks_ros_2_has_the_key_and_the_token_of_its_topic() -> None:
