@@ -79,7 +79,7 @@ class LiveSimulator:
             if config.truth_log is not None:
                 truth_log = stack.enter_context(TruthLog(config.truth_log, self.scene.start_unix_s))
             bus = Bus(session, config, self.scene.publishers)
-            # The scene's time began with the scene.  Were it to begin now, all stamps would be late.
+            # The scene's time began with the scene: were it to begin now, stamps would be late.
             self.scene.advance((time.monotonic() - self._origin_s) * config.speed_factor)
             log.info("ready: %s on %s", config.vehicle, ", ".join(config.mavlink))
             await self._serve(stop, bus, truth_log)
