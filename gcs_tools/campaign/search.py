@@ -58,7 +58,7 @@ def searched(campaign_seed: int, number: int, flights: int) -> list[FlightRow]:
         flights: to fly at most.
     """
     # The library takes half a second to import, and most campaigns do not search.
-    import cma  # noqa: PLC0415
+    import cma  # noqa: PLC0415  loads SciPy; only a search needs it
 
     begin = adversary_genes(campaign_seed, number)
     options = {

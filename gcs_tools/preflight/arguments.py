@@ -71,7 +71,7 @@ def add_acceptance(parser: argparse.ArgumentParser) -> None:
 
 def _run(options: argparse.Namespace) -> int:
     from gcs_tools.preflight.command import run_preflight  # noqa: PLC0415  loads rich, NumPy, SciPy
-    from gcs_tools.preflight.files import PreflightFiles  # noqa: PLC0415
+    from gcs_tools.preflight.files import PreflightFiles  # noqa: PLC0415  loads pydantic
 
     verdict = run_preflight(
         PreflightFiles(

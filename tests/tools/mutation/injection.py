@@ -1,7 +1,7 @@
 """Puts a mutant into a process that has already imported and collected everything.
 
-Every function holds its compiled code in one place, whoever has imported it: exchanging that is
-enough.  What an import computes (constants, defaults, class bodies) needs a new import.
+Every function holds its compiled code in one place for all modules that import it: exchanging that
+is enough.  What an import computes (constants, defaults, class bodies) needs a new import.
 """
 
 from __future__ import annotations

@@ -144,7 +144,7 @@ def _members(parts: list[ast.expr], enumeration: str) -> Iterator[str]:
 
 
 def _parts(node: ast.AST) -> list[ast.AST]:
-    """Return what is no text of its own: parts of another one, and docstrings."""
+    """Return the constants to leave out: parts of other texts, and docstrings."""
     if isinstance(node, ast.JoinedStr):
         return list(node.values)
     if isinstance(node, ast.Expr):
