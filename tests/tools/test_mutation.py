@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 import ast
-import os
 import re
 import signal
+import subprocess
+import sys
 from pathlib import Path
 
 import yaml
 
 from tests.tools.mutation.__main__ import PARTS, SCORE_MIN, SURVIVORS, drawn, stated_reasons
 from tests.tools.mutation.injection import Holders, codes_of
-from tests.tools.mutation.measuring import Test, limit_own_use
+from tests.tools.mutation.measuring import Test
 from tests.tools.mutation.mutants import Mutant, mutants_of, mutated
 from tests.tools.mutation.page import page
 from tests.tools.mutation.records import Records, Sample, Tally
@@ -94,12 +95,14 @@ def test_a_fork_that_the_limit_of_processor_time_ended_has_noticed() -> None:
 
 
 def test_a_process_is_ended_by_its_processor_time() -> None:
-    child = os.fork()
-    if not child:
-        limit_own_use(0.1)
-        while True:
-            pass
-    assert os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == -signal.SIGKILL
+    # Not by a fork of this process, which may have threads.
+    program = (
+        "from tests.tools.mutation.measuring import limit_own_use\n"
+        "limit_own_use(0.1)\n"
+        "while True: pass"
+    )
+    ran = subprocess.run([sys.executable, "-c", program], cwd=ROOT, timeout=60.0, check=False)
+    assert ran.returncode == -signal.SIGKILL
 
 
 def test_verdicts_are_kept_as_they_come_and_counted(tmp_path: Path) -> None:
