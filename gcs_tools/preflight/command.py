@@ -348,7 +348,7 @@ def _draw(path: Path, result: Preflight, obstacles: ObstacleField, mission: Miss
 
 
 def print_preflight(result: Preflight, title: str, console: Console) -> None:
-    """Print the verdict, then every clause, rule and finding."""
+    """Print the verdict, then every clause, rule and finding, then the verdict again."""
     assessment = result.assessment
     if result.vehicle is not None:
         title = f"{title}, {result.vehicle}"
@@ -372,3 +372,5 @@ def print_preflight(result: Preflight, title: str, console: Console) -> None:
         preflight_report.print_rehearsal(result.rehearsal.sentence(), console)
     if result.findings:
         preflight_report.print_findings(result.findings, console)
+        preflight_report.print_settings(result.findings, console)
+    preflight_report.print_verdict(result.tier, title, len(result.refusals), console)

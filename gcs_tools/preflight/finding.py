@@ -39,12 +39,14 @@ class Finding:
         name: of the check or the parameter.
         verdict: its result.
         text: found and required values, for people.
+        settings: parameters of the autopilot and values; setting any one of them cures it.
     """
 
     subject: str
     name: str
     verdict: Verdict
     text: str
+    settings: tuple[tuple[str, float], ...] = ()
 
     @property
     def holds(self) -> bool:
@@ -58,4 +60,5 @@ class Finding:
             "name": self.name,
             "verdict": self.verdict.value,
             "text": self.text,
+            "settings": dict(self.settings),
         }

@@ -154,6 +154,29 @@ def print_findings(findings: tuple[Finding, ...], console: Console) -> None:
     console.print(table)
 
 
+def print_settings(findings: tuple[Finding, ...], console: Console) -> None:
+    """Print the commands that cure the autopilot's parameters, as its shell and MAVProxy take them.
+
+    Where one parameter cures several findings, its last value stands.
+    """
+    cured = [each for each in findings if not each.holds and each.settings]
+    if not cured:
+        return
+    console.print("to cure the parameters, in the autopilot's shell or MAVProxy:")
+    others = {each.settings[0][0]: each.settings[1:] for each in cured}
+    for name, value in dict(each.settings[0] for each in cured).items():
+        console.print(f"  param set {name} {value:.7g}", markup=False)
+        if others[name]:
+            instead = ", or ".join(f"{other} to {number:.7g}" for other, number in others[name])
+            console.print(f"    (or instead: set {instead})", markup=False, soft_wrap=True)
+
+
+def print_verdict(tier: Tier, title: str, reasons: int, console: Console) -> None:
+    """Print the verdict once more, below everything that scrolls past."""
+    why = {0: "", 1: ": 1 reason, see above"}.get(reasons, f": {reasons} reasons, see above")
+    console.print(f"[bold {_COLOURS[tier]}]{tier.value.upper()}[/]  {escape(title)}{why}")
+
+
 def named(offenders: tuple[str, ...]) -> str:
     """Return the first few offenders in brackets; nothing if there are none."""
     return f" ({some(offenders)})" if offenders else ""

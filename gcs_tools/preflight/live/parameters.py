@@ -66,7 +66,8 @@ def rule_finding(rule: ParameterRule, parameters: Mapping[str, float]) -> Findin
     """Check a rule against the parameters that were read from the vehicle.
 
     It holds if any of its alternatives does, is broken if none does, and cannot be checked if one
-    that might hold is missing.
+    that might hold is missing.  The settings that cure it are of reported parameters only; those
+    that change no more than a limit come before those that change what the autopilot does.
     """
     known = [each for each in rule.alternatives if each.parameter in parameters]
     missing = _unique(each.parameter for each in rule.alternatives if each not in known)
@@ -74,14 +75,19 @@ def rule_finding(rule: ParameterRule, parameters: Mapping[str, float]) -> Findin
     shown = [holding.parameter] if holding else _unique(each.parameter for each in known)
     values = ", ".join(f"{each} = {parameters[each]:g}" for each in shown)
     if holding is not None:
-        verdict, text = Verdict.HOLDS, f"{values} ({holding.demand})"
+        verdict, text, cures = Verdict.HOLDS, f"{values} ({holding.demand})", []
     else:
+        cures = sorted(known, key=lambda each: not each.bounds)
         needed = " or ".join(map(str, rule.alternatives))
         verdict = Verdict.UNKNOWN if missing else Verdict.BROKEN
         absent = f"{', '.join(missing)} not reported" if missing else ""
         found = "; ".join(filter(None, (values, absent)))
         text = f"{found}; needs {needed}: {rule.reason}"
-    return Finding("vehicle", (holding or rule.alternatives[0]).parameter, verdict, text)
+    name = (holding or rule.alternatives[0]).parameter
+    settings: dict[str, float] = {}
+    for each in cures:
+        settings.setdefault(each.parameter, each.cured(parameters[each.parameter]))
+    return Finding("vehicle", name, verdict, text, tuple(settings.items()))
 
 
 def contract_demands(assessment: Assessment) -> ContractDemands:

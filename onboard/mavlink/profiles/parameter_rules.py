@@ -16,6 +16,7 @@ Release = tuple[int, int]
 
 # Parameters are 32-bit floats on the wire; this much of a difference is their round-off.
 _ROUND_OFF: Final = 1e-6
+_PER_UNIT_TYPED: Final = 1000.0
 
 
 @dataclass(frozen=True)
@@ -26,11 +27,15 @@ class Condition:
         parameter: its name.
         holds: decides on its value.
         demand: the same in words.
+        cured: returns a value for which it holds, given the value that the vehicle has.
+        bounds: whether it bounds a quantity; others choose what the autopilot does.
     """
 
     parameter: str
     holds: Callable[[float], bool]
     demand: str
+    cured: Callable[[float], float]
+    bounds: bool = False
 
     def __str__(self) -> str:
         return f"{self.parameter} {self.demand}"
@@ -39,27 +44,43 @@ class Condition:
 def at_least(parameter: str, limit: float, unit: str = "") -> Condition:
     """Demand a value of at least ``limit``."""
     return Condition(
-        parameter, lambda value: value >= limit - _ROUND_OFF, f"≥ {limit:.4g} {unit}".strip()
+        parameter,
+        lambda value: value >= limit - _ROUND_OFF,
+        f"≥ {limit:.4g} {unit}".strip(),
+        lambda _: _rounded(limit, math.ceil),
+        bounds=True,
     )
 
 
 def at_most(parameter: str, limit: float, unit: str = "") -> Condition:
     """Demand a value of at most ``limit``."""
     return Condition(
-        parameter, lambda value: value <= limit + _ROUND_OFF, f"≤ {limit:.4g} {unit}".strip()
+        parameter,
+        lambda value: value <= limit + _ROUND_OFF,
+        f"≤ {limit:.4g} {unit}".strip(),
+        lambda _: _rounded(limit, math.floor),
+        bounds=True,
     )
 
 
 def one_of(parameter: str, *values: int) -> Condition:
-    """Demand one of these values."""
-    return Condition(parameter, lambda value: value in values, f"= {' or '.join(map(str, values))}")
+    """Demand one of these values; 0 switches off, so that it is the last that cures."""
+    return Condition(
+        parameter,
+        lambda value: value in values,
+        f"= {' or '.join(map(str, values))}",
+        lambda _: next((value for value in values if value), 0),
+    )
 
 
 def bit_set(parameter: str, bit: int) -> Condition:
     """Demand that a bit is set; bits count from 0."""
     mask = 1 << bit
     return Condition(
-        parameter, lambda value: _has_bits(value, mask), f"with bit {bit} (value {mask})"
+        parameter,
+        lambda value: _has_bits(value, mask),
+        f"with bit {bit} (value {mask})",
+        lambda value: _bits(value) | mask,
     )
 
 
@@ -70,7 +91,17 @@ def bit_clear(parameter: str, bit: int) -> Condition:
         parameter,
         lambda value: math.isfinite(value) and not _has_bits(value, mask),
         f"without bit {bit} (value {mask})",
+        lambda value: _bits(value) & ~mask,
     )
+
+
+def _rounded(limit: float, rounding: Callable[[float], int]) -> float:
+    """Round a limit to its safe side, to as many digits as an operator types."""
+    return rounding(limit * _PER_UNIT_TYPED) / _PER_UNIT_TYPED
+
+
+def _bits(value: float) -> int:
+    return int(value) if math.isfinite(value) else 0
 
 
 def _has_bits(value: float, mask: int) -> bool:

@@ -36,5 +36,6 @@ def test_unknown_is_not_fine() -> None:
 def test_a_finding_as_json() -> None:
     finding = Finding("daemon", "version", Verdict.of(holds=False), "0.1, expected 0.2")
     assert finding.document() == {
-        "subject": "daemon", "name": "version", "verdict": "broken", "text": "0.1, expected 0.2"
+        "subject": "daemon", "name": "version", "verdict": "broken", "text": "0.1, expected 0.2",
+        "settings": {},
     }  # fmt: skip

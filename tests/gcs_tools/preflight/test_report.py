@@ -69,6 +69,30 @@ def test_live_findings_are_listed_and_name_the_vehicle() -> None:
     assert "UNKNOWN" in text
 
 
+def test_the_verdict_is_said_again_at_the_end() -> None:
+    assert printed(GOOD).splitlines()[-1] == "PROGRESS GUARANTEED  c.yaml"
+    findings = (Finding("vehicle", "battery", Verdict.UNKNOWN, "?"),)
+    *_, last = printed(replace(GOOD, findings=findings)).splitlines()
+    assert last == "COULD NOT BE CHECKED  c.yaml: 1 reason, see above"
+    *_, last = printed(BAD).splitlines()
+    assert last == "DO NOT FLY  c.yaml: 1 reason, see above"
+    many = replace(GOOD, findings=findings * 3)
+    assert printed(many).splitlines()[-1].endswith(": 3 reasons, see above")
+
+
+def test_parameters_are_cured_by_lines_to_type() -> None:
+    findings = (
+        Finding("vehicle", "A", Verdict.BROKEN, "", (("A", 3.125),)),
+        Finding("vehicle", "B", Verdict.BROKEN, "", (("B", 4.0), ("C", 1.0), ("D", 20.0))),
+        Finding("vehicle", "E", Verdict.BROKEN, "slow"),
+    )
+    *_, before, a, b, instead, _ = printed(replace(GOOD, findings=findings)).splitlines()
+    assert before.startswith("to cure the parameters")
+    assert (a, b) == ("  param set A 3.125", "  param set B 4")
+    assert instead == "    (or instead: set C to 1, or D to 20)"
+    assert "param set" not in printed(replace(GOOD, findings=findings[2:]))
+
+
 def test_broken_findings_come_before_unknown_ones() -> None:
     findings = (
         Finding("vehicle", "battery", Verdict.UNKNOWN, "?"),

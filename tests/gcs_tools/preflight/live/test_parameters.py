@@ -109,49 +109,86 @@ def test_a_vehicle_set_up_for_its_contract_is_fine(flavour: str) -> None:
     assert set(verdicts(flavour, SETS[flavour]).values()) == {Verdict.HOLDS}
 
 
-@pytest.mark.parametrize(
-    ("flavour", "change"),
-    [
-        ("px4", {"MPC_TILTMAX_AIR": 20.0}),
-        ("px4", {"MPC_XY_VEL_MAX": 2.9}),
-        ("px4", {"MC_ROLL_P": 3.0}),
-        ("px4", {"MC_PITCH_P": 3.0}),
-        ("px4", {"COM_OF_LOSS_T": 1.0}),
-        ("px4", {"COM_OBL_RC_ACT": 0.0}),
-        ("px4", {"COM_OBL_RC_ACT": 3.0}),
-        ("px4", {"COM_RCL_EXCEPT": 3.0}),
-        ("px4", {"NAV_DLL_ACT": 2.0}),
-        ("px4", {"GF_MAX_HOR_DIST": 30.0}),
-        ("px4", {"GF_MAX_VER_DIST": 3.0}),
-        ("px4", {"COM_LOW_BAT_ACT": 3.0}),
-        ("px4", {"GF_ACTION": 3.0}),
-        ("ardupilot", {"BATT_FS_LOW_ACT": 2.0}),
-        ("ardupilot", {"BATT2_FS_CRT_ACT": 3.0}),
-        ("ardupilot", {"FENCE_ACTION": 1.0}),
-        ("ardupilot", {"ANGLE_MAX": 2000.0}),
-        ("ardupilot", {"PSC_ANGLE_MAX": 15.0}),
-        ("ardupilot", {"PSC_JERK_XY": 5.0}),
-        ("ardupilot", {"WPNAV_ACCEL": 250.0}),
-        ("ardupilot", {"GUID_TIMEOUT": 3.0}),
-        ("ardupilot", {"FS_OPTIONS": 0.0}),
-        ("ardupilot", {"FS_GCS_ENABLE": 1.0}),
-        ("ardupilot", {"ARMING_CHECK": 0.0}),
-        ("ardupilot", {"FENCE_RADIUS": 30.0}),
-        ("ardupilot", {"FENCE_ALT_MAX": 3.0}),
-        ("ardupilot", {"FENCE_ENABLE": 0.0, "FENCE_AUTOENABLE": 3.0, "FENCE_RADIUS": 30.0}),
-        ("px4", {"COM_DLL_EXCEPT": 3.0, "NAV_DLL_ACT": 2.0}),
-        ("px4", {"COM_RCL_EXCEPT": 16.0}),
-        ("ardupilot", {"FS_OPTIONS": 16.0}),
-        ("ardupilot", {"FS_THR_ENABLE": 4.0, "FS_OPTIONS": 3.0}),
-        ("ardupilot", {"FS_THR_ENABLE": 6.0, "FS_OPTIONS": 0.0}),
-        ("ardupilot", {"FS_GCS_ENABLE": 4.0}),
-        ("ardupilot", {"FS_GCS_ENABLE": 6.0}),
-        # 448: radio, voltage and battery only.
-        ("ardupilot", {"ARMING_CHECK": 448.0}),
-    ],
-)
+ONE_WRONG: list[tuple[str, dict[str, float]]] = [
+    ("px4", {"MPC_TILTMAX_AIR": 20.0}),
+    ("px4", {"MPC_XY_VEL_MAX": 2.9}),
+    ("px4", {"MC_ROLL_P": 3.0}),
+    ("px4", {"MC_PITCH_P": 3.0}),
+    ("px4", {"COM_OF_LOSS_T": 1.0}),
+    ("px4", {"COM_OBL_RC_ACT": 0.0}),
+    ("px4", {"COM_OBL_RC_ACT": 3.0}),
+    ("px4", {"COM_RCL_EXCEPT": 3.0}),
+    ("px4", {"NAV_DLL_ACT": 2.0}),
+    ("px4", {"GF_MAX_HOR_DIST": 30.0}),
+    ("px4", {"GF_MAX_VER_DIST": 3.0}),
+    ("px4", {"COM_LOW_BAT_ACT": 3.0}),
+    ("px4", {"GF_ACTION": 3.0}),
+    ("ardupilot", {"BATT_FS_LOW_ACT": 2.0}),
+    ("ardupilot", {"BATT2_FS_CRT_ACT": 3.0}),
+    ("ardupilot", {"FENCE_ACTION": 1.0}),
+    ("ardupilot", {"ANGLE_MAX": 2000.0}),
+    ("ardupilot", {"PSC_ANGLE_MAX": 15.0}),
+    ("ardupilot", {"PSC_JERK_XY": 5.0}),
+    ("ardupilot", {"WPNAV_ACCEL": 250.0}),
+    ("ardupilot", {"GUID_TIMEOUT": 3.0}),
+    ("ardupilot", {"FS_OPTIONS": 0.0}),
+    ("ardupilot", {"FS_GCS_ENABLE": 1.0}),
+    ("ardupilot", {"ARMING_CHECK": 0.0}),
+    ("ardupilot", {"FENCE_RADIUS": 30.0}),
+    ("ardupilot", {"FENCE_ALT_MAX": 3.0}),
+    ("ardupilot", {"FENCE_ENABLE": 0.0, "FENCE_AUTOENABLE": 3.0, "FENCE_RADIUS": 30.0}),
+    ("px4", {"COM_DLL_EXCEPT": 3.0, "NAV_DLL_ACT": 2.0}),
+    ("px4", {"COM_RCL_EXCEPT": 16.0}),
+    ("ardupilot", {"FS_OPTIONS": 16.0}),
+    ("ardupilot", {"FS_THR_ENABLE": 4.0, "FS_OPTIONS": 3.0}),
+    ("ardupilot", {"FS_THR_ENABLE": 6.0, "FS_OPTIONS": 0.0}),
+    ("ardupilot", {"FS_GCS_ENABLE": 4.0}),
+    ("ardupilot", {"FS_GCS_ENABLE": 6.0}),
+    # 448: radio, voltage and battery only.
+    ("ardupilot", {"ARMING_CHECK": 448.0}),
+]
+
+
+@pytest.mark.parametrize(("flavour", "change"), ONE_WRONG)
 def test_one_wrong_parameter_turns_the_verdict(flavour: str, change: dict[str, float]) -> None:
     assert Verdict.worst(verdicts(flavour, SETS[flavour] | change).values()) is Verdict.BROKEN
+
+
+@pytest.mark.parametrize("flavour", ["px4", "ardupilot"])
+def test_each_setting_cures_its_finding(flavour: str) -> None:
+    for change in (change for name, change in ONE_WRONG if name == flavour):
+        parameters = SETS[flavour] | change
+        (broken,) = (each for each in findings(flavour, parameters) if not each.holds)
+        assert broken.settings
+        for name, value in broken.settings:
+            assert name in parameters
+            cured = verdicts(flavour, parameters | {name: value})
+            assert Verdict.worst(cured.values()) is Verdict.HOLDS, (change, name, value)
+
+
+@pytest.mark.parametrize("flavour", ["px4", "ardupilot"])
+def test_the_first_settings_together_cure_everything(flavour: str) -> None:
+    parameters = SETS[flavour] | FAILSAFES[flavour]
+    for name, change in ONE_WRONG:
+        if name == flavour and "FENCE_AUTOENABLE" not in change:
+            parameters |= change
+    broken = [each for each in findings(flavour, parameters) if not each.holds]
+    assert len(broken) > 5
+    parameters |= dict(each.settings[0] for each in broken)
+    assert set(verdicts(flavour, parameters).values()) == {Verdict.HOLDS}
+
+
+def test_a_limit_is_cured_before_a_failsafe_is_switched_off() -> None:
+    near = SETS["px4"] | {"GF_MAX_HOR_DIST": 30.0}
+    (found,) = (each for each in findings("px4", near) if not each.holds)
+    assert [name for name, _ in found.settings] == ["GF_MAX_HOR_DIST", "GF_ACTION"]
+    assert found.settings[0][1] > 40.0
+
+
+def test_what_the_vehicle_does_not_report_is_not_set() -> None:
+    rest = {name: value for name, value in PX4.items() if name != "MC_ROLL_P"}
+    (found,) = (each for each in findings("px4", rest) if not each.holds)
+    assert (found.name, found.settings) == ("MC_ROLL_P", ())
 
 
 @pytest.mark.parametrize(
@@ -480,7 +517,8 @@ def test_a_rule_is_told_with_value_and_demand(
     values: dict[str, float], verdict: Verdict, name: str, text: str
 ) -> None:
     found = rule_finding(RULE, values)
-    assert found == Finding("vehicle", name, verdict, text)
+    assert (found.subject, found.name) == ("vehicle", name)
+    assert (found.verdict, found.text) == (verdict, text)
 
 
 # ------------------------------------------------------------------ what failsafes do
