@@ -15,6 +15,7 @@ from pydantic import ValidationError
 
 from gcs_tools.flight_report.flight import Document, Flight
 from gcs_tools.flight_report.induction import clause_shares, induction_steps, margins_since
+from gcs_tools.flight_report.moments import marks, opening_s
 from gcs_tools.flight_report.timeline import (
     departure_s,
     flight_states,
@@ -30,6 +31,7 @@ from gcs_tools.flight_report.timeline import (
     truth_columns,
     truths_during,
 )
+from gcs_tools.flight_report.true_field import true_outlines_ned_m
 from gcs_tools.logs.flight_log import Log
 from gcs_tools.logs.result import MissingValueError, Result, result_of
 from onboard.files.contract_file import Contract
@@ -46,11 +48,14 @@ def document_of(flight: Flight) -> Document:
     monitors = monitors_during(flight.log.monitors, states)
     span_s = (since(states[0], start_s), since(states[-1], start_s))
     margins = margins_since(flight.log, start_s, span_s[0])
+    marked = marks(flight.log.events, truths, states, start_s)
     vehicle = None if contract is None else contract.vehicle
     return {
         "name": flight.name,
         **_verdict(flight, contract),
         "span_s": span_s,
+        "opens_at_s": opening_s(marked, states, start_s),
+        "marks": marked,
         "radius_m": 0.3 if vehicle is None else vehicle.radius_m,
         "height_m": height_m(states),
         "limits": _limits(contract),
@@ -59,6 +64,7 @@ def document_of(flight: Flight) -> Document:
         "truth": truth_columns(truths, start_s),
         "known": known_columns(monitors, start_s),
         "phases": phase_spans(states, start_s),
+        "field_ned_m": true_outlines_ned_m(flight.truth, states),
         "obstacles": obstacle_spans(flight.log.obstacles, start_s),
         "plans": plan_paths(flight.log.plans, start_s),
         "seen_spaces": seen_spaces(flight.log.seen_spaces, start_s),

@@ -86,7 +86,7 @@ class Chart {
     const bottom = this.height - PAD.bottom, right = PAD.left + this.width;
     const parts = this.phases.map(({ start_s, end_s, phase }) => svgElement("rect", {
       x: this.#x(start_s), width: Math.max(this.#x(end_s) - this.#x(start_s), 0), y: PAD.top,
-      height: bottom - PAD.top, style: `fill: var(--phase-${phase})` }));
+      height: bottom - PAD.top, style: `fill: var(--phase-${phase}, transparent)` }));
     const vertical = niceTicks(this.low, this.high, 4);
     for (const tick of vertical.ticks) {
       parts.push(svgElement("path", { class: "axis", d: `M${PAD.left} ${this.#y(tick)}H${right}` }));
@@ -136,8 +136,10 @@ class Chart {
   }
 }
 
-// One band of phases, and in them the steps of the induction: which obstacle, and whether pre- and
-// post-condition held.
+const BAND = { row: 28, tall: 104, axis: 18 };
+
+// One band of phases over a time axis, and in it the steps of the induction: which obstacle, and
+// whether pre- and post-condition held.  A label that does not fit beside its neighbours is turned.
 class Band {
   constructor(svg, phases, steps, span, seek) {
     Object.assign(this, { svg, phases, steps, span });
@@ -148,33 +150,54 @@ class Band {
     });
   }
 
+  #x(time) { return (time - this.span[0]) / (this.span[1] - this.span[0] || 1) * this.svg.clientWidth; }
+
   draw() {
-    const x = (time) => (time - this.span[0]) / (this.span[1] - this.span[0] || 1) * this.svg.clientWidth;
-    const parts = this.phases.flatMap(({ start_s, end_s, phase }) => {
-      const width = Math.max(x(end_s) - x(start_s), 1);
-      const step = phase === "avoid" ? this.steps.find(({ time_s }) => Math.abs(time_s - start_s) < 0.05) : null;
-      const words = step ? [`avoid ${step.obstacle}`, step.obstacle, phase] : [phase];
-      const rect = svgElement("rect", { x: x(start_s), width, y: 0, height: 28, stroke: "var(--rule)", style: `fill: var(--phase-${phase})` });
-      rect.append(svgElement("title", {}, `${words[0]}, ${start_s.toFixed(1)} to ${end_s.toFixed(1)} s`));
-      // The longest label that fits.
-      const label = svgElement("text", { x: x(start_s) + width / 2, y: 18, "text-anchor": "middle" }, words.find((word) => width > 6.5 * word.length + 34) ?? "");
-      const marks = step && width > 34 ? [this.#mark(x(start_s) + 9, "pre-condition", step.pre_condition), this.#mark(x(end_s) - 9, "post-condition", step.post_condition)] : [];
-      return [rect, label, ...marks];
-    });
+    const spans = this.phases.map((phase) => this.#labelled(phase));
+    this.row = spans.some(({ turned }) => turned) ? BAND.tall : BAND.row;
+    const height = this.row + BAND.axis;
+    // Setting the same height again would have the observer call once more.
+    if (this.svg.getAttribute("height") !== String(height)) this.svg.setAttribute("height", height);
+    const ticks = niceTicks(this.span[0], this.span[1], this.svg.clientWidth / 70);
+    const axis = ticks.ticks.map((tick) => svgElement("text", {
+      class: "tick", x: Math.min(Math.max(this.#x(tick), 12), this.svg.clientWidth - 12), y: height - 4, "text-anchor": "middle" }, `${tick.toFixed(ticks.digits)} s`));
     this.cursor = svgElement("path", { stroke: "var(--ink)" });
-    this.svg.replaceChildren(...parts, this.cursor);
+    this.svg.replaceChildren(...spans.flatMap((each) => this.#drawn(each)), ...axis, this.cursor);
     this.at(this.time ?? this.span[0]);
   }
 
-  #mark(x, what, holds) {
-    const mark = svgElement("text", { x, y: 18, "text-anchor": "middle", style: `fill: var(--${holds ? "good" : "bad"})` }, holds ? "✓" : "✗");
+  // The longest label that fits, else the shortest turned, where there is room for a line of text.
+  #labelled({ start_s, end_s, phase }) {
+    const width = Math.max(this.#x(end_s) - this.#x(start_s), 1);
+    const step = phase === "avoid" ? this.steps.find(({ time_s }) => Math.abs(time_s - start_s) < 0.05) : null;
+    const words = step ? [`avoid ${step.obstacle}`, step.obstacle, phase] : [phase];
+    const fitting = words.find((word) => width > 6.5 * word.length + (step ? 34 : 8));
+    const turned = fitting === undefined && width >= 14;
+    return { start_s, end_s, phase, width, step, words, turned, label: fitting ?? (turned ? words.at(step ? 1 : 0) : "") };
+  }
+
+  #drawn({ start_s, end_s, phase, width, step, words, turned, label }) {
+    const left = this.#x(start_s), middle = left + width / 2;
+    const rect = svgElement("rect", { x: left, width, y: 0, height: this.row, stroke: "var(--rule)", style: `fill: var(--phase-${phase}, transparent)` });
+    rect.append(svgElement("title", {}, `${words[0]}, ${start_s.toFixed(1)} to ${end_s.toFixed(1)} s`));
+    const text = svgElement("text", { x: middle, y: this.row / 2 + 4, "text-anchor": "middle" }, label);
+    if (turned) text.setAttribute("transform", `rotate(-90 ${middle} ${this.row / 2})`);
+    if (!step || !label) return [rect, text];
+    // Beside the label, or above and below a turned one; the turned one is read upwards.
+    const marks = turned
+      ? [this.#mark(middle, this.row - 3, "pre-condition", step.pre_condition), this.#mark(middle, 12, "post-condition", step.post_condition)]
+      : [this.#mark(left + 9, this.row / 2 + 4, "pre-condition", step.pre_condition), this.#mark(this.#x(end_s) - 9, this.row / 2 + 4, "post-condition", step.post_condition)];
+    return [rect, text, ...marks];
+  }
+
+  #mark(x, y, what, holds) {
+    const mark = svgElement("text", { x, y, "text-anchor": "middle", style: `fill: var(--${holds ? "good" : "bad"})` }, holds ? "✓" : "✗");
     mark.append(svgElement("title", {}, `${what} ${holds ? "held" : "failed"}`));
     return mark;
   }
 
   at(time) {
     this.time = time;
-    const share = (time - this.span[0]) / (this.span[1] - this.span[0] || 1);
-    this.cursor?.setAttribute("d", `M${share * this.svg.clientWidth} 0V28`);
+    this.cursor?.setAttribute("d", `M${this.#x(time)} 0V${this.row}`);
   }
 }

@@ -26,10 +26,12 @@ class FlightMap {
     // The user has dragged or zoomed: keep the view until a double-click.
     this.held = false;
     this.layers = Object.fromEntries(
-      ["seen", "obstacles", "legs", "ahead", "reference", "plan", "flown", "others", "vehicles"].map((name) =>
+      ["seen", "field", "others-seen", "obstacles", "legs", "ahead", "reference", "plan", "flown", "others", "goal", "vehicles", "marks", "scale"].map((name) =>
         [name, svg.appendChild(svgElement("g", { class: `layer-${name}` }))]));
     this.lines = {};
     this.vehicles = {};
+    // What keeps its size in pixels, with its place in metres.
+    this.sized = new Map();
     this.#watchPointer();
     svg.addEventListener("dblclick", () => { this.held = false; this.fit(); });
     window.addEventListener("resize", () => this.fit());
@@ -39,6 +41,12 @@ class FlightMap {
   line(layer, kind, points, name = kind) {
     this.lines[name] ??= this.layers[layer].appendChild(svgElement("path", { class: kind }));
     this.lines[name].setAttribute("d", polyline(points));
+  }
+
+  // Outlines that are not used now: the true obstacles of a simulation, those seen at another time.
+  outlines(layer, kind, found) {
+    this.line(layer, kind, []);
+    this.lines[kind].setAttribute("d", found.map(polygon).join(""));
   }
 
   obstacles(found) {
@@ -61,11 +69,45 @@ class FlightMap {
     this.line("plan", "way-to-rest", way_to_rest_ned_m);
   }
 
+  // Where the flight is to end.
+  goal(place) {
+    this.layers.goal.style.display = place ? "" : "none";
+    if (!place) return;
+    if (!this.goalMark) {
+      this.goalMark = svgElement("g", { class: "goal" });
+      this.goalMark.append(svgElement("circle", { r: 7 }), svgElement("circle", { r: 2, class: "dot" }));
+      this.#named(this.goalMark, "goal");
+    }
+    this.layers.goal.append(this.goalMark);
+    this.#size(this.goalMark, place);
+  }
+
+  // What went wrong, where it did: {place_ned_m, text} each.
+  marks(found) {
+    for (const mark of this.layers.marks.children) this.sized.delete(mark);
+    const placed = found.filter(({ place_ned_m }) => place_ned_m);
+    this.layers.marks.replaceChildren(...placed.map(({ place_ned_m, text }) => {
+      const mark = this.#named(svgElement("g", { class: "mark" }), text);
+      mark.append(svgElement("circle", { r: 8 }), svgElement("path", { d: "M-3.5 -3.5L3.5 3.5M3.5 -3.5L-3.5 3.5" }));
+      this.#size(mark, place_ned_m);
+      return mark;
+    }));
+  }
+
+  // The view that the contract declares, in front of the vehicle: its range, and how wide it is.
+  cone(range, width) {
+    const half = Math.min(width, 2 * Math.PI - 1e-6) / 2;
+    const [north, east] = [range * Math.cos(half), range * Math.sin(half)];
+    this.coneShape = `M0 0L${north} ${-east}A${range} ${range} 0 ${half > Math.PI / 2 ? 1 : 0} 1 ${north} ${east}Z`;
+    this.vehicles.vehicle?.querySelector(".cone").setAttribute("d", this.coneShape);
+  }
+
   vehicle(north, east, yaw, name = "vehicle") {
     if (!this.vehicles[name]) {
       const r = this.radius;
       const group = svgElement("g", { id: name });
       const kind = name === "vehicle" ? "vehicle" : "vehicle other";
+      if (name === "vehicle") group.append(svgElement("path", { class: "cone", d: this.coneShape ?? "" }));
       group.append(
         svgElement("circle", { class: kind, r, "fill-opacity": 0.35 }),
         svgElement("path", { class: kind, d: `M${r} 0L${-0.7 * r} ${0.6 * r}L${-0.35 * r} 0L${-0.7 * r} ${-0.6 * r}Z` }));
@@ -105,7 +147,31 @@ class FlightMap {
     this.#look();
   }
 
-  #look() { this.svg.setAttribute("viewBox", this.view.join(" ")); }
+  #look() {
+    this.svg.setAttribute("viewBox", this.view.join(" "));
+    const metres = this.#metres();
+    for (const [element, place] of this.sized) element.setAttribute("transform", `translate(${place[0]} ${place[1]}) scale(${metres})`);
+    this.#scaleBar(metres);
+  }
+
+  // Metres of a pixel.
+  #metres() { return this.view ? this.view[2] / Math.max(this.svg.clientWidth, 1) : 1; }
+
+  #size(element, place) {
+    this.sized.set(element, place);
+    element.setAttribute("transform", `translate(${place[0]} ${place[1]}) scale(${this.#metres()})`);
+  }
+
+  // A bar of a round length at the lower left, at most a third of the map and 130 pixels wide.
+  #scaleBar(metres) {
+    const most = Math.min(130, this.svg.clientWidth / 3) * metres;
+    const power = 10 ** Math.floor(Math.log10(most));
+    const length = [5, 2, 1].find((factor) => factor * power <= most) * power;
+    const bar = svgElement("g", { class: "scale", transform: `translate(${this.view[0]} ${this.view[1] + this.view[3]}) scale(${metres})` });
+    const end = 10 + length / metres;
+    bar.append(svgElement("path", { d: `M10 -14V-9H${end}V-14` }), svgElement("text", { x: end + 5, y: -8 }, `${Number(length.toPrecision(1))} m`));
+    this.layers.scale.replaceChildren(bar);
+  }
 
   #named(element, name) {
     element.append(svgElement("title", {}, name));

@@ -34,12 +34,17 @@ const held = (holds) => (holds ? { text: "held", kind: "good" } : { text: "faile
 
 // ---------------------------------------------------------------- in words
 
-document.title = `${flight.name}: ${flight.outcome}`;
-byId("name").textContent = other ? `${flight.name} and ${other.name}` : flight.name;
-byId("verdict").textContent = flight.outcome.toUpperCase();
-byId("verdict").classList.add(flight.succeeded ? "good" : flight.outcome === "held" || flight.outcome === "arrived" ? "warn" : "bad");
-byId("reason").textContent = flight.reason;
-byId("began").textContent = flight.origin[0][1];
+document.title = flights.map(({ name, outcome }) => `${name}: ${outcome}`).join("; ");
+flights.forEach(({ name, outcome, succeeded, reason }, i) => {
+  const one = byId("flights").appendChild(Object.assign(document.createElement("div"), { className: "one" }));
+  const kind = succeeded ? "good" : outcome === "held" || outcome === "arrived" ? "warn" : "bad";
+  const add = (tag, rest) => one.appendChild(Object.assign(document.createElement(tag), rest));
+  const heading = add("h1", { textContent: name });
+  if (other) heading.prepend(Object.assign(document.createElement("i"), { className: i ? "dashed" : "solid" }));
+  add("span", { id: i ? "other-verdict" : "verdict", className: `verdict ${kind}`, textContent: outcome.toUpperCase() });
+  add("span", { id: i ? "other-reason" : "reason", textContent: reason });
+});
+byId("flights").append(Object.assign(document.createElement("span"), { id: "began", className: "faint", textContent: flight.origin[0][1] }));
 for (const { problems } of flights) for (const problem of problems) {
   byId("problems").append(Object.assign(document.createElement("p"), { className: "problem", textContent: problem }));
 }
@@ -84,7 +89,11 @@ if (other) {
   byId("other-legend").hidden = false;
   byId("other-name").textContent = other.name;
 }
-const latest = flight.obstacles.filter(({ until_s }) => until_s === null);
+map.outlines("field", "true-obstacle", flight.field_ned_m);
+byId("field-legend").hidden = !flight.field_ned_m.length;
+map.goal(flight.legs_ned_m.at(-1));
+// Every obstacle that was ever known, as it was known last.
+const latest = [...new Map(flight.obstacles.map((obstacle) => [obstacle.id, obstacle])).values()];
 map.frame([...pairs(own), ...flight.legs_ned_m, ...latest.flatMap(({ region_ned_m }) => region_ned_m), ...(other ? pairs(other.path) : [])]);
 
 const everything = [...flights.flatMap(({ path }) => triples(path)), ...latest.flatMap(({ region_ned_m }) => region_ned_m.map(([n, e]) => [n, e, 0]))];
@@ -142,6 +151,7 @@ slider.max = span[1];
 let shownObstacles = null;
 const NOTHING_SEEN = { corner_ned_m: [0, 0], heading_rad: 0, cell_m: 1, row: [], column_from: [], column_to: [], way_to_rest_ned_m: [], guide_ned_m: [] };
 let shownSeen = NOTHING_SEEN;
+let shownMarks = 0;
 
 function show(time) {
   const i = indexAt(own.time_s, time);
@@ -157,22 +167,37 @@ function show(time) {
   if (known.length !== shownObstacles?.length || known.some((o, k) => o !== shownObstacles[k])) {
     map.obstacles(known);
     shownObstacles = known;
+    const ids = new Set(known.map(({ id }) => id));
+    const elsewhere = latest.filter(({ id }) => !ids.has(id));
+    map.outlines("others-seen", "seen-elsewhere", elsewhere.map(({ measured_ned_m }) => measured_ned_m));
+    byId("seen-legend").hidden = !elsewhere.length;
   }
   const plan = flight.plans.findLast(({ time_s, end_s }) => time_s <= time && time <= end_s);
   map.line("plan", "plan", plan?.path_ned_m ?? []);
   const seen = flight.seen_spaces.findLast(({ time_s }) => time_s <= time) ?? NOTHING_SEEN;
   if (seen !== shownSeen) { map.seen(seen); shownSeen = seen; }
+  const past = flight.marks.filter(({ time_s }) => time_s <= time + 1e-6);
+  if (past.length !== shownMarks) {
+    map.marks(past);
+    shownMarks = past.length;
+    byId("why").hidden = !past.length;
+    if (past.length) byId("why").textContent = `${past.at(-1).time_s.toFixed(1)} s: ${past.at(-1).text}`;
+  }
   space.marks = own.north_m[i] == null ? [] : [{ point: [own.north_m[i], own.east_m[i], own.height_m[i]], kind: "flown" }];
   space.draw();
   for (const chart of charts) chart.at(time);
   band.at(time);
-  const phase = flight.phases.find(({ start_s, end_s }) => start_s <= time && time <= end_s)?.phase ?? "";
+  const phase = flight.phases.findLast(({ start_s, end_s }) => start_s <= time + 1e-6 && time <= end_s)?.phase ?? "";
   const metres = (value) => (value == null ? "–" : value.toFixed(1));
   const words = [`${time.toFixed(1)} s`, seen.pause ? `${phase}: ${seen.pause}` : phase, `north ${metres(own.north_m[i])} m`, `east ${metres(own.east_m[i])} m`, `height ${metres(own.height_m[i])} m`];
   byId("readout").replaceChildren(...words.map((textContent) => Object.assign(document.createElement("span"), { textContent })));
 }
 
+// Whether the reader has chosen a time: the replay begins at the start otherwise.
+let moved = false;
+
 function seek(time) {
+  moved = true;
   const within = Math.min(Math.max(time, span[0]), span[1]);
   slider.value = within;
   show(Number(slider.value));
@@ -189,11 +214,12 @@ function step(now) {
 }
 byId("play").addEventListener("click", () => {
   if (playing !== null) { stop(); return; }
-  if (Number(slider.value) >= span[1]) seek(span[0]);
+  if (!moved || Number(slider.value) >= span[1]) seek(span[0]);
   playing = performance.now();
   byId("play").textContent = "Pause";
   requestAnimationFrame(step);
 });
-slider.addEventListener("input", () => { stop(); show(Number(slider.value)); });
-seek(span[0] < 0 ? 0 : span[0]);
+slider.addEventListener("input", () => { stop(); seek(Number(slider.value)); });
+seek(flight.opens_at_s);
+moved = false;
 document.documentElement.dataset.ready = "true";

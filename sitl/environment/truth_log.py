@@ -1,4 +1,7 @@
-"""Writes ground truth to an MCAP file: channel ``/truth``, one JSON record per tick."""
+"""Writes ground truth to an MCAP file: channel ``/truth``, one JSON record per tick.
+
+Its metadata ``field`` has the true obstacles, so that a report can draw what no sensor saw.
+"""
 
 from __future__ import annotations
 
@@ -11,11 +14,14 @@ from typing import Self
 from mcap.writer import Writer
 from pydantic import TypeAdapter
 
+from onboard.files.obstacle_field import ObstacleField
 from onboard.files.truth_record import TruthRecord
 from sitl.environment.world import World
 from sitl.plant.truth import VehicleTruth
 
 TRUTH_LOG_RATE_HZ = 50
+# Larger fields are not written: no picture shows them.
+_OBSTACLES_MAX = 20_000
 # Without the two clearances: viewers refuse a topic with properties that may be null.
 _SCHEMA = {
     "title": "clearway.truth",
@@ -40,12 +46,13 @@ class TruthLog:
     Args:
         path: the file, overwritten.
         start_unix_s: Unix time at simulation time zero.
+        field: the true obstacles; None leaves them out.
 
     Raises:
         OSError: the file cannot be written.
     """
 
-    def __init__(self, path: Path, start_unix_s: float) -> None:
+    def __init__(self, path: Path, start_unix_s: float, field: ObstacleField | None = None) -> None:
         self._start_unix_s = start_unix_s
         self._file = path.open("wb")
         # This writer also writes offsets of groups that are empty, which is not in the format.
@@ -55,6 +62,8 @@ class TruthLog:
             "clearway.truth", "jsonschema", json.dumps(_SCHEMA).encode()
         )
         self._channel = self._writer.register_channel("/truth", "json", schema)
+        if field is not None and 0 < len(field) <= _OBSTACLES_MAX:
+            self._writer.add_metadata("field", _described(field))
 
     def __enter__(self) -> Self:
         return self
@@ -82,6 +91,16 @@ class TruthLog:
         """Finish the file."""
         self._writer.finish()  # type: ignore[no-untyped-call]  # untyped in its own source
         self._file.close()
+
+
+def _described(field: ObstacleField) -> dict[str, str]:
+    """Return the arrays of a field by name, as JSON."""
+    arrays = {
+        "center_ned_m": field.center_ned_m,
+        "half_size_m": field.half_size_m,
+        "yaw_rad": field.yaw_rad,
+    }
+    return {name: json.dumps(array.round(4).tolist()) for name, array in arrays.items()}
 
 
 def truth_record(truth: VehicleTruth, world: World, start_unix_s: float) -> TruthRecord:

@@ -77,7 +77,9 @@ class LiveSimulator:
                 await transport.open(url)
             truth_log = None
             if config.truth_log is not None:
-                truth_log = stack.enter_context(TruthLog(config.truth_log, self.scene.start_unix_s))
+                truth_log = stack.enter_context(
+                    TruthLog(config.truth_log, self.scene.start_unix_s, self.scene.world.field)
+                )
             bus = Bus(session, config, self.scene.publishers)
             # The scene's time began with the scene: were it to begin now, stamps would be late.
             self.scene.advance((time.monotonic() - self._origin_s) * config.speed_factor)

@@ -313,7 +313,9 @@ def fly(
     }
     with ExitStack() as stack:
         flight_log = stack.enter_context(FlightLog(directory / "flight.mcap", metadata))
-        truth_log = stack.enter_context(TruthLog(directory / "truth.mcap", EPOCH_UNIX_S))
+        truth_log = stack.enter_context(
+            TruthLog(directory / "truth.mcap", EPOCH_UNIX_S, simulation.scene.world.field)
+        )
         for records in ticks(simulation):
             flight_log.write(records)
             truth_log.write(simulation.scene.vehicle.truth, simulation.scene.world)

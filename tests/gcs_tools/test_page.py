@@ -15,6 +15,7 @@ from markupsafe import Markup
 
 from gcs_tools.page import asset, render
 from gcs_tools.watch.server import page as watch_page
+from onboard.guidance.phases import Phase
 
 SUMMARY: dict[str, Any] = {
     "verdict": "every flight passed",
@@ -48,6 +49,14 @@ def test_a_page_needs_nothing_from_elsewhere(page: str) -> None:
     assert not re.search(r'(?:src|href)="(?!data:)', page)
     for mark in ("{{", "}}", "{%", "/*style*/", "/*script*/"):
         assert mark not in re.sub(r"<script>.*?</script>", "", page, flags=re.DOTALL)
+
+
+@pytest.mark.parametrize("phase", Phase)
+def test_every_phase_has_its_colour_in_both_themes(phase: Phase) -> None:
+    light, dark = asset("page.css").split("@media (prefers-color-scheme: dark)")
+    assert f"--phase-{phase}:" in light
+    # What a theme does not change, it inherits.
+    assert phase in {Phase.CRUISE, Phase.STANDBY} or f"--phase-{phase}:" in dark.split("}")[0]
 
 
 def test_scripts_are_put_in_as_they_are_and_strict() -> None:

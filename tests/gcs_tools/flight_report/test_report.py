@@ -13,6 +13,7 @@ from typing import Any
 import pytest
 from mcap.writer import Writer
 
+from gcs_tools.flight_report.command import write_report
 from gcs_tools.flight_report.document import document_of
 from gcs_tools.flight_report.flight import Document, read_flight
 from gcs_tools.logs.flight_log import read_log
@@ -361,11 +362,13 @@ def test_play_moves_on_by_itself(
 ) -> None:
     clearway("report", flown, "-o", tmp_path / "report.html")
     page = opened(browser, tmp_path / "report.html")
-    before = place(page)[0]
+    # It opens at the end of the mission; the replay begins at the start, once.
+    assert place(page)[0] > 45.0
     page.evaluate("document.getElementById('rate').value = '16'")
     page.evaluate("document.getElementById('play').click()")
+    page.until("Number(document.getElementById('time').value) < 5")
     page.until("Number(document.getElementById('time').value) > 10")
-    assert place(page)[0] > before + 5.0
+    assert 5.0 < place(page)[0] < 45.0
     assert page.complaints == []
 
 
@@ -378,8 +381,44 @@ def test_it_fits_a_phone_in_both_themes(
     assert page.evaluate("document.documentElement.scrollWidth") <= 390
     ground = page.evaluate("getComputedStyle(document.body).backgroundColor")
     assert ground == ("rgb(255, 255, 255)" if theme == "light" else "rgb(18, 23, 29)")
+    # Every phase that is as wide as a line of text has its label, turned where it must be.
+    page.until("document.getElementById('band').textContent")
+    phases = data_in(tmp_path / "report.html")[0]["phases"]
+    labels = page.evaluate("[...document.querySelectorAll('#band text:not(.tick)')].length")
+    turned = page.evaluate("document.querySelectorAll('#band text[transform]').length")
+    assert turned >= 1
+    assert labels >= len(phases)
+    band = page.evaluate("document.getElementById('band').textContent")
+    assert all(word in band for word in ("front/1", "front/3", "standby", "✓", "10 s"))
     page.screenshot(tmp_path / "phone.png")
     assert (tmp_path / "phone.png").stat().st_size > 10_000
+    assert page.complaints == []
+
+
+def test_a_held_flight_opens_at_its_violation_and_says_why_on_the_map(
+    browser: Page, flown: Path, tmp_path: Path
+) -> None:
+    document = document_of(read_flight(flown))
+    at_s, text = 12.0, "tracking_error: 0.37, limit 0.35 m"
+    mark = {"time_s": at_s, "kind": "hold", "text": text, "place_ned_m": [20.0, -1.0]}
+    document |= {"opens_at_s": at_s, "marks": [mark], "outcome": "held", "succeeded": False}
+    write_report([document], tmp_path / "report.html")
+    page = opened(browser, tmp_path / "report.html")
+    why = "document.getElementById('why').textContent"
+    assert page.evaluate("Number(document.getElementById('time').value)") == at_s
+    assert page.evaluate(why) == f"12.0 s: {text}"
+    placed = page.evaluate("document.querySelector('#map .mark').getAttribute('transform')")
+    assert placed.startswith("translate(20 -1) scale(")
+    # Obstacles that were known only later are drawn, too, and the true ones.
+    assert page.evaluate("document.querySelectorAll('#map .obstacle').length") < 3
+    drawn = "document.querySelector('#map .{}').getAttribute('d').split('M').length - 1"
+    assert page.evaluate(drawn.format("seen-elsewhere")) >= 1
+    assert page.evaluate(drawn.format("true-obstacle")) == 3
+    bar = page.evaluate("document.querySelector('#map .scale text').textContent")
+    assert re.fullmatch(r"[125]0* m", bar)
+    slide_to(page, at_s - 1.0)
+    assert page.evaluate("document.getElementById('why').hidden") is True
+    assert page.evaluate("document.querySelectorAll('#map .mark').length") == 0
     assert page.complaints == []
 
 
@@ -394,6 +433,11 @@ def test_two_flights_are_laid_over_each_other(
     assert page.evaluate("document.querySelector('#map .other').getAttribute('d').length") > 100
     outcomes = "[...document.querySelectorAll('#facts tbody tr')][0].textContent"
     assert page.evaluate(outcomes) == "outcomearrivedaborted"
+    assert page.evaluate("document.getElementById('verdict').textContent") == "ARRIVED"
+    assert page.evaluate("document.getElementById('other-verdict').textContent") == "ABORTED"
+    assert page.evaluate("document.getElementById('other-verdict').className") == "verdict bad"
+    names = "[...document.querySelectorAll('header h1')].map((h) => h.textContent)"
+    assert page.evaluate(names) == ["paper-1", "some"]
     # To be replayed to the end of the one that took longer.
     ends_s = [document["span_s"][1] for document in data_in(tmp_path / "both.html")]
     assert page.evaluate("Number(document.getElementById('time').max)") == max(ends_s)
