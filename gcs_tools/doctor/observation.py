@@ -126,11 +126,18 @@ def _observe(
         ahead_s=max(inbox.aheads_s),
         margins=inbox.margins,
         events=tuple(inbox.events),
-        contract=_contract(session, prefix, hear_timeout_s),
+        contract=contract_of(session, prefix, hear_timeout_s),
     )
 
 
-def _contract(session: zenoh.Session, prefix: str, timeout_s: float) -> Contract | None:
+def contract_of(session: zenoh.Session, prefix: str, timeout_s: float) -> Contract | None:
+    """Ask a daemon for its contract; None if it does not answer with one.
+
+    Args:
+        session: an open session.
+        prefix: of the daemon's keys.
+        timeout_s: how long to wait.
+    """
     for reply in session.get(f"{prefix}/contract", timeout=timeout_s):
         if reply.ok is None:
             continue

@@ -94,12 +94,16 @@ class FlightMap {
     }));
   }
 
-  // The view that the contract declares, in front of the vehicle: its range, and how wide it is.
-  cone(range, width) {
+  // What the contract declares: the vehicle's radius, and the range and width of its view, which
+  // is drawn in front of it.
+  declare(radius, range, width) {
+    this.radius = radius;
+    // Drawn anew with its next position.
+    this.vehicles.vehicle?.remove();
+    delete this.vehicles.vehicle;
     const half = Math.min(width, 2 * Math.PI - 1e-6) / 2;
     const [north, east] = [range * Math.cos(half), range * Math.sin(half)];
     this.coneShape = `M0 0L${north} ${-east}A${range} ${range} 0 ${half > Math.PI / 2 ? 1 : 0} 1 ${north} ${east}Z`;
-    this.vehicles.vehicle?.querySelector(".cone").setAttribute("d", this.coneShape);
   }
 
   vehicle(north, east, yaw, name = "vehicle") {

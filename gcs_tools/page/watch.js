@@ -9,6 +9,10 @@ const TRAIL_POINTS = 5000;
 const trail = [];
 let around = [];
 let heard = null;
+// Farther than this the goal would make everything else too small: its distance is told.
+const GOAL_SHOWN_M = 60;
+// What the badge's reason is made of.
+const why = { phase: "", hold: "", pause: "", avoided: "", missing: [] };
 
 function row(table, values, kinds = []) {
   const added = table.insertRow();
@@ -18,7 +22,35 @@ function row(table, values, kinds = []) {
 
 const number = (value, digits = 2) => (value == null ? "–" : value.toFixed(digits));
 
+function showReason() {
+  const { phase, hold, pause, avoided, missing } = why;
+  const lack = missing.length > 1 ? `${missing[0].text} (and ${missing.length - 1} more)` : missing[0]?.text;
+  const reasons = { hold, pause, avoid: avoided, standby: lack ?? "nothing is missing" };
+  byId("reason").textContent = reasons[phase] ?? "";
+}
+
+function showBattery(charge) {
+  const battery = byId("battery");
+  battery.textContent = charge == null ? "battery unknown" : `battery ${(100 * charge).toFixed(0)} %`;
+  battery.className = charge == null ? "faint" : charge < 0.2 ? "bad" : charge < 0.35 ? "warn" : "";
+}
+
 const show = {
+  declared({ radius_m, detection_range_m, field_of_view_rad }) { map.declare(radius_m, detection_range_m, field_of_view_rad); },
+
+  departure({ waiting, missing }) {
+    why.missing = missing;
+    byId("departure").hidden = !waiting;
+    byId("missing").replaceChildren(...missing.map(({ text, cure }) => {
+      const line = document.createElement("li");
+      line.append(Object.assign(document.createElement("span"), { className: "warn", textContent: text }));
+      if (cure) line.append(Object.assign(document.createElement("span"), { className: "faint", textContent: ` → ${cure}` }));
+      return line;
+    }));
+    if (!missing.length) byId("missing").append(Object.assign(document.createElement("li"), { className: "good", textContent: "nothing is missing" }));
+    showReason();
+  },
+
   trail({ points_ned_m }) {
     trail.splice(0, trail.length, ...points_ned_m);
     map.line("flown", "flown", trail);
@@ -28,6 +60,9 @@ const show = {
     heard = performance.now();
     byId("phase").textContent = status.phase.toUpperCase();
     byId("phase").className = `verdict ${{ hold: "warn", standby: "faint" }[status.phase] ?? "good"}`;
+    why.phase = status.phase;
+    showReason();
+    showBattery(status.battery_charge);
     byId("mode").textContent = `${status.mode ?? "no mode"}, ${status.armed ? "armed" : "disarmed"}`;
     if (status.position_ned_m) {
       const [north, east, down] = status.position_ned_m;
@@ -36,8 +71,11 @@ const show = {
       if (trail.length > TRAIL_POINTS) trail.shift();
       map.line("flown", "flown", trail);
       map.vehicle(north, east, status.yaw_rad);
-      map.frame([...trail, ...around, [north + 12, east], [north, east - 4], [north, east + 4]]);
-      byId("readout").textContent = `north ${number(north)} m  east ${number(east)} m  height ${number(-down)} m  ${number(Math.hypot(vn, ve))} m/s`;
+      const goal = status.goal_ned_m;
+      const away = goal ? Math.hypot(goal[0] - north, goal[1] - east) : null;
+      map.goal(goal);
+      map.frame([...trail, ...around, ...(away !== null && away < GOAL_SHOWN_M ? [goal] : []), [north + 12, east], [north, east - 4], [north, east + 4]]);
+      byId("readout").textContent = `goal ${number(away, 1)} m away  north ${number(north)} m  east ${number(east)} m  height ${number(-down)} m  ${number(Math.hypot(vn, ve))} m/s`;
     }
     const link = byId("link");
     link.replaceChildren();
@@ -77,12 +115,20 @@ const show = {
 
   seen_space(seen) {
     map.seen(seen);
-    byId("pause").textContent = seen.pause ? `pausing: ${seen.pause}` : "";
+    why.pause = seen.pause ?? "";
+    showReason();
+    byId("pause").textContent = seen.pause && why.phase !== "pause" ? `pausing: ${seen.pause}` : "";
   },
 
-  plan({ path_ned_m }) { map.line("plan", "plan", path_ned_m); },
+  plan({ path_ned_m, obstacle, side }) {
+    map.line("plan", "plan", path_ned_m);
+    why.avoided = [obstacle, side].filter(Boolean).join(", ");
+    showReason();
+  },
 
-  events({ time_s, severity, text }) {
+  events({ time_s, name, severity, text, data }) {
+    if (name === "phase") why.hold = data.to === "hold" ? text.replace(/^holding: /, "") : "";
+    showReason();
     const table = byId("events");
     const kind = { critical: "bad", error: "bad", warning: "warn" }[severity] ?? "faint";
     const added = row(table, [new Date(time_s * 1000).toLocaleTimeString(), severity, text], ["", kind]);

@@ -5,19 +5,22 @@ from __future__ import annotations
 import contextlib
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 
 import zenoh
 
 from gcs_tools.console.errors import CommandError, Interrupted
-from gcs_tools.console.interruption import Interruption, interruptible
+from gcs_tools.console.interruption import interruptible
+from gcs_tools.doctor.observation import contract_of
 from gcs_tools.preflight.live.bus import BusConfig
 from gcs_tools.watch.feed import Feed
 from gcs_tools.watch.server import serving
-from onboard.recording.messages import ZENOH_KEYS
+from onboard.recording.messages import ZENOH_KEYS, StateRecord
 from onboard.zenoh_session import open_session
 
 _POLL_S = 0.1
+_ASK_PERIOD_S = 5.0
+_ANSWER_TIMEOUT_S = 1.0
 
 
 def watch(
@@ -39,16 +42,21 @@ def watch(
     with (
         interruptible() as interruption,
         _serving_foxglove(feed, bus.vehicle, host, foxglove_port),
-        _listening(feed, bus),
+        _listening(feed, bus) as ask,
         # Ctrl-C is how this is meant to end.
         contextlib.suppress(Interrupted),
     ):
+
+        def check() -> None:
+            interruption.check()
+            ask()
+
         if terminal:
             from gcs_tools.watch.terminal import show  # noqa: PLC0415  rich is optional
 
-            show(feed, bus.vehicle, interruption.check)
+            show(feed, bus.vehicle, check)
         else:
-            _serve(feed, bus.vehicle, host, port, interruption)
+            _serve(feed, bus.vehicle, host, port, check)
 
 
 @contextlib.contextmanager
@@ -63,11 +71,11 @@ def _serving_foxglove(feed: Feed, vehicle: str, host: str, port: int | None) -> 
         yield
 
 
-def _serve(feed: Feed, vehicle: str, host: str, port: int, interruption: Interruption) -> None:
+def _serve(feed: Feed, vehicle: str, host: str, port: int, check: Callable[[], None]) -> None:
     with serving(feed, vehicle, host, port) as url:
         _print_url(url)
         while True:
-            interruption.check()
+            check()
             time.sleep(_POLL_S)
 
 
@@ -77,7 +85,8 @@ def _print_url(url: str) -> None:
 
 
 @contextlib.contextmanager
-def _listening(feed: Feed, bus: BusConfig) -> Iterator[None]:
+def _listening(feed: Feed, bus: BusConfig) -> Iterator[Callable[[], None]]:
+    """Listen while the context lasts; yield what asks for the contract, now and then."""
     prefix = f"clearway/{bus.vehicle}/"
 
     def receive(sample: zenoh.Sample) -> None:
@@ -91,4 +100,15 @@ def _listening(feed: Feed, bus: BusConfig) -> Iterator[None]:
             raise CommandError(f"no Zenoh session with {where}: {error}") from error
         for key in ZENOH_KEYS.values():
             session.declare_subscriber(prefix + key, receive)
-        yield
+        due_s = 0.0
+
+        def ask() -> None:
+            nonlocal due_s
+            # A daemon that was started again may have another contract.
+            if feed.latest(StateRecord) is None or time.monotonic() < due_s:
+                return
+            if contract := contract_of(session, prefix.rstrip("/"), _ANSWER_TIMEOUT_S):
+                feed.declare(contract)
+            due_s = time.monotonic() + _ASK_PERIOD_S
+
+        yield ask

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import threading
 from collections import deque
 from collections.abc import Callable
@@ -11,6 +12,8 @@ from typing import Final, TypeVar, cast
 from pydantic import ValidationError
 from pydantic_core import to_json
 
+from gcs_tools.watch.departure import Departure, DepartureCheck
+from onboard.files.contract_file import Contract
 from onboard.recording.messages import (
     ADAPTERS,
     ZENOH_KEYS,
@@ -37,20 +40,47 @@ class Trail:
 
 
 @dataclass(frozen=True)
-class Message:
-    """A record, or the trail, as the page receives it."""
+class Declared:
+    """What the daemon's contract says of vehicle and view, as far as it is drawn."""
 
-    content: Record | Trail
+    radius_m: float
+    detection_range_m: float
+    field_of_view_rad: float
+
+    @classmethod
+    def of(cls, contract: Contract) -> Declared:
+        """Return it from a contract."""
+        width_rad = math.radians(contract.sensor.field_of_view_deg)
+        return cls(contract.vehicle.radius_m, contract.sensor.detection_range_m, width_rad)
+
+
+# What is made of the daemon's records, by its key on the page.
+Derived = Trail | Declared | Departure
+_DERIVED_KEYS: Final[dict[type[Derived], str]] = {
+    Trail: "trail",
+    Declared: "declared",
+    Departure: "departure",
+}
+
+
+@dataclass(frozen=True)
+class Message:
+    """A record, or what was derived from several, as the page receives it."""
+
+    content: Record | Derived
 
     @property
     def key(self) -> str:
-        """The daemon's key of the record, or ``trail``."""
-        return "trail" if isinstance(self.content, Trail) else ZENOH_KEYS[type(self.content)]
+        """The daemon's key of the record, or the page's of what was derived."""
+        content = self.content
+        if isinstance(content, Derived):
+            return _DERIVED_KEYS[type(content)]
+        return ZENOH_KEYS[type(content)]
 
     def as_json(self) -> str:
         """Return key and payload as one JSON object on one line."""
         content = self.content
-        payload = to_json(content) if isinstance(content, Trail) else as_json(content)
+        payload = to_json(content) if isinstance(content, Derived) else as_json(content)
         return f'{{"key":"{self.key}","payload":{payload.decode()}}}'
 
 
@@ -65,6 +95,8 @@ class Feed:
 
     dropped: int = 0
     on_record: Callable[[Record], None] | None = None
+    _check: DepartureCheck = field(default_factory=DepartureCheck)
+    _departure: Departure = field(default_factory=Departure)
     _latest: dict[type[object], Record] = field(default_factory=dict)
     _trail: deque[tuple[float, float, float]] = field(
         default_factory=lambda: deque(maxlen=TRAIL_POINTS)
@@ -85,11 +117,32 @@ class Feed:
             return
         with self._changed:
             self._keep(record)
-            self._recent.append(Message(record))
-            self._count += 1
+            self._pass_on(record)
+            self._check.take(record)
+            if (departure := self._check.departure()) != self._departure:
+                self._departure = departure
+                self._pass_on(departure)
             self._changed.notify_all()
         if (on_record := self.on_record) is not None:
             on_record(record)
+
+    def declare(self, contract: Contract) -> None:
+        """Take the daemon's contract."""
+        with self._changed:
+            if self._check.contract != contract:
+                self._check.contract = contract
+                self._pass_on(Declared.of(contract))
+                self._changed.notify_all()
+
+    @property
+    def departure(self) -> Departure:
+        """What is missing before the daemon will fly."""
+        with self._changed:
+            return self._departure
+
+    def _pass_on(self, content: Record | Derived) -> None:
+        self._recent.append(Message(content))
+        self._count += 1
 
     def _keep(self, record: Record) -> None:
         if isinstance(record, EventRecord):
@@ -112,10 +165,13 @@ class Feed:
     def snapshot(self) -> tuple[list[Message], int]:
         """Return all that a viewer who joins now has missed, and where `wait` goes on from."""
         with self._changed:
-            missed = [Message(record) for record in self._latest.values()]
+            declared = self._check.contract
+            missed = [] if declared is None else [Message(Declared.of(declared))]
+            missed += [Message(record) for record in self._latest.values()]
             # After the status, whose position it holds already.
             missed.append(Message(Trail(tuple(self._trail))))
             missed += [Message(event) for event in self._events]
+            missed.append(Message(self._departure))
             return missed, self._count
 
     def wait(self, after: int, timeout_s: float) -> tuple[list[Message], int]:

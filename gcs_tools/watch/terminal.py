@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, fields
@@ -13,7 +14,9 @@ from rich.panel import Panel
 from rich.table import Table
 from rich.text import Text
 
+from gcs_tools.watch.departure import Departure
 from gcs_tools.watch.feed import Feed
+from onboard.events import EventName
 from onboard.recording.messages import (
     DropCounters,
     EventRecord,
@@ -45,23 +48,49 @@ def view(feed: Feed, vehicle: str, now_unix_s: float) -> RenderableType:
     """Return everything on one screen."""
     return Group(
         Panel(
-            _state(feed.latest(StateRecord), feed.latest(SeenSpace), now_unix_s),
+            _state(
+                feed.latest(StateRecord), feed.latest(SeenSpace), _reason(feed.events()), now_unix_s
+            ),
             title=vehicle,
             title_align="left",
         ),
+        *_departure(feed.departure),
         Panel(_monitors(feed.latest(Monitors)), title="monitors", title_align="left"),
         Panel(_margins(feed.latest(Margins)), title="contract", title_align="left"),
         Panel(_events(feed.events()), title="events", title_align="left"),
     )
 
 
-def _state(state: StateRecord | None, seen: SeenSpace | None, now_unix_s: float) -> RenderableType:
+def _departure(departure: Departure) -> Iterator[Panel]:
+    """Yield a panel of what is missing before departure; none once the vehicle flies."""
+    if departure.waiting:
+        lines = [
+            Text.assemble((lack.text, "yellow"), f" → {lack.cure}" if lack.cure else "")
+            for lack in departure.missing
+        ] or [Text("nothing is missing", style="green")]
+        yield Panel(Group(*lines), title="before departure", title_align="left")
+
+
+def _reason(events: Sequence[EventRecord]) -> str | None:
+    """Return why the vehicle holds; None while it does not."""
+    changes = (event for event in reversed(events) if event.name == EventName.PHASE)
+    last = next(changes, None)
+    holds = last is not None and last.data.get("to") == "hold"
+    return last.text.removeprefix("holding: ") if last is not None and holds else None
+
+
+def _state(
+    state: StateRecord | None, seen: SeenSpace | None, reason: str | None, now_unix_s: float
+) -> RenderableType:
     if state is None:
         return Text("waiting for the daemon", style="yellow")
     silent_s = now_unix_s - state.time_s
     table = Table.grid(padding=(0, 2))
     table.add_row("phase", Text(state.phase.upper(), style="bold"), "mode", str(state.mode))
+    if reason is not None:
+        table.add_row("because", Text(reason, style="yellow"))
     table.add_row("position", _vector(state.position_ned_m, "m north, east, down"))
+    table.add_row("goal", _goal(state), "battery", _battery(state.battery_charge))
     table.add_row("velocity", _vector(state.velocity_ned_mps, "m/s"))
     table.add_row("obstacles", str(state.obstacles_known))
     table.add_row("dropped", _dropped(state.dropped))
@@ -70,6 +99,16 @@ def _state(state: StateRecord | None, seen: SeenSpace | None, now_unix_s: float)
     if silent_s > SILENCE_S:
         return Group(Text(f"no contact for {silent_s:.0f} s", style="bold red"), table)
     return table
+
+
+def _goal(state: StateRecord) -> str:
+    if state.goal_ned_m is None or state.position_ned_m is None:
+        return "not known"
+    return f"{math.dist(state.position_ned_m[:2], state.goal_ned_m):.1f} m away"
+
+
+def _battery(charge: float | None) -> str:
+    return "not known" if charge is None else f"{100.0 * charge:.0f} %"
 
 
 def _dropped(counters: DropCounters) -> str:

@@ -94,6 +94,8 @@ class StateRecord:
         rest_margin_m: by how much, in steps, the body could be larger there; None where no way is
             held, or where the way that is held is not certified.
         pauses: on this leg.
+        goal_ned_m: where the mission ends, north and east.
+        battery_charge: of the emptiest battery, from 0 to 1; None while unknown.
         dropped: input that was not used.
     """
 
@@ -129,6 +131,8 @@ class StateRecord:
     rest_certified: bool | None = None
     rest_margin_m: Number | None = None
     pauses: int = 0
+    goal_ned_m: Vector2 | None = None
+    battery_charge: Number | None = None
     dropped: DropCounters = field(default_factory=DropCounters)
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 from onboard.autonomy import Autonomy
+from onboard.monitoring.energy import SILENCE_S
 from onboard.recording.messages import DropCounters, SensorRecord, StateRecord
 
 
@@ -49,6 +50,8 @@ def state_of(autonomy: Autonomy, now_s: float) -> StateRecord:
         rest_certified=None if navigator.shield is None else navigator.shield.rest_certified,
         rest_margin_m=None if navigator.shield is None else navigator.shield.rest_margin_m,
         pauses=0 if navigator.thread is None else navigator.thread.pauses,
+        goal_ned_m=navigator.situation.route.mission.legs[-1].end_ned_m,
+        battery_charge=autonomy.link.battery.charge(now_s, SILENCE_S),
         dropped=_dropped(autonomy),
     )
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import http.client
 import json
 import math
+import re
 import signal
 import socket
 import subprocess
@@ -23,15 +24,18 @@ from gcs_tools.logs.flight_log import read_log
 from gcs_tools.watch.feed import _BACKLOG, EVENTS_KEPT, Feed, Message
 from gcs_tools.watch.server import serving
 from gcs_tools.watch.terminal import view
+from onboard.files.contract_file import load_contract
 from onboard.recording.messages import StateRecord
 from tests.gcs_tools.browser import Page, chromium
-from tests.gcs_tools.running import Clearway, children_of, is_alive, until
+from tests.gcs_tools.running import CONFIG, Clearway, children_of, is_alive, until
 from tests.gcs_tools.terminal import terminal
 
+CONTRACT = load_contract(CONFIG / "paper_contract.yaml")
 STATUS = {
     "time_s": 1_790_000_000.0, "phase": "avoid", "mode": "OFFBOARD", "armed": True,
     "position_ned_m": [12.0, 0.5, -4.0], "velocity_ned_mps": [2.0, 0.1, 0.0], "yaw_rad": 0.0,
-    "obstacles_known": 2, "dropped": {"frames_malformed": 3},
+    "goal_ned_m": [46.0, 0.0], "battery_charge": 0.17, "obstacles_known": 2,
+    "dropped": {"frames_malformed": 3},
 }  # fmt: skip
 MONITORS = {
     "time_s": 1_790_000_000.0,
@@ -124,7 +128,8 @@ def test_a_listener_that_fell_behind_starts_anew() -> None:
         said(feed, "events", violation(number))
     messages, _ = feed.wait(0, 0.0)
     assert [message.key for message in messages].count("trail") == 1
-    assert len(messages) == 1 + EVENTS_KEPT
+    assert [message.key for message in messages][-1] == "departure"
+    assert len(messages) == 2 + EVENTS_KEPT
 
 
 def test_closing_lets_a_waiting_listener_go() -> None:
@@ -163,7 +168,8 @@ def test_the_stream_begins_with_what_is_known_and_goes_on() -> None:
             message: dict[str, Any] = json.loads(line.removeprefix(b"data: "))
             return message
 
-        assert [next_message()["key"] for _ in range(2)] == ["status", "trail"]
+        first = [next_message()["key"] for _ in range(3)]
+        assert first == ["status", "trail", "departure"]
         said(feed, "events", violation(1))
         assert next_message() == {"key": "events", "payload": violation(1)}
 
@@ -213,6 +219,8 @@ def test_the_terminal_shows_what_the_page_shows() -> None:
     for key, payload in {"status": STATUS, "monitors": MONITORS, "margins": MARGINS}.items():
         said(feed, key, payload)
     said(feed, "events", violation(7))
+    holding = {"name": "phase", "severity": "error", "data": {"to": "hold"}, "time_s": 1.79e9}
+    said(feed, "events", {**holding, "text": "holding: the daemon lost its way"})
     said(feed, "seen_space", SEEN_SPACE)
     text = rendered(feed, 1_790_000_000.1)
     for words in (
@@ -224,10 +232,18 @@ def test_the_terminal_shows_what_the_page_shows() -> None:
         "event 7",
         "3 frames malformed",
         "nothing better certifies",
+        "34.0 m away",
+        "17 %",
+        "the daemon lost its way",
     ):
         assert words in text
     assert "no contact" not in text
+    assert "before departure" not in text
     assert "no contact for 9 s" in rendered(feed, 1_790_000_009.0)
+    said(feed, "status", {**STATUS, "phase": "standby", "cleared": False})
+    text = rendered(feed, 1_790_000_000.1)
+    assert "before departure" in text
+    assert "require_preflight" in text
 
 
 # ---------------------------------------------------------------------------- in a browser
@@ -261,7 +277,12 @@ def test_the_page_shows_everything_that_is_said(tmp_path: Path) -> None:
         page.open(url)
         for key, payload in {
             "map": {"time_s": 0.0, "obstacles": [OBSTACLE]},
-            "plan": {"time_s": 0.0, "path_ned_m": [[11, 0.5, -4], [14, 2.2, -4]]},
+            "plan": {
+                "time_s": 0.0,
+                "obstacle": "front/1",
+                "side": "left",
+                "path_ned_m": [[11, 0.5, -4], [14, 2.2, -4]],
+            },
             "seen_space": SEEN_SPACE,
             "monitors": MONITORS,
             "margins": MARGINS,
@@ -284,6 +305,30 @@ def test_the_page_shows_everything_that_is_said(tmp_path: Path) -> None:
         way = "document.querySelector('#map .way-to-rest').getAttribute('d')"
         assert page.evaluate(way) == "M12 0.5L13 0.5"
         assert page.evaluate("document.querySelector('#map .guide').getAttribute('d')")
+        # What the contract declares is drawn: 90 degrees wide, 10 m far.
+        feed.declare(CONTRACT)
+        said(feed, "status", STATUS)
+        page.until("document.querySelector('#map .cone')?.getAttribute('d')")
+        cone = page.evaluate("document.querySelector('#map .cone').getAttribute('d')")
+        range_m, half_rad = (
+            CONTRACT.sensor.detection_range_m,
+            math.radians(CONTRACT.sensor.field_of_view_deg) / 2.0,
+        )
+        corner = [float(number) for number in re.findall(r"[-\d.]+", cone)[2:4]]
+        assert corner == pytest.approx(
+            [range_m * math.cos(half_rad), -range_m * math.sin(half_rad)], abs=1e-3
+        )
+        radius = "document.querySelector('#vehicle circle').getAttribute('r')"
+        assert float(page.evaluate(radius)) == CONTRACT.vehicle.radius_m
+        goal = page.evaluate("document.querySelector('#map .goal').getAttribute('transform')")
+        assert goal.startswith("translate(46 0) ")
+        assert "goal 34.0 m away" in text_of(page, "readout")
+        assert re.fullmatch(
+            r"[125]0* m", page.evaluate("document.querySelector('#map .scale text').textContent")
+        )
+        assert text_of(page, "battery") == "battery 17 %"
+        assert page.evaluate("document.getElementById('battery').className") == "bad"
+        assert text_of(page, "reason") == "front/1, left"
         assert text_of(page, "pause") == "pausing: nothing better certifies"
         assert (
             page.evaluate("document.querySelector('#monitors .bad').textContent")
@@ -292,6 +337,29 @@ def test_the_page_shows_everything_that_is_said(tmp_path: Path) -> None:
         assert page.evaluate("document.querySelector('#margins .bad').textContent") == "-0.10 m"
         assert "<b>not markup</b>" in text_of(page, "events")
         page.until("document.getElementById('contact').textContent.startsWith('no contact')")
+        assert page.complaints == []
+
+
+def test_the_page_says_what_is_missing_and_why_the_vehicle_holds(tmp_path: Path) -> None:
+    feed = Feed()
+    waiting = {**STATUS, "phase": "standby", "mode": "POSCTL", "cleared": False, "time_s": 1.79e9}
+    said(feed, "status", waiting)
+    with chromium(tmp_path / "profile") as page, serving(feed, "v1", "127.0.0.1", 0) as url:
+        page.look_like(390, 844, theme="dark")
+        page.open(url)
+        page.until("document.querySelectorAll('#missing li').length > 1")
+        assert page.evaluate("document.getElementById('departure').hidden") is False
+        missing = text_of(page, "missing")
+        assert "authorization: require_preflight: no recent check has passed" in missing
+        assert "clearway preflight" in missing
+        assert " more)" in text_of(page, "reason")
+        assert page.evaluate("document.documentElement.scrollWidth") <= 390
+        holding = {"name": "phase", "severity": "error", "data": {"to": "hold"}, "time_s": 1.79e9}
+        said(feed, "events", {**holding, "text": "holding: tracking_error: 0.4, limit 0.35 m"})
+        said(feed, "status", {**waiting, "phase": "hold"})
+        page.until("document.getElementById('phase').textContent === 'HOLD'")
+        assert text_of(page, "reason") == "tracking_error: 0.4, limit 0.35 m"
+        page.until("document.getElementById('departure').hidden")
         assert page.complaints == []
 
 

@@ -7,6 +7,7 @@ from dataclasses import fields
 from pathlib import Path
 
 import pytest
+from pymavlink.dialects.v20 import common as mavlink
 
 from onboard.autonomy import Autonomy
 from onboard.files.contract_file import load_contract
@@ -33,7 +34,14 @@ def test_before_anything_is_heard_what_is_unknown_is_null(autonomy: Autonomy) ->
     state = state_of(autonomy, 0.0)
     said = json.loads(as_json(state))
     assert said.keys() == {each.name for each in fields(StateRecord)}
-    unknown = {"position_ned_m", "roll_rad", "detection_age_s", "telemetry_age_s", "position_doubt"}
+    unknown = {
+        "position_ned_m",
+        "battery_charge",
+        "roll_rad",
+        "detection_age_s",
+        "telemetry_age_s",
+        "position_doubt",
+    }
     assert all(said[name] is None for name in unknown)
     assert (said["phase"], said["sensors"], said["log_ended"]) == ("standby", {}, False)
     assert set(said["dropped"].values()) == {0}
@@ -48,6 +56,15 @@ def test_pose_and_age_are_those_of_the_newest_telemetry(autonomy: Autonomy) -> N
     assert (state.roll_rad, state.pitch_rad, state.yaw_rad) == (0.1, 0.2, 0.3)
     assert state.telemetry_age_s == pytest.approx(0.25)
     assert state.time_s == EPOCH_S + 1.25
+
+
+def test_goal_and_charge_are_those_of_mission_and_battery(autonomy: Autonomy) -> None:
+    report = mavlink.MAVLink_battery_status_message(0, 0, 0, 0, [], 0, -1, -1, 83)
+    autonomy.link.battery.hear_battery(report, 1.0)
+    state = state_of(autonomy, 1.5)
+    assert state.goal_ned_m == autonomy.navigator.situation.route.mission.legs[-1].end_ned_m
+    assert state.battery_charge == pytest.approx(0.83)
+    assert state_of(autonomy, 1000.0).battery_charge is None  # silent for too long
 
 
 def test_what_is_dropped_is_counted_by_reason(autonomy: Autonomy) -> None:
