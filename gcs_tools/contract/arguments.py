@@ -71,7 +71,7 @@ def _add_surface(actions: Any) -> None:
     parser.add_argument(
         "--reading",
         choices=("nominal", "inflated"),
-        help="the paper's point mass (default of a figure), or all errors (default otherwise)",
+        help="the paper's point mass, or all errors of the contract (default)",
     )
     parser.add_argument("--plot", type=Path, metavar="FILE", help="draw it: PNG, SVG or PDF")
     add_output_options(parser, "table", "json", "csv")

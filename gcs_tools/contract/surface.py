@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Any, Literal
@@ -17,7 +17,7 @@ from rich.table import Table
 from gcs_tools.console.errors import CommandError
 from gcs_tools.console.output import Format, write_document, write_text
 from gcs_tools.contract.surface_grid import MARGIN, Axis, Reading, Surface, evaluate
-from onboard.files.contract_file import InputSet, load_contract
+from onboard.files.contract_file import Contract, InputSet, load_contract
 
 FigureNumber = Literal["11", "12", "13"]
 
@@ -33,7 +33,7 @@ class Figure:
     y: str
     quantity: str
     overrides: tuple[str, ...] = ()
-    reading: Reading = "nominal"
+    reading: Reading = "inflated"
 
 
 _SPEEDS = "vehicle.cruise_speed_mps=0.5:8:151"
@@ -107,21 +107,31 @@ def request_surface(
     figure = _figure(request)
     # The operator's overrides take precedence over the figure's.
     contract = load_contract(contract_path, (*figure.overrides, *overrides))
-    return evaluate(
-        contract,
-        Axis.parse(request.x or figure.x),
-        Axis.parse(request.y or figure.y),
-        request.quantity or figure.quantity,
-        reading=request.reading or figure.reading,
-        input_set=input_set,
+    reading = request.reading or figure.reading
+    x, y = Axis.parse(request.x or figure.x), Axis.parse(request.y or figure.y)
+    if request.x is None and reading == "inflated":
+        x = _where_known(x, contract)
+    surface = evaluate(
+        contract, x, y, request.quantity or figure.quantity, reading=reading, input_set=input_set
     )
+    stated = load_contract(contract_path, overrides)
+    own_x, own_y = x.value_in(stated), y.value_in(stated)
+    return surface if own_x is None or own_y is None else replace(surface, own=(own_x, own_y))
+
+
+def _where_known(speeds: Axis, contract: Contract) -> Axis:
+    """Return a figure's speeds up to that at which the run after a loss was measured."""
+    known_mps = contract.vehicle.setpoint_loss_run_on_speed_mps
+    if known_mps is None or not contract.requirements.passive_safety:
+        return speeds
+    return speeds.up_to(known_mps)
 
 
 def _figure(request: SurfaceRequest) -> Figure:
     if request.figure is None and (request.x is not None or request.y is not None):
         if request.x is None or request.y is None:
             raise CommandError("give both --x and --y, or a --figure")
-        return Figure(request.x, request.y, MARGIN.name, reading="inflated")
+        return Figure(request.x, request.y, MARGIN.name)
     return FIGURES[request.figure or "11"]
 
 
@@ -137,6 +147,9 @@ def surface_document(surface: Surface) -> dict[str, Any]:
             "unit": surface.quantity.unit,
             "values": surface.values.tolist(),
         },
+        "own": None
+        if surface.own is None
+        else {"x": surface.own[0], "y": surface.own[1], "compliant": surface.own_complies},
         "safe": surface.safe.tolist(),
         "compliant": surface.compliant.tolist(),
     }
@@ -184,6 +197,16 @@ def print_surface(surface: Surface, console: Console) -> None:
     console.print(table)
     share = 100.0 * float(surface.compliant.mean())
     console.print(f"{share:.1f} % of {surface.values.size:,} points comply with every clause")
+    console.print(_own_in_words(surface), soft_wrap=True, markup=False)
+
+
+def _own_in_words(surface: Surface) -> str:
+    if surface.own is None:
+        return "the contract has no single point here: it states none of an axis, or several"
+    (x, y), complies = surface.own, surface.own_complies
+    place = f"{surface.x.name} = {x:.4g} {surface.x.unit}, {surface.y.name} = {y:.4g}"
+    found = {True: "complies here", False: "does not comply here", None: "is outside the axes"}
+    return f"the contract's own point, {place} {surface.y.unit}, {found[complies]}"
 
 
 def _bracketed(unit: str) -> str:

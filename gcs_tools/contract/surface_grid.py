@@ -73,6 +73,20 @@ class Axis:
             raise CommandError(f"{text}: expected LO less than HI, and N at least 2")
         return cls(keys, np.linspace(start, stop, number))
 
+    def value_in(self, contract: Contract) -> float | None:
+        """Return the value that a contract states for all keys; None where they differ."""
+        stated = {key.value_in(contract) for key in self.keys}
+        return stated.pop() if len(stated) == 1 else None
+
+    def spans(self, value: float) -> bool:
+        """Return whether a value lies between the ends."""
+        return bool(self.values[0] <= value <= self.values[-1])
+
+    def up_to(self, high: float) -> Axis:
+        """Return the axis with as many values, none above ``high`` if any is not."""
+        low, end = float(self.values[0]), min(float(self.values[-1]), high)
+        return self if low >= end else Axis(self.keys, np.linspace(low, end, len(self.values)))
+
 
 @dataclass(frozen=True)
 class Quantity:
@@ -161,6 +175,7 @@ class Surface:
             least of all clauses if it has none.
         declared: of the quantity's clause, if it is the same everywhere; else None.
         compliant: where every clause holds.
+        own: the contract's own values of both axes; None where it states none, or several.
     """
 
     x: Axis
@@ -172,6 +187,19 @@ class Surface:
     margin: FloatArray
     declared: float | None
     compliant: BoolArray
+    own: tuple[float, float] | None = None
+
+    @property
+    def own_complies(self) -> bool | None:
+        """Whether every clause holds at the nearest point of the grid to the contract's own.
+
+        None where it has none within the axes.
+        """
+        if self.own is None or not (self.x.spans(self.own[0]) and self.y.spans(self.own[1])):
+            return None
+        column = np.abs(self.x.values - self.own[0]).argmin()
+        row = np.abs(self.y.values - self.own[1]).argmin()
+        return bool(self.compliant[row, column])
 
     @property
     def safe(self) -> BoolArray:

@@ -21,6 +21,15 @@ from gcs_tools.contract.surface_grid import Axis, Surface
 _COLOURS = "viridis"
 _UNSAFE = "#c62828"
 _LEVELS = 12
+# The contract's own point: seen on the light and on the dark of the colours.
+_OWN: dict[str, Any] = {
+    "marker": "o",
+    "markersize": 10,
+    "markerfacecolor": "white",
+    "markeredgecolor": "black",
+    "markeredgewidth": 2.5,
+    "linestyle": "none",
+}
 
 # Most lines per direction of a 3D surface; more take time and do not show.
 _LINES_3D = 60
@@ -69,6 +78,10 @@ def _draw_from_above(axes: Any, surface: Surface) -> None:
         hatched.set_linewidth(0.0)
     if unsafe.any() and not unsafe.all():
         axes.contour(x, y, surface.margin, levels=[0.0], colors=_UNSAFE, linewidths=2.2)
+    if surface.own is not None:
+        axes.plot(*surface.own, **_OWN)
+        # A point beyond the axes would stretch them.
+        axes.set(xlim=(x[0], x[-1]), ylim=(y[0], y[-1]))
     axes.legend(handles=_legend(surface), loc="upper left", fontsize=8, framealpha=0.9)
 
 
@@ -80,7 +93,13 @@ def _legend(surface: Surface) -> list[Any]:
         Patch(facecolor=colormaps[_COLOURS](0.35), label="safe: complies"),
         Line2D([], [], color=_UNSAFE, linewidth=2.2, label=limit),
         Patch(facecolor="white", edgecolor=_UNSAFE, hatch="///", label="does not comply"),
+        *([] if surface.own is None else [Line2D([], [], label=_own_label(surface), **_OWN)]),
     ]
+
+
+def _own_label(surface: Surface) -> str:
+    words = {True: "complies", False: "does not comply", None: "outside"}
+    return f"this contract: {words[surface.own_complies]}"
 
 
 def _draw_raised(axes: Axes3D, surface: Surface) -> None:

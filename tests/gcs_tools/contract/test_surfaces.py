@@ -20,12 +20,13 @@ from gcs_tools.contract.surface_grid import Axis, Surface, evaluate
 from onboard.contract.arithmetic import SCALAR
 from onboard.contract.assessment import assess, clauses, derive
 from onboard.files.contract_file import InputSet, load_contract
-from tests.gcs_tools.running import CONTRACTS, Clearway
+from tests.gcs_tools.running import CONFIG, CONTRACTS, Clearway
 
 EXAMPLE_PATH = CONTRACTS / "precise_vehicle.yaml"
 EXAMPLE = load_contract(EXAMPLE_PATH)
 SPEEDS = "vehicle.cruise_speed_mps=0.5:6:23"
 RANGES = "sensor.detection_range_m=3:20:18"
+BLIND_AT_4_M = "sensor.detection_range_m=4"
 
 
 def surface_of(x: str, y: str, quantity: str, **options: Any) -> Surface:
@@ -103,9 +104,11 @@ def test_declared_is_known_only_where_it_is_one_number() -> None:
 @pytest.mark.parametrize("figure", FIGURES)
 def test_figures_are_what_their_captions_say(figure: FigureNumber) -> None:
     surface = request_surface(
-        EXAMPLE_PATH, SurfaceRequest(figure=figure), overrides=(), input_set="inner"
+        EXAMPLE_PATH,
+        SurfaceRequest(figure=figure, reading="nominal"),
+        overrides=(),
+        input_set="inner",
     )
-    assert surface.reading == "nominal"
     column, row = 60, 40
     speed_mps, y_value = float(surface.x.values[column]), float(surface.y.values[row])
     size_m, angle_deg = (y_value, 15.0) if figure == "12" else (4.0, y_value)
@@ -130,6 +133,51 @@ def test_fig_11_falls_with_agility_and_rises_with_speed() -> None:
     surface = request_surface(EXAMPLE_PATH, SurfaceRequest(), overrides=(), input_set="paper")
     assert (np.diff(surface.values, axis=0) < 0.0).all()
     assert (np.diff(surface.values, axis=1) > 0.0).all()
+
+
+@pytest.mark.parametrize("figure", FIGURES)
+def test_a_figure_includes_all_errors_unless_it_is_asked_not_to(figure: FigureNumber) -> None:
+    surface = request_surface(
+        EXAMPLE_PATH, SurfaceRequest(figure=figure), overrides=(), input_set="inner"
+    )
+    assert surface.reading == "inflated"
+    bare = request_surface(
+        EXAMPLE_PATH,
+        SurfaceRequest(figure=figure, reading="nominal"),
+        overrides=(),
+        input_set="inner",
+    )
+    assert (surface.values > bare.values).all()
+
+
+def test_the_contract_s_own_point_is_marked() -> None:
+    path = CONFIG / "paper_contract.yaml"
+    request = SurfaceRequest(x=SPEEDS, y=RANGES)
+    surface = request_surface(path, request, overrides=(), input_set="inner")
+    stated = load_contract(path)
+    assert surface.own == (stated.vehicle.cruise_speed_mps, stated.sensor.detection_range_m)
+    assert surface.own_complies is assess(stated).compliant is True
+    blind = request_surface(path, request, overrides=(BLIND_AT_4_M,), input_set="inner")
+    assert blind.own == (stated.vehicle.cruise_speed_mps, 4.0)
+    assert blind.own_complies is False
+    far = request_surface(
+        path, request, overrides=("sensor.detection_range_m=90",), input_set="inner"
+    )
+    assert far.own_complies is None
+    # Roll and pitch that differ are no single point of an axis that drives both.
+    both = request_surface(
+        path, SurfaceRequest("11"), overrides=("vehicle.roll_max_deg=11",), input_set="inner"
+    )
+    assert both.own is None
+
+
+def test_a_figure_ends_where_the_run_after_a_loss_was_measured() -> None:
+    stated = ("vehicle.setpoint_loss_run_on_m=3.0", "vehicle.setpoint_loss_run_on_speed_mps=4.0")
+    surface = request_surface(
+        EXAMPLE_PATH, SurfaceRequest("13"), overrides=stated, input_set="inner"
+    )
+    assert surface.x.values[-1] == 4.0
+    assert len(surface.x.values) == 151
 
 
 @pytest.mark.parametrize("figure", ["12", "13"])
@@ -176,6 +224,11 @@ def test_json(draw: Any, tmp_path: Path) -> None:
     np.testing.assert_array_equal(document["z"]["values"], surface.values)
     np.testing.assert_array_equal(document["compliant"], surface.compliant)
     assert (document["reading"], document["input_set"]) == ("inflated", "inner")
+    assert document["own"] == {
+        "x": EXAMPLE.vehicle.cruise_speed_mps,
+        "y": EXAMPLE.sensor.detection_range_m,
+        "compliant": assess(EXAMPLE).compliant,
+    }
 
 
 def test_csv(draw: Any) -> None:
@@ -193,7 +246,15 @@ def test_csv(draw: Any) -> None:
 def test_table(draw: Any) -> None:
     ran = draw("--figure", "13")
     assert ran.code == 0
-    for part in ("[m]", "[m/s]", "[°]", "nominal", "separation holds", "comply with every clause"):
+    for part in (
+        "[m]",
+        "[m/s]",
+        "[°]",
+        "inflated",
+        "own point, vehicle.cruise_speed_mps",
+        "separation holds",
+        "comply with every clause",
+    ):
         assert part in ran.out
 
 
@@ -228,7 +289,8 @@ def test_picture(
 def test_figures_of_the_point_mass_do_not_ask_for_the_speed_of_a_run(draw: Any) -> None:
     options = ("--set", "vehicle.setpoint_loss_run_on_m=3.0", "--format", "json")
     bare, stated = (
-        json.loads(draw("--figure", "13", *each).out) for each in (options[2:], options)
+        json.loads(draw("--figure", "13", "--reading", "nominal", *each).out)
+        for each in (options[2:], options)
     )
     assert bare["z"] == stated["z"]
 
