@@ -149,7 +149,7 @@ def surface_document(surface: Surface) -> dict[str, Any]:
         },
         "own": None
         if surface.own is None
-        else {"x": surface.own[0], "y": surface.own[1], "compliant": surface.own_complies},
+        else {"x": surface.own[0], "y": surface.own[1], "safe": surface.own_safe},
         "safe": surface.safe.tolist(),
         "compliant": surface.compliant.tolist(),
     }
@@ -203,10 +203,15 @@ def print_surface(surface: Surface, console: Console) -> None:
 def _own_in_words(surface: Surface) -> str:
     if surface.own is None:
         return "the contract has no single point here: it states none of an axis, or several"
-    (x, y), complies = surface.own, surface.own_complies
+    x, y = surface.own
     place = f"{surface.x.name} = {x:.4g} {surface.x.unit}, {surface.y.name} = {y:.4g}"
-    found = {True: "complies here", False: "does not comply here", None: "is outside the axes"}
-    return f"the contract's own point, {place} {surface.y.unit}, {found[complies]}"
+    meaning = _safe_meaning(surface)
+    found = {
+        True: f"here {meaning}",
+        False: f"it is not so that {meaning}",
+        None: "outside the axes",
+    }
+    return f"the contract's own point, {place} {surface.y.unit}: {found[surface.own_safe]}"
 
 
 def _bracketed(unit: str) -> str:

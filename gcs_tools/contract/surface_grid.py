@@ -190,8 +190,8 @@ class Surface:
     own: tuple[float, float] | None = None
 
     @property
-    def own_complies(self) -> bool | None:
-        """Whether every clause holds at the nearest point of the grid to the contract's own.
+    def own_safe(self) -> bool | None:
+        """Whether the nearest point of the grid to the contract's own is safe.
 
         None where it has none within the axes.
         """
@@ -199,7 +199,7 @@ class Surface:
             return None
         column = np.abs(self.x.values - self.own[0]).argmin()
         row = np.abs(self.y.values - self.own[1]).argmin()
-        return bool(self.compliant[row, column])
+        return bool(self.safe[row, column])
 
     @property
     def safe(self) -> BoolArray:

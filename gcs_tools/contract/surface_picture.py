@@ -29,6 +29,7 @@ _OWN: dict[str, Any] = {
     "markeredgecolor": "black",
     "markeredgewidth": 2.5,
     "linestyle": "none",
+    "clip_on": False,
 }
 
 # Most lines per direction of a 3D surface; more take time and do not show.
@@ -78,9 +79,8 @@ def _draw_from_above(axes: Any, surface: Surface) -> None:
         hatched.set_linewidth(0.0)
     if unsafe.any() and not unsafe.all():
         axes.contour(x, y, surface.margin, levels=[0.0], colors=_UNSAFE, linewidths=2.2)
-    if surface.own is not None:
+    if surface.own is not None and surface.own_safe is not None:
         axes.plot(*surface.own, **_OWN)
-        # A point beyond the axes would stretch them.
         axes.set(xlim=(x[0], x[-1]), ylim=(y[0], y[-1]))
     axes.legend(handles=_legend(surface), loc="upper left", fontsize=8, framealpha=0.9)
 
@@ -98,8 +98,8 @@ def _legend(surface: Surface) -> list[Any]:
 
 
 def _own_label(surface: Surface) -> str:
-    words = {True: "complies", False: "does not comply", None: "outside"}
-    return f"this contract: {words[surface.own_complies]}"
+    words = {True: "safe", False: "not safe", None: "outside"}
+    return f"values of this contract: {words[surface.own_safe]}"
 
 
 def _draw_raised(axes: Axes3D, surface: Surface) -> None:

@@ -156,14 +156,14 @@ def test_the_contract_s_own_point_is_marked() -> None:
     surface = request_surface(path, request, overrides=(), input_set="inner")
     stated = load_contract(path)
     assert surface.own == (stated.vehicle.cruise_speed_mps, stated.sensor.detection_range_m)
-    assert surface.own_complies is assess(stated).compliant is True
+    assert surface.own_safe is assess(stated).compliant is True
     blind = request_surface(path, request, overrides=(BLIND_AT_4_M,), input_set="inner")
     assert blind.own == (stated.vehicle.cruise_speed_mps, 4.0)
-    assert blind.own_complies is False
+    assert blind.own_safe is False
     far = request_surface(
         path, request, overrides=("sensor.detection_range_m=90",), input_set="inner"
     )
-    assert far.own_complies is None
+    assert far.own_safe is None
     # Roll and pitch that differ are no single point of an axis that drives both.
     both = request_surface(
         path, SurfaceRequest("11"), overrides=("vehicle.roll_max_deg=11",), input_set="inner"
@@ -227,7 +227,7 @@ def test_json(draw: Any, tmp_path: Path) -> None:
     assert document["own"] == {
         "x": EXAMPLE.vehicle.cruise_speed_mps,
         "y": EXAMPLE.sensor.detection_range_m,
-        "compliant": assess(EXAMPLE).compliant,
+        "safe": assess(EXAMPLE).compliant,
     }
 
 
