@@ -109,6 +109,9 @@ def test_corridor_lies_between_the_vehicle_and_the_line() -> None:
         assert corridor.meets(sign * 0.6, beside)
         beyond = Box(0.0, 1.0, *sorted((sign * 3.1, sign * 4.0)))
         assert not corridor.meets(sign * 3.0, beyond)
+        # What touches its edge is met.
+        assert corridor.meets(sign * 3.0, Box(0.0, 1.0, *sorted((sign * 3.0, sign * 4.0))))
+        assert corridor.meets(sign * 3.0, Box(0.0, 1.0, *sorted((sign * 0.5, sign * 1.0))))
 
 
 def test_a_drift_begins_after_a_straight_way_and_at_a_steady_speed() -> None:

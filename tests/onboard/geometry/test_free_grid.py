@@ -72,3 +72,14 @@ def test_free_cells_are_counted() -> None:
     free = np.ones((4, 5), bool)
     free[1, 2] = False
     assert grid_of(free).free_cells == 19
+
+
+def test_one_rectangle_at_the_far_edge_leaves_the_answers_for_the_others() -> None:
+    free = np.ones((4, 5), np.bool_)
+    free[1, 1] = False
+    grid = grid_of(free)
+    # A line on the far edge of the grid lies in no cell; a taken cell; a free one.
+    x_min_m, x_max_m = np.array([1.0, -0.4, 0.1]), np.array([1.0, -0.1, 0.4])
+    y_min_m, y_max_m = np.array([2.1, 2.6, 2.6]), np.array([2.4, 2.9, 2.9])
+    answers = grid.are_free(x_min_m, x_max_m, y_min_m, y_max_m)
+    assert answers.tolist() == [False, False, True]

@@ -56,6 +56,15 @@ def test_what_was_taken_moves_with_the_frame(word: OperatorsWord) -> None:
     assert word.contradicted_by([FAR], 0.0) is None
 
 
+def test_it_moves_north_and_east(word: OperatorsWord) -> None:
+    word.take(1.0, -2.0, 1.0)
+    word.shift(3.0, 5.0)  # to north 4, east 3
+    inside = ((4.2, 3.2), (4.4, 3.2), (4.4, 3.4), (4.2, 3.4))
+    assert word.contradicted_by([inside], 0.0) == 0
+    aside = tuple((north_m, east_m + 2.0) for north_m, east_m in inside)
+    assert word.contradicted_by([aside], 0.0) is None
+
+
 POINT = ((5.0, 0.0),) * 4
 LINE = ((5.0, -1.0), (5.0, -1.0), (5.0, 1.0), (5.0, 1.0))
 

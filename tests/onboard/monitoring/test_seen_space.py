@@ -12,9 +12,12 @@ from onboard.geometry.box import Box
 from onboard.geometry.frames import LegFrame
 from onboard.guidance.dense.limits import rest_limits_of
 from onboard.monitoring.assumptions import Assumption, Violation
-from onboard.monitoring.seen.seen_space import TURN_MAX_RADPS, SeenSpace
+from onboard.monitoring.seen.seen_space import START_MARGIN_M, TURN_MAX_RADPS, SeenSpace
 from onboard.perception.detection import Detection, DetectionFrame
+from onboard.perception.line_of_sight import View
+from onboard.perception.placement import POSE_TIMING_S
 from onboard.perception.pose_history import PoseHistory
+from onboard.perception.seen_free import CELL_M, SeenFree
 from onboard.planning.corridor.horizon import Horizon
 from onboard.planning.rest_certifier import certify_rest
 from onboard.vehicle_state import Pose
@@ -601,3 +604,116 @@ def test_an_obstacle_seen_inside_the_operators_disc_contradicts_the_word(scene: 
     assert found is not None
     assert found.assumption is Assumption.SENSOR_CONTRADICTION
     assert scene.space.size == 0
+
+
+# ------------------------------------------------------------------ what a frame may be wrong about
+
+
+def seen_as(scene: Scene, monkeypatch: pytest.MonkeyPatch, *obstacles: Detection) -> View:
+    """Return the view as which a frame is counted."""
+    views: list[View] = []
+    monkeypatch.setattr(SeenFree, "see", lambda _, view, __: views.append(view))
+    scene.look(*obstacles, late_s=0.0)
+    (view,) = views
+    return view
+
+
+@pytest.mark.parametrize("speed_mps", [0.0, 3.0])
+def test_a_frame_is_seen_from_where_the_vehicle_was_and_off_by_all_its_errors(
+    contract: Contract, monkeypatch: pytest.MonkeyPatch, speed_mps: float
+) -> None:
+    leg = LegFrame((2.0, 1.0, -4.0), math.radians(30.0))
+    flight = FakeFlight.under(contract)
+    terms = replace(flight.assessment.terms, heading_error_rad=0.02)
+    flight.assessment, flight.leg = replace(flight.assessment, terms=terms), leg
+    scene = Scene(flight, position_ned_m=(5.0, 3.0, -4.0), yaw_rad=0.7)
+    scene.velocity_ned_mps = (0.6 * speed_mps, -0.8 * speed_mps, 0.0)
+    view = seen_as(scene, monkeypatch)
+    assert view.position_leg_m == pytest.approx(leg.position_leg(scene.position_ned_m)[:2])
+    assert view.heading_leg_rad == pytest.approx(0.7 - math.radians(30.0))
+    assert view.heading_error_rad == pytest.approx(0.02)
+    assert view.pose_error_m == pytest.approx(speed_mps * POSE_TIMING_S)
+    e = terms.map_error_m
+    assert view.face_error_m == pytest.approx(1.02 * e)
+    assert view.placing_error_m == pytest.approx(math.sqrt(2.0) * e)
+
+
+@pytest.mark.parametrize("frame", ["body_frd", "local_ned"])
+def test_boxes_are_placed_by_the_pose_if_their_frame_is_the_body_s(
+    scene: Scene, monkeypatch: pytest.MonkeyPatch, frame: str
+) -> None:
+    scene.position_ned_m, scene.yaw_rad = (5.0, 3.0, -4.0), math.pi / 2.0
+    monkeypatch.setattr(
+        scene, "frame", lambda obstacles: Scene.frame(scene, obstacles, frame=frame)
+    )
+    view = seen_as(scene, monkeypatch, stem(2.0, 1.0))
+    (box,) = view.boxes
+    middle_m = ((box.x_min_m + box.x_max_m) / 2.0, (box.y_min_m + box.y_max_m) / 2.0)
+    # Two metres ahead, which is east, and one to the right, which is south.
+    assert middle_m == pytest.approx((4.0, 5.0) if frame == "body_frd" else (2.0, 1.0))
+
+
+@pytest.mark.parametrize(("gap_s", "counts"), [(0.04, True), (0.08, False)])
+def test_a_frame_counts_only_with_a_pose_of_about_its_time(
+    scene: Scene, gap_s: float, counts: bool
+) -> None:
+    for _ in range(2):
+        scene.fly(0.3)
+        scene.now_s += gap_s  # without telemetry
+        scene.space.take(scene.frame(), scene.now_s, scene.now_s, HERE)
+        scene.space.advance(scene.pose, trusted=True)
+    assert (scene.space.size > 0) is counts
+
+
+def test_a_contradiction_is_one_box_too_many(scene: Scene) -> None:
+    for _ in range(2):
+        scene.look()
+    violation = scene.look(stem(6.0, 0.0))
+    assert violation is not None
+    assert (violation.measured, violation.limit, violation.unit) == (1.0, 0.0, "boxes")
+
+
+def test_obstacles_are_known_in_every_direction(scene: Scene) -> None:
+    boxes = [Box(5.0, 5.5, -0.2, 0.2), Box(-5.5, -5.0, -0.2, 0.2), Box(-0.2, 0.2, -5.5, -5.0)]
+    for number, box in enumerate(boxes):
+        north_m, east_m = (box.x_min_m, box.x_max_m), (box.y_min_m, box.y_max_m)
+        corners = [(north_m[i], east_m[j]) for i, j in ((0, 0), (1, 0), (1, 1), (0, 1))]
+        scene.flight.obstacles.add(f"front/{number}", corners, 0.0)
+    known = sorted(scene.space.boxes(), key=lambda box: (box.x_min_m, box.y_min_m))
+    assert known == sorted(boxes, key=lambda box: (box.x_min_m, box.y_min_m))
+
+
+def test_an_obstacle_that_may_reach_into_the_disc_by_its_error_denies_the_word(
+    contract: Contract,
+) -> None:
+    for share, confirmed in ((0.9, False), (1.1, True)):
+        scene = Scene(FakeFlight.under(contract))
+        reach_m = 3.0 + share * math.sqrt(2.0) * scene.flight.assessment.terms.map_error_m
+        corners = [(reach_m, -0.5), (reach_m + 1.0, -0.5), (reach_m + 1.0, 0.5), (reach_m, 0.5)]
+        scene.flight.obstacles.add("front/1", corners, 0.0)
+        scene.space.confirm_by_word(0.0, 0.0, 3.0)
+        assert scene.is_free(0.0, 0.0) is confirmed
+
+
+def test_a_look_at_another_height_leaves_the_operators_word(scene: Scene) -> None:
+    for _ in range(2):
+        scene.look()
+    scene.position_ned_m = (0.0, 0.0, 0.0)
+    scene.space.advance(scene.pose, trusted=True)
+    assert "height" in scene.space.void_reason
+    scene.space.confirm_by_word(0.0, 0.0, 3.0)
+    assert scene.is_free(0.0, 0.0)
+
+
+def test_a_confirmed_start_holds_the_body_wherever_it_drifts_and_little_more(scene: Scene) -> None:
+    look_round(scene)
+    scene.space._set.void()
+    assert scene.space.confirm_start(0.0, 0.0)
+    body_m, grid = scene.flight.assessment.terms.body_m, scene.space.grid()
+    for turn_deg in range(0, 360, 15):
+        turn_rad = math.radians(turn_deg)
+        x_m, y_m = START_MARGIN_M * math.cos(turn_rad), START_MARGIN_M * math.sin(turn_rad)
+        assert grid.is_free(x_m - body_m, x_m + body_m, y_m - body_m, y_m + body_m)
+    beyond_m = math.sqrt(2.0) * (body_m + CELL_M) + START_MARGIN_M + 0.01
+    assert not scene.is_free(beyond_m, 0.0)
+    assert not scene.is_free(0.0, -beyond_m)

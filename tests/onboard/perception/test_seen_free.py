@@ -9,6 +9,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from onboard.geometry.box import Box
+from onboard.geometry.fence import Fence, FenceArea
+from onboard.geometry.frames import LegFrame
 from onboard.perception.line_of_sight import View, seen_free
 from onboard.perception.seen_free import SeenFree, _eroded, _shifted
 
@@ -353,3 +355,24 @@ def test_the_window_of_a_frame_holds_all_that_it_shows_and_little_more() -> None
                 assert part.stop - 12 <= found[-1] + 1 <= part.stop
     beyond = replace(ALL_ROUND, position_leg_m=(40.0, 0.0))
     assert SeenFree(frames_needed=1, reach_m=7.0)._window(beyond) is None
+
+
+def test_a_turned_set_reaches_as_far_and_keeps_off_what_its_cells_touch() -> None:
+    space = seen(1, replace(ALL_ROUND, boxes=(Box(1.0, 1.5, 0.0, 1.0),)))
+    turned = space.turned((0.0, 0.0), 0.0)
+    assert turned.reach_m == space.reach_m
+    # Turned by nothing, its cells are the same: one that touches an unknown cell may lie in it.
+    np.testing.assert_array_equal(turned._free, _eroded(space._free))
+
+
+def test_a_fence_is_where_it_is_whatever_way_the_leg_points() -> None:
+    """A leg east from (10, 20): x is east of 20, y is south of 10."""
+    corners = ((8.0, 18.0), (8.0, 23.0), (11.0, 23.0), (11.0, 18.0))
+    fence = Fence((FenceArea(corners, None, keeps_in=True),))
+    space = seen(1, ALL_ROUND)
+    space.keep_in(fence, LegFrame((10.0, 20.0, -4.0), math.pi / 2.0))
+    assert is_free(space, 2.5, 1.5)
+    assert is_free(space, -1.5, -0.5)
+    for x_m, y_m in ((3.5, 0.5), (1.5, 2.5), (1.5, -1.5), (-2.5, 0.5)):
+        assert not is_free(space, x_m, y_m)
+        assert is_free(seen(1, ALL_ROUND), x_m, y_m)

@@ -494,3 +494,33 @@ def test_the_boxes_asked_about_hold_every_point_of_the_run_and_the_body() -> Non
         assert covering[1, :, piece].max() == pytest.approx(high[0] + 0.25)
         assert np.hypot(x1_m - high[0], y1_m - high[1]).max() < 1.1 * 0.25
         assert np.hypot(low[0] - x0_m, low[1] - y0_m).max() < 1.1 * 0.25
+
+
+def test_a_start_under_way_may_accelerate_and_is_continued() -> None:
+    """With an acceleration at its start, which the plan has to continue, not to undo."""
+    when_s = PLAN.start_s + PLAN.durations_s[0] / 2.0
+    rest = PLAN.from_time(when_s)
+    start = rest.sample(when_s)
+    assert abs(start.acceleration_leg_mps2[0]) + abs(start.acceleration_leg_mps2[1]) > 0.1
+    failures = refused(replace(PROBLEM, start=start, start_s=when_s), rest)
+    assert not [each for each in failures if each.startswith("start")]
+
+
+def test_a_coast_from_the_middle_of_a_piece_counts() -> None:
+    """At rest at both ends and fastest between: v = 4 t (1 - t) m/s, at t = 0.5 from 1/3 m."""
+    zero = np.zeros((1, 3))
+    start_mps2, jerk_mps3 = zero.copy(), zero.copy()
+    start_mps2[0, 1], jerk_mps3[0, 1] = 4.0, -8.0
+    plan = Trajectory(0.0, np.array((1.0,)), zero, zero, start_mps2, jerk_mps3)
+    reach_m, _ = certifier._coast_reach(plan, 1.0, 1.0, 2.0, 1.0)
+    assert reach_m >= 1.0 / 3.0 + 1.0 + 0.25
+
+
+@pytest.mark.parametrize(("low", "high"), [((0.0, -0.1), (0.9, 0.1)), ((-0.9, -0.1), (0.0, 0.1))])
+def test_a_box_lies_in_the_disc_only_with_its_farthest_corner(
+    low: tuple[float, float], high: tuple[float, float]
+) -> None:
+    grid = replace(all_unknown(), free_disc=(0.0, 0.0, 1.0))
+    corners = np.array([low]), np.array([high])
+    assert rest_certifier._discs_are_free(*corners, 0.09, grid).tolist() == [True]
+    assert rest_certifier._discs_are_free(*corners, 0.1, grid).tolist() == [False]

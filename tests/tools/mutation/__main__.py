@@ -82,6 +82,7 @@ PARTS: Final = {
         (
             *_tests("onboard/perception", "seen_free", "line_of_sight", "honest_sensors"),
             *_tests("onboard/monitoring", "seen_space", "operators_word", "looks_around"),
+            *_tests("onboard/monitoring", "sight_queue"),
             *_tests("onboard/geometry", "free_grid"),
         ),
     ),

@@ -31,6 +31,19 @@ def test_with_any_heading_the_disc_lies_in_every_turned_box(best_effort: Contrac
     assert limits.acceleration_disc_mps2 <= min(fixed.acceleration_max_mps2)
 
 
+def test_a_vehicle_that_is_weaker_to_the_side_is_so_in_every_direction_of_the_nose(
+    best_effort: Contract,
+) -> None:
+    vehicle = best_effort.vehicle.model_copy(update={"roll_max_deg": 8.0, "pitch_max_deg": 15.0})
+    assessment = assess(best_effort.model_copy(update={"vehicle": vehicle}))
+    w = assessment.limits
+    box_mps2 = (w.brake_mps2, w.forward_mps2, w.left_mps2, w.right_mps2)
+    assert min(box_mps2) < max(box_mps2)
+    turned = rest_limits_of(assessment, any_heading=True)
+    assert turned.acceleration_max_mps2 == (min(box_mps2),) * 4
+    assert rest_limits_of(assessment, any_heading=False).acceleration_max_mps2 == box_mps2
+
+
 @pytest.mark.parametrize("lag_s", [0.0, 0.15, 0.27, 0.6, 2.0])
 def test_a_nose_that_turns_in_flight_leaves_the_body_no_more_jerk_than_it_follows(
     best_effort: Contract, lag_s: float

@@ -13,7 +13,7 @@ from onboard.motion.axis_profile import Profile, Segment
 from onboard.motion.trajectory import Trajectory
 from onboard.planning.problem import Envelope
 
-ENVELOPE = Envelope(AccelerationLimits(2.0, 3.0, 1.0, 1.5), 40.0, (math.inf,) * 3, 9.0)
+ENVELOPE = Envelope(AccelerationLimits(2.0, 3.0, 0.8, 1.5), 40.0, (math.inf,) * 3, 9.0)
 STILL = Profile(0.0, 0.0)
 
 
@@ -47,7 +47,7 @@ def test_every_way_begins_as_intended_and_ends_at_rest() -> None:
 
 @pytest.mark.parametrize(
     ("axis", "speed_mps", "limit_mps2"),
-    [(0, 2.0, -2.0), (0, -2.0, 1.5), (1, 0.5, -1.0), (1, -0.5, 1.5)],
+    [(0, 2.0, -2.0), (0, -2.0, 1.5), (1, 0.5, -0.8), (1, -0.5, 1.5)],
 )
 def test_braking_is_as_hard_as_the_envelope_allows_or_two_fifths_of_that(
     axis: int, speed_mps: float, limit_mps2: float

@@ -104,6 +104,8 @@ def test_without_a_new_plan_the_one_that_is_held_goes_on_to_rest(
     state = way._reference.sample(20.0)
     assert state is not None
     assert state.position_leg_m == pytest.approx(held.final.position_leg_m)
+    assert way._reference.current is not None
+    assert way._reference.current.end_s > 20.0  # it rests, rather than coast on
     # For hours: the reference does not coast on by what round-off has left of its speed.
     later = way._reference.sample(36000.0)
     assert later is not None
@@ -156,6 +158,7 @@ def test_a_trajectory_is_followed_to_its_rest_and_nodes_go_on_there(
     way: WayToRest, grid: FreeGrid
 ) -> None:
     way.follow(braking(0.0), 0.0)
+    assert way._reference.upcoming is None  # it is flown at once
     assert not way.still
     way.recheck(LIMITS, grid)
     assert way.certified is True
@@ -219,3 +222,15 @@ def test_the_largest_margin_is_found_by_few_certificates(
 
     assert largest_margin_m(certifies) == margin_m
     assert len(asked_m) <= 3
+
+
+@pytest.mark.parametrize("velocity_mps", [(0.03, 0.0), (0.0, -0.03)])
+def test_what_still_creeps_has_not_ended(way: WayToRest, velocity_mps: tuple[float, float]) -> None:
+    assert way.flown is not None
+    nodes = way.flown.nodes.copy()
+    nodes[0, 1] = velocity_mps
+    way.flown = Horizon(way.flown.start_s, nodes, way.flown.jerk_mps3)
+    assert way.still
+    assert not way.ended
+    nodes[0, 1] = np.multiply(velocity_mps, 0.3)
+    assert way.ended
