@@ -7,7 +7,7 @@ PIP_INSTALL = $(BIN)/python -m pip install --quiet --disable-pip-version-check -
 # Dozens of processes import the same modules: keep the bytecode that one of them compiles.
 export PYTHONDONTWRITEBYTECODE :=
 
-.PHONY: fly test test-in-any-time lint docs bench companion quick-start clean
+.PHONY: fly test test-in-any-time lint docs bench verify companion quick-start clean
 
 fly: $(VENV)/.ground
 	$(BIN)/clearway fly
@@ -30,6 +30,12 @@ lint: $(VENV)/.dev
 bench: $(VENV)/.dev
 	$(BIN)/python -m tests.benchmarks $(if $(ONLY),--only $(ONLY)) $(if $(PAGE),--page $(PAGE)) \
 	    --output build/bench.json
+
+# All long shows in sequence, hours on two cores; what was interrupted goes on where it stopped.
+# `make verify QUICK=1` is the short form; DATA names the folder of the public benchmarks' scenes.
+verify: $(VENV)/.dev
+	$(BIN)/python -m tests.tools.verify $(if $(QUICK),--short) $(if $(DATA),--data $(DATA)) \
+	    $(if $(JOBS),--jobs $(JOBS))
 
 # The API pages and all of docs/, for a browser, in build/site.
 docs: $(VENV)/.dev

@@ -8,12 +8,14 @@ from pathlib import Path
 import pytest
 
 from gcs_tools.campaign.generator.generators import GENERATORS
+from gcs_tools.campaign.table import write_table
 from onboard.contract.assessment import assess_terms
 from onboard.contract.terms import Terms
 from onboard.files.contract_file import load_contract
 from onboard.monitoring.adaptation import WORSENINGS
 from onboard.monitoring.assumptions import Assumption
 from tests.gcs_tools.campaign.rows import row
+from tests.tools.traceability.__main__ import main
 from tests.tools.traceability.chain import (
     ROOT,
     SCENARIOS,
@@ -22,7 +24,7 @@ from tests.tools.traceability.chain import (
     clauses_of,
     full_assessment,
 )
-from tests.tools.traceability.figures import Figure, figures_of, stated_figures
+from tests.tools.traceability.figures import Figure, figures_of, stated_figures, write_figures
 from tests.tools.traceability.page import HEAD, PAGE, page, table
 
 
@@ -99,6 +101,32 @@ def test_flights_are_counted_by_what_failed_in_them() -> None:
         Figure("tilt_response", source, seed, 4, 1, 1, 1),
         Figure("wind", source, seed, 4, 3, 2, 1),
     ]
+
+
+def test_several_directories_are_counted_together_and_each_flight_once(tmp_path: Path) -> None:
+    for name, count in (("short", 2), ("long", 4)):
+        (tmp_path / name).mkdir()
+        rows = [row(number=number, violations="wind") for number in range(count)]
+        write_table(rows, tmp_path / name / "flights.parquet")
+    kept = [Figure("wind", "faults", 9, 50, 3, 3, 0), Figure("wind", row().source, 1, 9, 9, 9, 0)]
+    table = tmp_path / "figures.csv"
+    write_figures([tmp_path / "short", tmp_path / "long"], table, kept)
+    assert stated_figures(table) == (kept[0], Figure("wind", row().source, 1, 4, 4, 4, 0))
+
+
+def test_the_command_writes_elsewhere_what_it_counts(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    write_table([row(violations="wind")], tmp_path / "flights.parquet")
+    before = PAGE.read_text(encoding="utf-8")
+    out = tmp_path / "out"
+    assert main(["--figures", str(tmp_path), "--add", "--output", str(out)]) == 0
+    assert PAGE.read_text(encoding="utf-8") == before
+    written = (out / PAGE.name).read_text(encoding="utf-8")
+    assert f"{row().source}: 1 of 1, 0 collisions" in written
+    assert len(stated_figures(out / "campaign_figures.csv")) == len(stated_figures()) + 1
+    assert main(["--figures", str(tmp_path / "nowhere"), "--output", str(out)]) == 2
+    assert "nowhere" in capsys.readouterr().err
 
 
 def test_a_bound_is_stated_where_it_says_something() -> None:

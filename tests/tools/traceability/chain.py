@@ -99,9 +99,13 @@ class Link:
     figures: tuple[Figure, ...]
 
 
-def chain() -> tuple[Link, ...]:
-    """Return the row of every assumption, in the order of the code."""
-    figures = stated_figures()
+def chain(figures: tuple[Figure, ...] | None = None) -> tuple[Link, ...]:
+    """Return the row of every assumption, in the order of the code.
+
+    Args:
+        figures: of campaigns; by default those that the repository states.
+    """
+    figures = stated_figures() if figures is None else figures
     return tuple(
         Link(
             each,

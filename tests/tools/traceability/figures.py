@@ -84,7 +84,9 @@ def named_after(stem: str) -> list[str]:
 def figures_of(rows: Iterable[FlightRow]) -> list[Figure]:
     """Count the flights of campaigns in which each assumption failed."""
     campaigns: dict[tuple[str, int], list[FlightRow]] = defaultdict(list)
-    for row in rows:
+    # One flight may be in several tables: of a short campaign and of a long one.
+    once = {(row.source, row.campaign_seed, row.number, row.genes): row for row in rows}
+    for row in once.values():
         if not row.refused:
             campaigns[row.source, row.campaign_seed].append(row)
     found = []
@@ -98,14 +100,27 @@ def figures_of(rows: Iterable[FlightRow]) -> list[Figure]:
     return sorted(found)
 
 
-def write_figures(directories: Sequence[Path], path: Path = STATED) -> None:
-    """Count what the tables of some campaigns show, and state it."""
+def write_figures(
+    directories: Sequence[Path], path: Path = STATED, kept: Sequence[Figure] = ()
+) -> None:
+    """Count what the tables of some campaigns show, and state it.
+
+    Args:
+        directories: of campaigns, with their ``flights.parquet`` each.
+        path: of the table.
+        kept: figures that are stated, too, unless their campaign is in a directory.
+
+    Raises:
+        CommandError: a table cannot be read.
+    """
     rows = [row for each in directories for row in read_table(each / "flights.parquet")]
+    flown = {(row.source, row.campaign_seed) for row in rows}
+    others = [each for each in kept if (each.campaign, each.seed) not in flown]
     path.parent.mkdir(parents=True, exist_ok=True)
     with path.open("w", encoding="utf-8", newline="") as stream:
         writer = csv.writer(stream, lineterminator="\n")
         writer.writerow([field.name for field in fields(Figure)])
-        writer.writerows(astuple(figure) for figure in figures_of(rows))
+        writer.writerows(astuple(figure) for figure in sorted([*figures_of(rows), *others]))
 
 
 def stated_figures(path: Path = STATED) -> tuple[Figure, ...]:

@@ -29,21 +29,23 @@ and to the flights of campaigns in which it failed, in the spirit of ASTM F3269.
 to date and that no cell is empty. A clause is listed if its margin changes when the term does. The
 response is the one with a way to rest held and progress guaranteed; [responses.md](responses.md)
 has the others. The last column is counted from the tables of campaigns
-(`--figures campaigns/DIRECTORY ...`) and stated in `docs/data/campaign_figures.csv`; a scenario
-file there is one flight.
+(`--figures campaigns/DIRECTORY ...`, as many as there are; with `--add` what is stated of other
+campaigns stays) and stated in `docs/data/campaign_figures.csv`; a scenario file there is one
+flight.
 
 """
 
 
-def page() -> str:
-    """Return the page's text."""
-    rows = ["| " + " | ".join(cells) + " |" for cells in (HEAD, ["---"] * len(HEAD), *table())]
+def page(figures: tuple[Figure, ...] | None = None) -> str:
+    """Return the page's text, with the figures that the repository states or with others."""
+    cells = (HEAD, ["---"] * len(HEAD), *table(figures))
+    rows = ["| " + " | ".join(each) + " |" for each in cells]
     return _TEXT + "\n".join(rows) + "\n"
 
 
-def table() -> list[tuple[str, ...]]:
+def table(figures: tuple[Figure, ...] | None = None) -> list[tuple[str, ...]]:
     """Return the cells of every assumption."""
-    return [_cells(link) for link in chain()]
+    return [_cells(link) for link in chain(figures)]
 
 
 def _cells(link: Link) -> tuple[str, ...]:
