@@ -136,7 +136,7 @@ class Chart {
   }
 }
 
-const BAND = { row: 28, tall: 104, axis: 18 };
+const BAND = { row: 28, axis: 18 };
 
 // One band of phases over a time axis, and in it the steps of the induction: which obstacle, and
 // whether pre- and post-condition held.  A label that does not fit beside its neighbours is turned.
@@ -154,7 +154,7 @@ class Band {
 
   draw() {
     const spans = this.phases.map((phase) => this.#labelled(phase));
-    this.row = spans.some(({ turned }) => turned) ? BAND.tall : BAND.row;
+    this.row = Math.max(BAND.row, ...spans.map(({ turned, step, label }) => (turned ? 7 * label.length + (step ? 38 : 12) : 0)));
     const height = this.row + BAND.axis;
     // Setting the same height again would have the observer call once more.
     if (this.svg.getAttribute("height") !== String(height)) this.svg.setAttribute("height", height);

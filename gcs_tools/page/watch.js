@@ -75,7 +75,8 @@ const show = {
       const away = goal ? Math.hypot(goal[0] - north, goal[1] - east) : null;
       map.goal(goal);
       map.frame([...trail, ...around, ...(away !== null && away < GOAL_SHOWN_M ? [goal] : []), [north + 12, east], [north, east - 4], [north, east + 4]]);
-      byId("readout").textContent = `goal ${number(away, 1)} m away  north ${number(north)} m  east ${number(east)} m  height ${number(-down)} m  ${number(Math.hypot(vn, ve))} m/s`;
+      const words = [`goal ${number(away, 1)} m away`, `north ${number(north)} m`, `east ${number(east)} m`, `height ${number(-down)} m`, `${number(Math.hypot(vn, ve))} m/s`];
+      byId("readout").replaceChildren(...words.map((textContent) => Object.assign(document.createElement("span"), { textContent })));
     }
     const link = byId("link");
     link.replaceChildren();

@@ -441,6 +441,8 @@ def test_two_flights_are_laid_over_each_other(
     # To be replayed to the end of the one that took longer.
     ends_s = [document["span_s"][1] for document in data_in(tmp_path / "both.html")]
     assert page.evaluate("Number(document.getElementById('time').max)") == max(ends_s)
+    page.look_like(390, 844)
+    assert page.evaluate("document.documentElement.scrollWidth") <= 390
     assert page.complaints == []
 
 
