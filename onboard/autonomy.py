@@ -147,7 +147,7 @@ class Autonomy:
 
     def keep_in(self, geofence: Geofence) -> None:
         """Fly within a geofence only; before the first flight."""
-        fence = Fence(tuple(map(_fence_area, geofence.areas)))
+        fence = fence_of(geofence)
         self.navigator.situation.fence = fence
         self.supervisor.seen.keep_in(fence)
 
@@ -300,6 +300,11 @@ class Autonomy:
                 self.link.send_text(event.severity, f"Clearway: {event.text}")
         self._events.extend(self._news)
         self._news.clear()
+
+
+def fence_of(geofence: Geofence) -> Fence:
+    """Return what a geofence file describes."""
+    return Fence(tuple(map(_fence_area, geofence.areas)))
 
 
 def _fence_area(written: FenceAreaFile) -> FenceArea:
