@@ -131,6 +131,8 @@ def _status_lines(vehicle: str, state: StateRecord) -> Iterator[tuple[str, str]]
     armed = {True: "armed", False: "disarmed", None: "unknown"}[state.armed]
     yield "vehicle", f"{vehicle}, {armed}, mode {state.mode or 'unknown'}"
     yield "phase", f"{state.phase} ({state.state})"
+    if state.virtual_obstacles:
+        yield "sees", "VIRTUAL OBSTACLES: real ones are not seen"
     position = "none"
     if state.position_ned_m is not None:
         north_m, east_m, down_m = (round(each, 1) + 0.0 for each in state.position_ned_m)  # no -0.0

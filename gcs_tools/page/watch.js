@@ -28,6 +28,7 @@ const show = {
     heard = performance.now();
     byId("phase").textContent = status.phase.toUpperCase();
     byId("phase").className = `verdict ${{ hold: "warn", standby: "faint" }[status.phase] ?? "good"}`;
+    byId("virtual").textContent = status.virtual_obstacles ? "VIRTUAL OBSTACLES: real ones are not seen" : "";
     byId("mode").textContent = `${status.mode ?? "no mode"}, ${status.armed ? "armed" : "disarmed"}`;
     if (status.position_ned_m) {
       const [north, east, down] = status.position_ned_m;

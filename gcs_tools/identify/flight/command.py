@@ -28,7 +28,12 @@ from onboard.autonomy import fence_of
 from onboard.contract.assessment import TICK_S, assess
 from onboard.contract.run_on import contract_run_on
 from onboard.files.contract_file import Contract
-from onboard.files.daemon_config import DaemonConfig, log_directory, state_directory
+from onboard.files.daemon_config import (
+    DaemonConfig,
+    load_daemon_config,
+    log_directory,
+    state_directory,
+)
 from onboard.files.geofence_file import Geofence
 from onboard.files.yaml_file import FileError, load_yaml
 from onboard.mavlink.connections import open_link
@@ -74,7 +79,7 @@ def fly_and_identify(request: FlightRequest, margin: float) -> int:
             operator does not vouch for it.
     """
     try:
-        config = load_yaml(request.daemon, DaemonConfig)
+        config = load_daemon_config(request.daemon)
         base = request.daemon.parent
         contract = load_yaml(base / config.contract, Contract)
         geofence = load_yaml(base / config.geofence, Geofence) if config.geofence else None
