@@ -22,6 +22,7 @@ from gcs_tools.preflight import command as preflight
 from gcs_tools.preflight.command import Preflight
 from gcs_tools.preflight.tier import Tier
 from gcs_tools.scenario import Scenario, load_scenario
+from onboard.authentication.key_file import load_key
 from onboard.files.contract_file import Contract
 
 DEFAULT_SCENARIO = Path(__file__).parent / "example" / "paper.yaml"
@@ -47,6 +48,7 @@ def fly(
     fly_outside_contract: bool,
     accept_no_progress: bool = False,
     clearance_wish_m: float | None = None,
+    mavlink_key_file: Path | None = None,
 ) -> bool:
     """Fly a scenario; return whether the mission succeeded without collision or violation.
 
@@ -61,6 +63,8 @@ def fly(
         fly_outside_contract: fly even if the pre-flight check refuses.
         accept_no_progress: fly by ``requirements.progress: best_effort``.
         clearance_wish_m: in place of ``vehicle.clearance_wish_m``.
+        mavlink_key_file: daemon, operator and vehicle sign by this key; but the vehicle by its own
+            where the scenario gives it one.
 
     Raises:
         FileError: the scenario or one of its files cannot be used.
@@ -75,11 +79,18 @@ def fly(
         return False
     if scenario.faults and not virtual:
         raise CommandError(f"{scenario.name}: faults need virtual time: use --virtual")
+    key = None if mavlink_key_file is None else load_key(mavlink_key_file)
+    plant = scenario.plant
+    if key is None and not virtual and (plant.signing_passphrase or plant.signing_key_hex):
+        raise CommandError(
+            f"{scenario.name}: the vehicle signs, and would refuse what is not signed: state "
+            "--mavlink-key F, the vehicle's key"
+        )
     directory = _prepared(out or Path("flights") / f"{scenario.name}-{seed}")
     if virtual:
-        result, logs = _fly_virtual(scenario, seed, directory, outside, console)
+        result, logs = _fly_virtual(scenario, seed, directory, outside, console, key)
     else:
-        result, logs = _fly_live(scenario, seed, directory, outside)
+        result, logs = _fly_live(scenario, seed, directory, outside, key)
     _write(scenario, logs, result, directory)
     _print_summary(scenario, result, directory, console)
     return result.succeeded
@@ -139,7 +150,11 @@ def _prepared(directory: Path) -> Path:
 
 
 def _fly_live(
-    scenario: Scenario, seed: int, directory: Path, fly_outside_contract: bool
+    scenario: Scenario,
+    seed: int,
+    directory: Path,
+    fly_outside_contract: bool,
+    mavlink_key: bytes | None,
 ) -> tuple[Result, tuple[Log, Log]]:
     # Loads MAVSDK and Zenoh, which a virtual flight does not need.
     from gcs_tools.fly.live_flight import fly_live  # noqa: PLC0415
@@ -151,6 +166,7 @@ def _fly_live(
             out=directory,
             fly_outside_contract=fly_outside_contract,
             report=report,
+            mavlink_key=mavlink_key,
         )
     flight, truth = _logs(directory)
     progress = scenario.contract.requirements.progress
@@ -163,6 +179,7 @@ def _fly_virtual(
     directory: Path,
     fly_outside_contract: bool,
     console: Console,
+    mavlink_key: bytes | None,
 ) -> tuple[Result, tuple[Log, Log]]:
     # A live flight runs the simulation in another process; only a virtual one loads it here.
     from sitl.autopilot.flavours.parameters import ParameterError  # noqa: PLC0415
@@ -171,12 +188,13 @@ def _fly_virtual(
     planned = SimulatedFlight(
         contract=scenario.contract,
         mission=scenario.mission,
-        sitl=scenario.sitl_config(seed=seed),
+        sitl=scenario.sitl_config(seed=seed, **_vehicle_key(scenario, mavlink_key)),
         obstacles=scenario.obstacles,
         seed=seed,
         faults=scenario.faults,
         sources=scenario.sources,
         fly_outside_contract=fly_outside_contract,
+        mavlink_key=mavlink_key,
     )
     try:
         with _progress(scenario, "flying in virtual time") as show:
@@ -202,6 +220,12 @@ def _fly_virtual(
         progress=scenario.contract.requirements.progress,
     )
     return result, (flight, truth)
+
+
+def _vehicle_key(scenario: Scenario, mavlink_key: bytes | None) -> dict[str, str]:
+    """Return the key of a vehicle to which the scenario gives none, as its configuration has it."""
+    has_key = scenario.plant.signing_passphrase or scenario.plant.signing_key_hex
+    return {} if has_key or mavlink_key is None else {"signing_key_hex": mavlink_key.hex()}
 
 
 def _logs(directory: Path) -> tuple[Log, Log]:

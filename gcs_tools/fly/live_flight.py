@@ -27,7 +27,7 @@ from gcs_tools.preflight.live.bus import BusCheck
 from gcs_tools.scenario import Scenario, obstacle_list
 from gcs_tools.vehicle.connection import connected_vehicle
 from gcs_tools.vehicle.operator import Vehicle, VehicleError
-from onboard.files.daemon_config import DaemonConfig, MavlinkLink
+from onboard.files.daemon_config import DaemonConfig, MavlinkLink, SigningConfig
 from onboard.files.mission_file import Mission
 from onboard.files.yaml_file import dump_document
 from onboard.files.zenoh_endpoints import ZenohEndpoints
@@ -38,6 +38,7 @@ from sitl.config import SitlConfig
 from sitl.virtual.standstill import PATIENCE_S, Standstill
 
 VEHICLE_NAME = "vehicle"
+_KEY_FILE = Path("mavlink.key")
 # The first start compiles the plant, which takes the longest.
 START_TIMEOUT_S = 60.0
 READY_TIMEOUT_S = 20.0
@@ -81,12 +82,19 @@ class Endpoints:
 
 
 def fly_live(
-    scenario: Scenario, *, seed: int, out: Path, fly_outside_contract: bool, report: Report
+    scenario: Scenario,
+    *,
+    seed: int,
+    out: Path,
+    fly_outside_contract: bool,
+    report: Report,
+    mavlink_key: bytes | None = None,
 ) -> str | None:
     """Fly; return why the operator aborted the flight, None if the mission ended by itself.
 
-    Leaves ``flight.mcap``, ``truth.mcap``, the configuration and the output of both processes in
-    ``out``.  Every process that it started has ended when it returns or raises.
+    With a key, daemon and operator sign by it, and so does the vehicle unless the scenario gives it
+    another one.  Leaves ``flight.mcap``, ``truth.mcap``, the configuration and the output of both
+    processes in ``out``.  Every process that it started has ended when it returns or raises.
 
     Raises:
         CommandError: the flight could not begin.
@@ -94,7 +102,12 @@ def fly_live(
     """
     endpoints = Endpoints(*free_ports(4))
     write_configuration(
-        scenario, endpoints, seed=seed, out=out, fly_outside_contract=fly_outside_contract
+        scenario,
+        endpoints,
+        seed=seed,
+        out=out,
+        fly_outside_contract=fly_outside_contract,
+        mavlink_key=mavlink_key,
     )
     with interruptible() as interruption, Children() as children:
         report("starting the simulation and the daemon")
@@ -103,7 +116,7 @@ def fly_live(
         children.start(
             "clearway-onboard", "onboard", "--config", str(onboard), log_path=out / "onboard.log"
         )
-        flight = _Flight(scenario, endpoints, children, fly_outside_contract, report)
+        flight = _Flight(scenario, endpoints, children, fly_outside_contract, report, mavlink_key)
         return asyncio.run(_operate(flight, interruption))
 
 
@@ -116,10 +129,17 @@ class _Flight:
     children: Children
     fly_outside_contract: bool
     report: Report
+    mavlink_key: bytes | None
 
 
 def write_configuration(
-    scenario: Scenario, endpoints: Endpoints, *, seed: int, out: Path, fly_outside_contract: bool
+    scenario: Scenario,
+    endpoints: Endpoints,
+    *,
+    seed: int,
+    out: Path,
+    fly_outside_contract: bool,
+    mavlink_key: bytes | None = None,
 ) -> None:
     """Write the configuration of both processes; it refers to nothing outside the directory.
 
@@ -130,9 +150,12 @@ def write_configuration(
         "contract": scenario.contract,
         "mission": scenario.mission,
         "onboard": _onboard_configuration(
-            scenario, endpoints, fly_outside_contract=fly_outside_contract
+            scenario,
+            endpoints,
+            fly_outside_contract=fly_outside_contract,
+            signs=mavlink_key is not None,
         ),
-        "sitl": _sitl_configuration(scenario, endpoints, seed),
+        "sitl": _sitl_configuration(scenario, endpoints, seed, signs=mavlink_key is not None),
     }
     documents: dict[str, Any] = {
         name: model.model_dump(mode="json") for name, model in models.items()
@@ -144,12 +167,21 @@ def write_configuration(
         for name, document in documents.items():
             text = dump_document(document)
             (out / f"{name}.yaml").write_text(text, encoding="utf-8")
+        if mavlink_key is not None:
+            _write_key(out / _KEY_FILE, mavlink_key)
     except OSError as error:
         raise CommandError(f"{out}: cannot be written: {error.strerror or error}") from error
 
 
+def _write_key(path: Path, key: bytes) -> None:
+    """Write a key so that only its owner can read it."""
+    path.unlink(missing_ok=True)
+    path.touch(mode=0o600)
+    path.write_text(f"{key.hex()}\n", encoding="ascii")
+
+
 def _onboard_configuration(
-    scenario: Scenario, endpoints: Endpoints, *, fly_outside_contract: bool
+    scenario: Scenario, endpoints: Endpoints, *, fly_outside_contract: bool, signs: bool
 ) -> DaemonConfig:
     return DaemonConfig(
         vehicle=VEHICLE_NAME,
@@ -159,6 +191,7 @@ def _onboard_configuration(
             url=f"udpin://127.0.0.1:{endpoints.daemon_mavlink_port}",
             system_id=scenario.plant.system_id,
             telemetry_timeout_s=TELEMETRY_TIMEOUT_S,
+            signing=SigningConfig(key_file=_KEY_FILE, link_id=1) if signs else None,
         ),
         zenoh=ZenohEndpoints(connect=(endpoints.sitl_zenoh,), listen=(endpoints.daemon_zenoh,)),
         sources=scenario.sources,
@@ -169,7 +202,10 @@ def _onboard_configuration(
     )
 
 
-def _sitl_configuration(scenario: Scenario, endpoints: Endpoints, seed: int) -> SitlConfig:
+def _sitl_configuration(
+    scenario: Scenario, endpoints: Endpoints, seed: int, *, signs: bool
+) -> SitlConfig:
+    has_key = scenario.plant.signing_passphrase or scenario.plant.signing_key_hex
     sitl = scenario.sitl_config(
         vehicle=VEHICLE_NAME,
         mavlink=(
@@ -178,6 +214,7 @@ def _sitl_configuration(scenario: Scenario, endpoints: Endpoints, seed: int) -> 
         ),
         zenoh={"listen": (endpoints.sitl_zenoh,), "connect": ()},
         field="field.yaml",
+        signing_key_file=str(_KEY_FILE) if signs and not has_key else None,
         seed=seed,
         truth_log="truth.mcap",
     )
@@ -218,7 +255,11 @@ async def _operate(flight: _Flight, interruption: Interruption) -> str | None:
     bus = ZenohEndpoints(connect=(endpoints.daemon_zenoh, endpoints.sitl_zenoh), listen=())
     try:
         async with connected_vehicle(
-            endpoints.operator_url, interruption, START_TIMEOUT_S, children.check
+            endpoints.operator_url,
+            interruption,
+            START_TIMEOUT_S,
+            children.check,
+            mavlink_key=flight.mavlink_key,
         ) as vehicle:
             with open_session(bus) as session:
                 status = Status()

@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import Any
 
 from gcs_tools.console.arguments import add_output_options, count, positive
-from gcs_tools.console.errors import CommandError
 
 
 def add_parser(commands: Any) -> None:
@@ -53,7 +52,7 @@ def add_parser(commands: Any) -> None:
         "--vouch", action="store_true", help="vouch for the free air here, without being asked"
     )
     flight.add_argument("--log", type=Path, metavar="FILE", help="of the flight, MCAP")
-    parser.set_defaults(run=_run)
+    parser.set_defaults(run=lambda options: _run(options, parser))
 
 
 def _free_air(text: str) -> Any:
@@ -62,18 +61,18 @@ def _free_air(text: str) -> Any:
     return free_air(text)
 
 
-def _run(options: argparse.Namespace) -> int:
+def _run(options: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
     if options.fly:
-        return _run_flight(options)
+        return _run_flight(options, parser)
     stated = [
         name
         for name in ("daemon_config", "free_air", "speed", "run_on", "vouch", "log")
         if getattr(options, name)
     ]
     if stated:
-        raise CommandError(f"--{stated[0].replace('_', '-')} needs --fly: it is of a flight")
+        parser.error(f"--{stated[0].replace('_', '-')} needs --fly: it is of a flight")
     if not options.logs:
-        raise CommandError("expected LOG, a flight log or a directory of them, or --fly")
+        parser.error("expected LOG, a flight log or a directory of them, or --fly")
     from gcs_tools.identify.command import identify  # noqa: PLC0415  loads NumPy and pymavlink
 
     identify(
@@ -86,11 +85,11 @@ def _run(options: argparse.Namespace) -> int:
     return 0
 
 
-def _run_flight(options: argparse.Namespace) -> int:
+def _run_flight(options: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
     if options.logs:
-        raise CommandError(f"--fly measures its own log: leave out {options.logs[0]}")
+        parser.error(f"--fly measures its own log: leave out {options.logs[0]}")
     if options.free_air is None:
-        raise CommandError(
+        parser.error(
             "--fly needs --free-air LENGTHxWIDTH: metres ahead of the nose and across, such as "
             "60x20, that are free of obstacles and people"
         )

@@ -24,6 +24,8 @@ from onboard.mavlink.profiles.registry import OTHER, profile_of
 log = logging.getLogger("mavsdk")
 
 CONNECT_TIMEOUT_S = 20.0
+# A vehicle of which every message is refused for so long has another key, or none.
+REFUSED_TIMEOUT_S = 5.0
 # How long another autopilot may take to be heard too; heartbeats come every second.
 COMPANY_S = 1.5
 IDENTIFY_TIMEOUT_S = 3.0
@@ -72,9 +74,15 @@ async def connected_vehicle(
     ):
         await open_connection(mavsdk, relay.url, complaints)
 
+        loop = asyncio.get_running_loop()
+        patient_until_s = loop.time() + REFUSED_TIMEOUT_S
+
         def waiting() -> None:
             interruption.check()
             while_waiting()
+            if relay.refuses_all and loop.time() >= patient_until_s:
+                text = "the vehicle's messages are refused: is this the vehicle's key?"
+                raise VehicleError(f"{url}: {text}")
 
         try:
             system, number = await chosen_system(mavsdk, url, system_id, timeout_s, waiting)

@@ -306,6 +306,12 @@ MISTAKES = [
     ),
     Mistake("an output that is a file", "fly scenario.yaml --virtual --out mission.yaml",
             ("mission.yaml", "cannot be written")),
+    Mistake(
+        "a vehicle that signs, without its key", "fly scenario.yaml", ("--mavlink-key F",),
+        ("scenario.yaml", "sitl:\n", "sitl:\n  signing_passphrase: words\n"),
+    ),
+    Mistake("a flight signed by another file", "fly --mavlink-key contract.yaml",
+            ("contract.yaml: mode", "chmod 600")),
     Mistake("a campaign that does not exist", "campaign thorough", ("thorough", "nominal")),
     Mistake("no jobs", "campaign nominal --jobs 0", ("--jobs",)),
     Mistake("a benchmark that does not exist", "benchmark rando", ("rando", "sando")),
