@@ -17,7 +17,7 @@ from mavsdk.asyncio.plugins.mavlink_direct import MavlinkDirectAsync
 from gcs_tools.console.errors import CommandError
 from gcs_tools.console.interruption import Interruption
 from gcs_tools.vehicle.operator import UrlError, Vehicle, VehicleError
-from gcs_tools.vehicle.signing_relay import signing_relay
+from gcs_tools.vehicle.signing_relay import Relay, signing_relay
 from onboard.mavlink.profiles.profile import AutopilotProfile
 from onboard.mavlink.profiles.registry import OTHER, profile_of
 
@@ -74,15 +74,7 @@ async def connected_vehicle(
     ):
         await open_connection(mavsdk, relay.url, complaints)
 
-        loop = asyncio.get_running_loop()
-        patient_until_s = loop.time() + REFUSED_TIMEOUT_S
-
-        def waiting() -> None:
-            interruption.check()
-            while_waiting()
-            if relay.refuses_all and loop.time() >= patient_until_s:
-                text = "the vehicle's messages are refused: is this the vehicle's key?"
-                raise VehicleError(f"{url}: {text}")
+        waiting = _all_of(interruption.check, while_waiting, _all_refused(relay, url))
 
         try:
             system, number = await chosen_system(mavsdk, url, system_id, timeout_s, waiting)
@@ -92,6 +84,30 @@ async def connected_vehicle(
         vehicle = Vehicle(system, number, await _profile_of(system), interruption)
         async with _watched(vehicle):
             yield vehicle
+
+
+def _all_of(*checks: Callable[[], None]) -> Callable[[], None]:
+    def check_all() -> None:
+        for check in checks:
+            check()
+
+    return check_all
+
+
+def _all_refused(relay: Relay, url: str) -> Callable[[], None]:
+    """Return what raises once a vehicle has been heard for some time, and none of it was genuine.
+
+    It raises `VehicleError`.
+    """
+    loop = asyncio.get_running_loop()
+    patient_until_s = loop.time() + REFUSED_TIMEOUT_S
+
+    def check() -> None:
+        if relay.refuses_all and loop.time() >= patient_until_s:
+            text = "the vehicle's messages are refused: is this the vehicle's key?"
+            raise VehicleError(f"{url}: {text}")
+
+    return check
 
 
 @asynccontextmanager

@@ -14,7 +14,8 @@ import yaml
 from gcs_tools.console.errors import CommandError
 from gcs_tools.console.processes import Children
 from gcs_tools.fly import live_flight
-from gcs_tools.fly.live_flight import Endpoints, Operator, Status, write_configuration
+from gcs_tools.fly.live_configuration import Endpoints, write_configuration
+from gcs_tools.fly.live_flight import Operator, Status
 from gcs_tools.scenario import Scenario, load_scenario
 from gcs_tools.vehicle.operator import Vehicle, VehicleError
 from onboard.authentication.key_file import load_key
