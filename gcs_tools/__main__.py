@@ -66,7 +66,6 @@ _GROUND: Final = frozenset(
         "mavsdk",
         "pyarrow",
         "pyulog",
-        "rich",
         "shapely",
     }
 )

@@ -14,7 +14,7 @@ from onboard.files.contract_file import Contract, FrozenSetpoint
 from onboard.files.daemon_config import FilePath
 from onboard.files.mission_file import Mission
 from onboard.files.obstacle_field import Obstacle, ObstacleField, ObstacleList, load_field
-from onboard.files.sensor_sources import AnySource
+from onboard.files.sensor_sources import AnySource, with_files_in
 from onboard.files.yaml_file import FileError, FileModel, load_yaml, read_mapping, validate
 from onboard.mavlink.profiles.registry import profile_named
 from sitl.autopilot.flavours.parameters import ideal_gains
@@ -158,7 +158,7 @@ def load_scenario(path: Path) -> Scenario:
         field_known=written.field_known,
         fly_outside_contract=written.fly_outside_contract,
         expect=written.expect,
-        sources=written.sources,
+        sources=with_files_in(base, written.sources),
     )
     _require_mission_start(scenario, path)
     _require_frames_to_change(scenario, path)

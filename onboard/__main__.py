@@ -17,7 +17,12 @@ from onboard import daemon
 from onboard.authentication.keys import DaemonKeys
 from onboard.contract.assessment import assess
 from onboard.files.contract_file import Contract
-from onboard.files.daemon_config import DaemonConfig, log_directory, state_directory
+from onboard.files.daemon_config import (
+    DaemonConfig,
+    load_daemon_config,
+    log_directory,
+    state_directory,
+)
 from onboard.files.geofence_file import Geofence
 from onboard.files.mission_file import Mission
 from onboard.files.yaml_file import FileError, load_yaml
@@ -37,7 +42,7 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--version", action="version", version=f"%(prog)s {version('clearway')}")
     options = parser.parse_args(arguments)
     try:
-        config = load_yaml(options.config, DaemonConfig)
+        config = load_daemon_config(options.config)
         base = options.config.parent
         config = config.model_copy(update={"zenoh": config.zenoh.relative_to(base)})
         contract = load_yaml(base / config.contract, Contract)

@@ -10,6 +10,7 @@ with real bytes and the real clock, the simulation with virtual time: what is te
 from __future__ import annotations
 
 import logging
+import math
 from collections import deque
 from collections.abc import Callable, Sequence
 from itertools import chain
@@ -23,7 +24,11 @@ from onboard.files.geofence_file import FenceAreaFile, Geofence
 from onboard.files.json_payload import MalformedPayloadError, parse
 from onboard.files.mission_file import Mission
 from onboard.files.resume_payload import Command
-from onboard.files.sensor_sources import AnySource
+from onboard.files.sensor_sources import (
+    AnySource,
+    excludes_real_sensors,
+    shows_virtual_obstacles,
+)
 from onboard.geometry.fence import Fence, FenceArea
 from onboard.guidance.authority import ControlAuthority
 from onboard.guidance.departure import Refusal
@@ -73,12 +78,14 @@ class Autonomy:
         malformed_missions: missions that could not be read.
         refused_commands: operator commands that were not authentic.
         log_ended: whether the flight goes on without a log.
+        virtual_obstacles: whether a sensor shows obstacles that are not there.
     """
 
     malformed_missions = 0
     refused_commands = 0
     log_ended = False
     _pending_mission: bytes | None = None
+    _home_ned_m: tuple[float, float] | None = None
 
     def __init__(
         self,
@@ -131,6 +138,8 @@ class Autonomy:
         poses = PosesByStamp(self.supervisor.poses, lambda: self.epoch_unix_s)
         channels = SensorChannels(sensors, poses, self._intake.counters)
         self._intake.names_taken = frozenset(channels.sensors)
+        self._intake.virtual_only = excludes_real_sensors(sensors)
+        self.virtual_obstacles = shows_virtual_obstacles(sensors)
         self.supervisor.detections.monitor.expected = frozenset(channels.sensors)
         self.link.range_messages = channels.mavlink_ids
         return channels
@@ -147,7 +156,7 @@ class Autonomy:
 
     def keep_in(self, geofence: Geofence) -> None:
         """Fly within a geofence only; before the first flight."""
-        fence = Fence(tuple(map(_fence_area, geofence.areas)))
+        fence = fence_of(geofence)
         self.navigator.situation.fence = fence
         self.supervisor.seen.keep_in(fence)
 
@@ -259,6 +268,7 @@ class Autonomy:
         was_reset, pose = self.supervisor.respond_to_resets(now_s), self.link.pose
         if was_reset and pose is not None:
             self.authority.follow_reset(pose)
+        self._measure_virtual(now_s)
         frames = chain(self._intake.take(now_unix_s), self.sensors.take(self.epoch_unix_s))
         self.supervisor.take_frames(frames, now_s, self.epoch_unix_s)
         for name, reason in (*self.sensors.take_news(), *self._intake.take_news()):
@@ -267,12 +277,26 @@ class Autonomy:
         self._take_mission(now_s)
         self.supervisor.check_position(now_s)
         if pose is not None:
+            waited = self.navigator.phase is Phase.STANDBY
             self.authority.follow_mode(pose, now_s, now_unix_s)
+            if self.virtual_obstacles and waited and self.navigator.phase is not Phase.STANDBY:
+                text = "VIRTUAL OBSTACLES: real ones are not seen"
+                self.emit(Event(now_s, EventName.VIRTUAL_OBSTACLES, Severity.WARNING, text))
             self.supervisor.check(pose, now_s)
         self._take_commands(now_s, now_unix_s)
         self.authority.keep_energy(pose, now_s, now_unix_s)
         if pose is not None:
             self.navigator.advance(pose, now_s)
+
+    def _measure_virtual(self, now_s: float) -> None:
+        """Have virtual obstacles be seen, around where the vehicle was armed."""
+        if not self.virtual_obstacles:
+            return
+        status, pose = self.link.status, self.link.pose
+        # As both autopilots do, the home moves along while the vehicle is disarmed.
+        if pose is not None and math.isfinite(status.heard_s) and not status.armed:
+            self._home_ned_m = pose.position_ned_m[:2]
+        self.sensors.measure_virtual(now_s, self._home_ned_m)
 
     def _take_mission(self, now_s: float) -> None:
         payload, self._pending_mission = self._pending_mission, None
@@ -300,6 +324,11 @@ class Autonomy:
                 self.link.send_text(event.severity, f"Clearway: {event.text}")
         self._events.extend(self._news)
         self._news.clear()
+
+
+def fence_of(geofence: Geofence) -> Fence:
+    """Return what a geofence file describes."""
+    return Fence(tuple(map(_fence_area, geofence.areas)))
 
 
 def _fence_area(written: FenceAreaFile) -> FenceArea:

@@ -47,6 +47,7 @@ class EventName(StrEnum):
     SENSOR_REFUSED = "sensor_refused"
     SUSPICION = "suspicion"
     VIOLATION = "violation"
+    VIRTUAL_OBSTACLES = "virtual_obstacles"
 
 
 class RefusalReason(TypedDict):

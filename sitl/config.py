@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
+import re
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Final, Literal, Self
 
 from pydantic import Field, model_validator
 
-from onboard.files.yaml_file import FileModel, load_yaml
+from onboard.files.yaml_file import FileError, FileModel, load_yaml
 from onboard.files.zenoh_endpoints import Endpoints, ZenohEndpoints
 from sitl.environment.sensor import SensorConfig
 from sitl.plant.battery import BatteryConfig
@@ -17,6 +18,8 @@ from sitl.plant.estimator import EstimatorProfile
 from sitl.plant.multirotor import MultirotorParameters, quadrotor
 from sitl.plant.wind import WindConfig
 
+_KEY: Final = r"[0-9a-fA-F]{64}"
+SigningKey = Annotated[str, Field(pattern=f"^{_KEY}$")]
 FilePath = Annotated[Path, Field(strict=False)]
 Positive = Annotated[float, Field(gt=0.0)]
 VehicleName = Annotated[str, Field(pattern=r"^[A-Za-z0-9_-]+$")]
@@ -132,6 +135,7 @@ class VehicleConfig(FileModel):
         parameters: autopilot parameters that differ from the defaults, by the flavour's names.
         signing_passphrase: makes the key that signs every message; only messages signed alike
             are accepted.
+        signing_key_hex: that key itself, in place of a passphrase: 64 hexadecimal digits.
         realism: ``field`` as measured on real autopilots, or ``ideal``: exact estimates and echoes.
         estimator: how the autopilot's estimate deviates from the truth.
         tracking: how the plant deviates from its reference.
@@ -147,10 +151,17 @@ class VehicleConfig(FileModel):
     home: HomeConfig = HomeConfig()
     parameters: dict[str, float] = Field(default_factory=dict)
     signing_passphrase: Annotated[str, Field(min_length=1)] | None = None
+    signing_key_hex: SigningKey | None = Field(None, repr=False)
     realism: Literal["field", "ideal"] = "field"
     estimator: EstimatorConfig = EstimatorConfig()
     tracking: TrackingConfig = TrackingConfig()
     physics_rate_hz: Annotated[int, Field(ge=400, le=4000, multiple_of=100)] = 400
+
+    @model_validator(mode="after")
+    def _has_one_key(self) -> Self:
+        if self.signing_key_hex is not None and self.signing_passphrase is not None:
+            raise ValueError("signing_passphrase and signing_key_hex: state one of them")
+        return self
 
 
 class SitlEndpoints(ZenohEndpoints):
@@ -174,6 +185,7 @@ class SitlConfig(VehicleConfig):
     Attributes:
         vehicle: name in Zenoh keys, ``clearway/<vehicle>/...``.
         mavlink: connection URLs, one link each.
+        signing_key_file: file of signing_key_hex; the daemon may name the same one.
         field: obstacle file; null for open space.
         truth_log: MCAP file to write ground truth to; further vehicles add their name to it.
         speed_factor: seconds of simulation in one of real time; time stamps follow the simulation.
@@ -188,6 +200,7 @@ class SitlConfig(VehicleConfig):
     )
     zenoh: SitlEndpoints = SitlEndpoints()
     sensors: Annotated[tuple[SensorConfig, ...], Field(strict=False)] = (SensorConfig(),)
+    signing_key_file: FilePath | None = None
     field: FilePath | None = None
     seed: int = 0
     truth_log: FilePath | None = None
@@ -239,4 +252,23 @@ def load_sitl_config(path: Path) -> SitlConfig:
         key: path.parent / name for key, name in named.items() if name is not None
     }
     absolute["zenoh"] = config.zenoh.relative_to(path.parent)
+    if config.signing_key_file is not None:
+        if config.signing_passphrase is not None or config.signing_key_hex is not None:
+            raise FileError(f"{path}: signing_key_file and another key of signing: state one")
+        absolute["signing_key_hex"] = _key_digits(path.parent / config.signing_key_file)
     return config.model_copy(update=absolute)
+
+
+def _key_digits(path: Path) -> str:
+    """Read the digits of a key.
+
+    Raises:
+        FileError: the file cannot be read, or is not a key; the message does not tell its content.
+    """
+    try:
+        digits = path.read_text(encoding="ascii").strip()
+    except (OSError, UnicodeError) as error:
+        raise FileError(f"{path}: cannot be read as a key: {error.__class__.__name__}") from error
+    if re.fullmatch(_KEY, digits) is None:
+        raise FileError(f"{path}: not a key (expected one line of 64 hexadecimal digits)")
+    return digits

@@ -268,12 +268,16 @@ def test_what_the_companion_needs_runs_there(companion: dict[str, str], tmp_path
     document = plan(simple(WAYPOINT, *north(1.0)))
     (tmp_path / "a.plan").write_text(json.dumps(document), encoding="utf-8")
     (tmp_path / "trees.csv").write_text("x_m,y_m,dbh_cm\n1,2,30\n", encoding="utf-8")
+    files = {"contract": "contract", "field": "field", "mission": "mission"}
+    checked = [word for key, name in files.items() for word in (f"--{key}", f"mine/{name}.yaml")]
     commands = {
         ("init", "mine"): 0,
         ("service", "install", "--dry-run"): 0,
         ("mission", "import", "a.plan", "-o", "mission.yaml"): 0,
         ("mission", "stems", "trees.csv", "-o", "field.csv"): 0,
         ("doctor", "--daemon-config", "mine/onboard.yaml"): 2,  # no daemon runs
+        ("contract", "show", "--contract", "mine/contract.yaml"): 0,
+        ("preflight", *checked, "--daemon-config", "mine/onboard.yaml"): 0,
     }
     for arguments, code in commands.items():
         done = python(companion, "-m", "gcs_tools", *arguments, cwd=tmp_path)
@@ -284,7 +288,7 @@ def test_what_the_companion_needs_runs_there(companion: dict[str, str], tmp_path
 @pytest.mark.parametrize(
     "arguments",
     [
-        ("contract", "show", "--contract", "contract.yaml"),
+        ("preflight", "--contract", "contract.yaml", "--field", "field.yaml", "--picture", "a.png"),
         ("preflight", "--contract", "contract.yaml", "--vehicle", "udpin://127.0.0.1:14550"),
     ],
 )

@@ -191,5 +191,9 @@ EVENT_CURES: Final[Mapping[EventName, Cure]] = MappingProxyType(
             "stop every other program that sends setpoints or missions",
         ),
         EventName.VIOLATION: Cure("an assumption has failed", "see the assumptions below"),
+        EventName.VIRTUAL_OBSTACLES: Cure(
+            "a sensor of kind field_file shows obstacles that are not there, and nothing that is",
+            "fly in open ground only; to fly among real ones, state a real sensor in `sources`",
+        ),
     }
 )

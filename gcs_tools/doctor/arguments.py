@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from gcs_tools.console.arguments import add_mavlink_key, natural
+from gcs_tools.console.arguments import add_mavlink_key, natural, positive
 
 
 def add_parser(commands: Any) -> None:
@@ -15,6 +15,13 @@ def add_parser(commands: Any) -> None:
         "status", help="what the daemon does; exit code 0 well, 1 not, 2 not heard"
     )
     _add_where(status)
+    status.add_argument(
+        "--wait",
+        type=positive,
+        default=0.0,
+        metavar="S",
+        help="ask again until all is well, for S seconds at most",
+    )
     status.set_defaults(run=_run_status)
     doctor = commands.add_parser(
         "doctor",
@@ -51,7 +58,9 @@ def _add_where(parser: argparse.ArgumentParser) -> None:
 def _run_status(options: argparse.Namespace) -> int:
     from gcs_tools.doctor.command import status  # noqa: PLC0415  loads Zenoh
 
-    return status(options.daemon_config, options.zenoh_config, form=options.form)
+    return status(
+        options.daemon_config, options.zenoh_config, form=options.form, wait_s=options.wait
+    )
 
 
 def _run_doctor(options: argparse.Namespace) -> int:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import sys
+import time
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any, Literal
@@ -21,18 +22,30 @@ Form = Literal["text", "json"]
 _MARKS = {Verdict.HOLDS: "ok", Verdict.BROKEN: "MISSING", Verdict.UNKNOWN: "UNKNOWN"}
 
 
-def status(config: Path | None, zenoh_config: Path | None, *, form: Form) -> int:
+def status(
+    config: Path | None, zenoh_config: Path | None, *, form: Form, wait_s: float = 0.0
+) -> int:
     """Print what the daemon does; return the exit code.
 
     0: all is well; 1: something is missing; 2: no daemon was heard.
+
+    Args:
+        config: the daemon's own file, on its own computer.
+        zenoh_config: how to reach it from another one; None for both scouts.
+        form: of the output.
+        wait_s: for so long it is asked again until all is well.
 
     Raises:
         FileError: a file cannot be used.
         CommandError: no Zenoh session.
     """
     bus = bus_of(zenoh_config, config)
-    seen = observe(bus)
-    found = diagnose(seen)
+    deadline_s = time.monotonic() + wait_s
+    while True:
+        seen = observe(bus)
+        found = diagnose(seen)
+        if _exit_code(found) == 0 or time.monotonic() >= deadline_s:
+            break
     if form == "json":
         _print_json(found, {"vehicle": bus.vehicle, "status": _fields(seen)})
     elif seen.state is None:
@@ -131,6 +144,8 @@ def _status_lines(vehicle: str, state: StateRecord) -> Iterator[tuple[str, str]]
     armed = {True: "armed", False: "disarmed", None: "unknown"}[state.armed]
     yield "vehicle", f"{vehicle}, {armed}, mode {state.mode or 'unknown'}"
     yield "phase", f"{state.phase} ({state.state})"
+    if state.virtual_obstacles:
+        yield "sees", "VIRTUAL OBSTACLES: real ones are not seen"
     position = "none"
     if state.position_ned_m is not None:
         north_m, east_m, down_m = (round(each, 1) + 0.0 for each in state.position_ned_m)  # no -0.0

@@ -12,7 +12,7 @@ from typing import Final
 from gcs_tools.doctor.diagnosis import Diagnosis, contract_diagnosis
 from gcs_tools.preflight.finding import Verdict
 from onboard.files.contract_file import Contract
-from onboard.files.daemon_config import DaemonConfig, log_directory
+from onboard.files.daemon_config import DaemonConfig, load_daemon_config, log_directory
 from onboard.files.mission_file import Mission
 from onboard.files.yaml_file import load_yaml
 
@@ -43,7 +43,7 @@ def load_daemon_files(path: Path) -> DaemonFiles:
     Raises:
         FileError: one of the files cannot be used.
     """
-    config = load_yaml(path, DaemonConfig)
+    config = load_daemon_config(path)
     contract = load_yaml(path.parent / config.contract, Contract)
     mission = load_yaml(path.parent / config.mission, Mission)
     return DaemonFiles(path, config, contract, mission)

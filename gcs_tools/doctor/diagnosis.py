@@ -163,6 +163,8 @@ def _sensors(seen: Observation, state: StateRecord) -> Iterator[Diagnosis]:
     if (malformed := seen.dropped("frames_malformed")) > 0:
         text = f"{malformed} frames were malformed; clearway preflight --zenoh-config names why"
         yield _bad("sensor format", text, f"correct the message: {page}")
+    if state.virtual_obstacles:
+        yield _good("obstacles", "VIRTUAL OBSTACLES: real ones are not seen; open ground only")
     age_s = state.detection_age_s
     if age_s is None:
         cure = f"start the sensor, and let it connect to the daemon's zenoh.listen: {page}"

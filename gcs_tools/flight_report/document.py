@@ -85,7 +85,12 @@ def _verdict(flight: Flight, contract: Contract | None) -> Document:
         "outcome": result.get("outcome", "unknown"),
         "reason": result.get("reason", ""),
         "succeeded": _succeeded(result),
-        "problems": [*flight.log.problems, *flight.truth.problems, *problems],
+        "problems": [
+            *_virtual(flight.log),
+            *flight.log.problems,
+            *flight.truth.problems,
+            *problems,
+        ],
         "facts": list(_facts(result, contract)),
     }
 
@@ -99,6 +104,11 @@ def _events(log: Log, start_s: float) -> list[Document]:
         }
         for event in log.events
     ]
+
+
+def _virtual(log: Log) -> Iterator[str]:
+    if any(state.virtual_obstacles for state in log.states):
+        yield "VIRTUAL OBSTACLES: what was avoided was not there, and real ones were not seen"
 
 
 def _result(flight: Flight) -> tuple[Document, list[str]]:

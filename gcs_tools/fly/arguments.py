@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from gcs_tools.console.arguments import RenamedOption, natural, positive
+from gcs_tools.console.arguments import RenamedOption, add_mavlink_key, natural, positive
 from gcs_tools.console.errors import EXIT_NO
 from gcs_tools.preflight.arguments import add_acceptance
 
@@ -36,6 +36,7 @@ def add_parser(commands: Any) -> None:
         metavar="M",
         help="distance to obstacles [m] to prefer with best effort: vehicle.clearance_wish_m, once",
     )
+    add_mavlink_key(parser)
     parser.add_argument("--force", action=RenamedOption, const="--fly-outside-contract")
     parser.set_defaults(run=_run)
 
@@ -51,5 +52,6 @@ def _run(options: argparse.Namespace) -> int:
         fly_outside_contract=options.fly_outside_contract,
         accept_no_progress=options.accept_no_progress,
         clearance_wish_m=options.clearance_wish,
+        mavlink_key_file=options.mavlink_key,
     )
     return 0 if succeeded else EXIT_NO

@@ -5,7 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict, replace
+from functools import partial
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from rich.console import Console
 from rich.markup import escape
@@ -22,7 +24,11 @@ from gcs_tools.preflight import command as preflight
 from gcs_tools.preflight.command import Preflight
 from gcs_tools.preflight.tier import Tier
 from gcs_tools.scenario import Scenario, load_scenario
+from onboard.authentication.key_file import load_key
 from onboard.files.contract_file import Contract
+
+if TYPE_CHECKING:
+    from sitl.virtual.simulation import SimulatedFlight
 
 DEFAULT_SCENARIO = Path(__file__).parent / "example" / "paper.yaml"
 # Of a flight, and what `clearway export` has made of it.
@@ -47,11 +53,12 @@ def fly(
     fly_outside_contract: bool,
     accept_no_progress: bool = False,
     clearance_wish_m: float | None = None,
+    mavlink_key_file: Path | None = None,
 ) -> bool:
     """Fly a scenario; return whether the mission succeeded without collision or violation.
 
-    The scenario's expectation is reported, but not returned.  Writes both logs,
-    ``result.json``, ``flight.png`` and ``report.html``, in place of those of an earlier flight.
+    The scenario's expectation is reported, but not returned.  Logs, ``result.json``, picture and
+    report replace those of an earlier flight.
 
     Args:
         path: the scenario; None for the paper's example.
@@ -61,28 +68,45 @@ def fly(
         fly_outside_contract: fly even if the pre-flight check refuses.
         accept_no_progress: fly by ``requirements.progress: best_effort``.
         clearance_wish_m: in place of ``vehicle.clearance_wish_m``.
+        mavlink_key_file: of all that sign, but for a vehicle with a key of the scenario.
 
     Raises:
         FileError: the scenario or one of its files cannot be used.
         CommandError: the flight could not begin, or was interrupted.
     """
     scenario = load_scenario(path or DEFAULT_SCENARIO)
-    contract = best_effort(scenario.contract) if accept_no_progress else scenario.contract
-    scenario = replace(scenario, contract=_wishing(contract, clearance_wish_m))
+    contract = _wishing(scenario.contract, clearance_wish_m)
+    scenario = replace(scenario, contract=best_effort(contract) if accept_no_progress else contract)
     console = Console(highlight=False)
     outside = fly_outside_contract or scenario.fly_outside_contract
     if not _may_fly(_checked(scenario), outside, console):
         return False
-    if scenario.faults and not virtual:
-        raise CommandError(f"{scenario.name}: faults need virtual time: use --virtual")
+    key = _key_for(scenario, mavlink_key_file, virtual=virtual)
     directory = _prepared(out or Path("flights") / f"{scenario.name}-{seed}")
-    if virtual:
-        result, logs = _fly_virtual(scenario, seed, directory, outside, console)
-    else:
-        result, logs = _fly_live(scenario, seed, directory, outside)
+    fly_it = partial(_fly_virtual, console) if virtual else _fly_live
+    result, logs = fly_it(scenario, seed, directory, outside, key)
     _write(scenario, logs, result, directory)
     _print_summary(scenario, result, directory, console)
     return result.succeeded
+
+
+def _key_for(scenario: Scenario, path: Path | None, *, virtual: bool) -> bytes | None:
+    """Return the key of daemon and operator, if the flight is one that can be flown.
+
+    Raises:
+        FileError: the file cannot be used.
+        CommandError: a live flight has faults, or its vehicle signs and no key is given.
+    """
+    if scenario.faults and not virtual:
+        raise CommandError(f"{scenario.name}: faults need virtual time: use --virtual")
+    if path is not None:
+        return load_key(path)
+    if not virtual and (scenario.plant.signing_passphrase or scenario.plant.signing_key_hex):
+        raise CommandError(
+            f"{scenario.name}: the vehicle signs, and would refuse what is not signed: state "
+            "--mavlink-key F, the vehicle's key"
+        )
+    return None
 
 
 def _checked(scenario: Scenario) -> Preflight:
@@ -139,7 +163,11 @@ def _prepared(directory: Path) -> Path:
 
 
 def _fly_live(
-    scenario: Scenario, seed: int, directory: Path, fly_outside_contract: bool
+    scenario: Scenario,
+    seed: int,
+    directory: Path,
+    fly_outside_contract: bool,
+    mavlink_key: bytes | None,
 ) -> tuple[Result, tuple[Log, Log]]:
     # Loads MAVSDK and Zenoh, which a virtual flight does not need.
     from gcs_tools.fly.live_flight import fly_live  # noqa: PLC0415
@@ -151,6 +179,7 @@ def _fly_live(
             out=directory,
             fly_outside_contract=fly_outside_contract,
             report=report,
+            mavlink_key=mavlink_key,
         )
     flight, truth = _logs(directory)
     progress = scenario.contract.requirements.progress
@@ -158,26 +187,18 @@ def _fly_live(
 
 
 def _fly_virtual(
+    console: Console,
     scenario: Scenario,
     seed: int,
     directory: Path,
     fly_outside_contract: bool,
-    console: Console,
+    mavlink_key: bytes | None,
 ) -> tuple[Result, tuple[Log, Log]]:
     # A live flight runs the simulation in another process; only a virtual one loads it here.
     from sitl.autopilot.flavours.parameters import ParameterError  # noqa: PLC0415
-    from sitl.virtual.simulation import SimulatedFlight, Simulation, fly  # noqa: PLC0415
+    from sitl.virtual.simulation import Simulation, fly  # noqa: PLC0415
 
-    planned = SimulatedFlight(
-        contract=scenario.contract,
-        mission=scenario.mission,
-        sitl=scenario.sitl_config(seed=seed),
-        obstacles=scenario.obstacles,
-        seed=seed,
-        faults=scenario.faults,
-        sources=scenario.sources,
-        fly_outside_contract=fly_outside_contract,
-    )
+    planned = _planned(scenario, seed, mavlink_key, outside=fly_outside_contract)
     try:
         with _progress(scenario, "flying in virtual time") as show:
 
@@ -188,10 +209,9 @@ def _fly_virtual(
             report = fly(planned, directory, watch)
     except (OSError, ParameterError) as error:
         raise CommandError(f"{directory}: {error}") from error
-    console.print(
-        f"{report.virtual_s:.0f} s flown in {report.wall_s:.1f} s "
-        f"({report.virtual_s / report.wall_s:.0f} times real time)"
-    )
+    ratio = report.virtual_s / report.wall_s
+    seconds = f"{report.virtual_s:.0f} s flown in {report.wall_s:.1f} s"
+    console.print(f"{seconds} ({ratio:.0f} times real time)")
     flight, truth = _logs(directory)
     result = result_of(
         flight,
@@ -202,6 +222,30 @@ def _fly_virtual(
         progress=scenario.contract.requirements.progress,
     )
     return result, (flight, truth)
+
+
+def _planned(
+    scenario: Scenario, seed: int, mavlink_key: bytes | None, *, outside: bool
+) -> SimulatedFlight:
+    from sitl.virtual.simulation import SimulatedFlight  # noqa: PLC0415  as in `_fly_virtual`
+
+    return SimulatedFlight(
+        contract=scenario.contract,
+        mission=scenario.mission,
+        sitl=scenario.sitl_config(seed=seed, **_vehicle_key(scenario, mavlink_key)),
+        obstacles=scenario.obstacles,
+        seed=seed,
+        faults=scenario.faults,
+        sources=scenario.sources,
+        fly_outside_contract=outside,
+        mavlink_key=mavlink_key,
+    )
+
+
+def _vehicle_key(scenario: Scenario, mavlink_key: bytes | None) -> dict[str, str]:
+    """Return the key of a vehicle to which the scenario gives none, as its configuration has it."""
+    has_key = scenario.plant.signing_passphrase or scenario.plant.signing_key_hex
+    return {} if has_key or mavlink_key is None else {"signing_key_hex": mavlink_key.hex()}
 
 
 def _logs(directory: Path) -> tuple[Log, Log]:

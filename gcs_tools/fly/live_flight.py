@@ -16,28 +16,23 @@ from pathlib import Path
 from typing import Any
 
 import zenoh
-from pydantic import BaseModel
 
 from gcs_tools.console.errors import CommandError, Interrupted
 from gcs_tools.console.interruption import Interruption, interruptible
 from gcs_tools.console.processes import Children, free_ports
 from gcs_tools.console.progress import Report
 from gcs_tools.fly.live_check import check_before_flight
+from gcs_tools.fly.live_configuration import VEHICLE_NAME, Endpoints, write_configuration
 from gcs_tools.preflight.live.bus import BusCheck
-from gcs_tools.scenario import Scenario, obstacle_list
+from gcs_tools.scenario import Scenario
 from gcs_tools.vehicle.connection import connected_vehicle
 from gcs_tools.vehicle.operator import Vehicle, VehicleError
-from onboard.files.daemon_config import DaemonConfig, MavlinkLink
 from onboard.files.mission_file import Mission
-from onboard.files.yaml_file import dump_document
 from onboard.files.zenoh_endpoints import ZenohEndpoints
 from onboard.guidance.phases import Phase
-from onboard.mavlink.profiles.registry import profile_named
 from onboard.zenoh_session import open_session
-from sitl.config import SitlConfig
 from sitl.virtual.standstill import PATIENCE_S, Standstill
 
-VEHICLE_NAME = "vehicle"
 # The first start compiles the plant, which takes the longest.
 START_TIMEOUT_S = 60.0
 READY_TIMEOUT_S = 20.0
@@ -45,8 +40,6 @@ DEPARTURE_TIMEOUT_S = 15.0
 # Time for turns and waits, and the least average speed of a mission that makes progress.
 MISSION_TIMEOUT_S = 60.0
 PROGRESS_MIN_MPS = 1.0
-# Telemetry older than this is ignored: a loaded computer delays its processes.
-TELEMETRY_TIMEOUT_S = 0.5
 
 # Phases in which the daemon has ended its mission.
 _OVER = frozenset({Phase.ARRIVED, Phase.HOLD})
@@ -55,38 +48,20 @@ _OVER = frozenset({Phase.ARRIVED, Phase.HOLD})
 REPORT_PERIOD_S = 0.2
 
 
-@dataclass(frozen=True)
-class Endpoints:
-    """Ports of the three parts on this computer."""
-
-    daemon_mavlink_port: int
-    operator_mavlink_port: int
-    sitl_zenoh_port: int
-    daemon_zenoh_port: int
-
-    @property
-    def operator_url(self) -> str:
-        """MAVSDK connection URL of the operator."""
-        return f"udpin://127.0.0.1:{self.operator_mavlink_port}"
-
-    @property
-    def sitl_zenoh(self) -> str:
-        """Zenoh endpoint on which the simulation listens."""
-        return f"tcp/127.0.0.1:{self.sitl_zenoh_port}"
-
-    @property
-    def daemon_zenoh(self) -> str:
-        """Zenoh endpoint on which the daemon listens."""
-        return f"tcp/127.0.0.1:{self.daemon_zenoh_port}"
-
-
 def fly_live(
-    scenario: Scenario, *, seed: int, out: Path, fly_outside_contract: bool, report: Report
+    scenario: Scenario,
+    *,
+    seed: int,
+    out: Path,
+    fly_outside_contract: bool,
+    report: Report,
+    mavlink_key: bytes | None = None,
 ) -> str | None:
     """Fly; return why the operator aborted the flight, None if the mission ended by itself.
 
-    Leaves ``flight.mcap``, ``truth.mcap``, the configuration and the output of both processes in
-    ``out``.  Every process that it started has ended when it returns or raises.
+    With a key, daemon and operator sign by it, and so does the vehicle unless the scenario gives it
+    another one.  Leaves ``flight.mcap``, ``truth.mcap``, the configuration and the output of both
+    processes in ``out``.  Every process that it started has ended when it returns or raises.
 
     Raises:
         CommandError: the flight could not begin.
@@ -94,7 +69,12 @@ def fly_live(
     """
     endpoints = Endpoints(*free_ports(4))
     write_configuration(
-        scenario, endpoints, seed=seed, out=out, fly_outside_contract=fly_outside_contract
+        scenario,
+        endpoints,
+        seed=seed,
+        out=out,
+        fly_outside_contract=fly_outside_contract,
+        mavlink_key=mavlink_key,
     )
     with interruptible() as interruption, Children() as children:
         report("starting the simulation and the daemon")
@@ -103,7 +83,7 @@ def fly_live(
         children.start(
             "clearway-onboard", "onboard", "--config", str(onboard), log_path=out / "onboard.log"
         )
-        flight = _Flight(scenario, endpoints, children, fly_outside_contract, report)
+        flight = _Flight(scenario, endpoints, children, fly_outside_contract, report, mavlink_key)
         return asyncio.run(_operate(flight, interruption))
 
 
@@ -116,75 +96,7 @@ class _Flight:
     children: Children
     fly_outside_contract: bool
     report: Report
-
-
-def write_configuration(
-    scenario: Scenario, endpoints: Endpoints, *, seed: int, out: Path, fly_outside_contract: bool
-) -> None:
-    """Write the configuration of both processes; it refers to nothing outside the directory.
-
-    Raises:
-        CommandError: a file cannot be written.
-    """
-    models: dict[str, BaseModel] = {
-        "contract": scenario.contract,
-        "mission": scenario.mission,
-        "onboard": _onboard_configuration(
-            scenario, endpoints, fly_outside_contract=fly_outside_contract
-        ),
-        "sitl": _sitl_configuration(scenario, endpoints, seed),
-    }
-    documents: dict[str, Any] = {
-        name: model.model_dump(mode="json") for name, model in models.items()
-    }
-    documents["field"] = [
-        obstacle.model_dump(mode="json") for obstacle in obstacle_list(scenario.obstacles)
-    ]
-    try:
-        for name, document in documents.items():
-            text = dump_document(document)
-            (out / f"{name}.yaml").write_text(text, encoding="utf-8")
-    except OSError as error:
-        raise CommandError(f"{out}: cannot be written: {error.strerror or error}") from error
-
-
-def _onboard_configuration(
-    scenario: Scenario, endpoints: Endpoints, *, fly_outside_contract: bool
-) -> DaemonConfig:
-    return DaemonConfig(
-        vehicle=VEHICLE_NAME,
-        contract=Path("contract.yaml"),
-        mission=Path("mission.yaml"),
-        mavlink=MavlinkLink(
-            url=f"udpin://127.0.0.1:{endpoints.daemon_mavlink_port}",
-            system_id=scenario.plant.system_id,
-            telemetry_timeout_s=TELEMETRY_TIMEOUT_S,
-        ),
-        zenoh=ZenohEndpoints(connect=(endpoints.sitl_zenoh,), listen=(endpoints.daemon_zenoh,)),
-        sources=scenario.sources,
-        log_directory=Path(),
-        log_file=Path("flight.mcap"),
-        fly_outside_contract=fly_outside_contract,
-        require_preflight=not fly_outside_contract,
-    )
-
-
-def _sitl_configuration(scenario: Scenario, endpoints: Endpoints, seed: int) -> SitlConfig:
-    sitl = scenario.sitl_config(
-        vehicle=VEHICLE_NAME,
-        mavlink=(
-            f"udpout://127.0.0.1:{endpoints.daemon_mavlink_port}",
-            f"udpout://127.0.0.1:{endpoints.operator_mavlink_port}",
-        ),
-        zenoh={"listen": (endpoints.sitl_zenoh,), "connect": ()},
-        field="field.yaml",
-        seed=seed,
-        truth_log="truth.mcap",
-    )
-    parameters = profile_named(sitl.flavour).parameters
-    # This flight has no radio, so its loss triggers nothing.
-    no_radio = {} if parameters is None else dict([parameters.no_radio])
-    return sitl.model_copy(update={"parameters": no_radio | sitl.parameters})
+    mavlink_key: bytes | None
 
 
 class Status:
@@ -218,7 +130,11 @@ async def _operate(flight: _Flight, interruption: Interruption) -> str | None:
     bus = ZenohEndpoints(connect=(endpoints.daemon_zenoh, endpoints.sitl_zenoh), listen=())
     try:
         async with connected_vehicle(
-            endpoints.operator_url, interruption, START_TIMEOUT_S, children.check
+            endpoints.operator_url,
+            interruption,
+            START_TIMEOUT_S,
+            children.check,
+            mavlink_key=flight.mavlink_key,
         ) as vehicle:
             with open_session(bus) as session:
                 status = Status()

@@ -102,7 +102,16 @@ def contract_values(flights: list[Measured], margin: float) -> dict[str, float |
         "vehicle.attitude_lag_s": [each.attitude_lag_s for each in flights],
         "vehicle.heading_error_deg": [each.heading_error_deg for each in flights],
     }
-    return {key: _declared(values, margin) for key, values in columns.items()}
+    declared = {key: _declared(values, margin) for key, values in columns.items()}
+    # The speed says where the run was measured: it gets no margin.
+    ran_on = [each for each in flights if each.run_on_m is not None]
+    if ran_on:
+        declared["vehicle.setpoint_loss_run_on_m"] = _declared(
+            [each.run_on_m for each in ran_on], margin
+        )
+        slowest_mps = min(each.run_on_speed_mps or 0.0 for each in ran_on)
+        declared["vehicle.setpoint_loss_run_on_speed_mps"] = round(slowest_mps, 3)
+    return declared
 
 
 def _declared(values: list[float | None], margin: float) -> float | None:
@@ -126,7 +135,7 @@ def _print(
         table.add_column(column, justify="right")
     for each in flights:
         errors = (each.tracking_error_m, each.tracking_error_z_m, *each.velocity_error_mps)
-        rest = (each.reaction_time_s, each.attitude_lag_s, each.heading_error_deg)
+        rest = (each.reaction_time_s, each.attitude_lag_s, each.rest_time_s, each.heading_error_deg)
         asked = "-" if each.tilt_asked_deg is None else f"{each.tilt_asked_deg:.1f}"
         tilt = f"{each.tilt_max_deg:.1f}, {asked}"
         table.add_row(escape(each.source), *map(_number, (*errors, *rest)), tilt)
@@ -135,6 +144,12 @@ def _print(
     worst = max(flights, key=lambda each: each.tracking_error_m)
     say(f"worst: {worst.source}, {worst.worst}")
     for each in flights:
+        if each.run_on_m is not None and each.run_on_speed_mps is not None:
+            say(
+                f"{each.source}: without setpoints it ran on {each.run_on_m:.2f} m from "
+                f"{each.run_on_speed_mps:.2f} m/s, and rested after "
+                f"{each.run_on_rest_s or 0.0:.1f} s"
+            )
         for note in each.notes:
             say(f"{each.source}: {note}")
     for reason in skipped:
@@ -151,6 +166,7 @@ _COLUMNS = (
     "dV_y m/s",
     "reaction s",
     "lag s",
+    "rest s",
     "heading °",
     "tilt °, asked",
 )

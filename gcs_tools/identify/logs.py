@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any, Final, TypeVar
 
@@ -10,6 +11,7 @@ import numpy as np
 from gcs_tools.console.errors import CommandError
 from gcs_tools.identify.dataflash import BINARY_MAGIC, streams_of_dataflash
 from gcs_tools.identify.recording import Recording
+from gcs_tools.identify.stopping import IDENTIFYING, run_on
 from gcs_tools.identify.streams import Streams, Timeline, in_order, reference_in_order
 from gcs_tools.identify.tlog import is_raw_capture, is_tlog, streams_of_tlog
 from gcs_tools.logs.flight_log import Log, read_log
@@ -19,6 +21,9 @@ from onboard.guidance.phases import FLYING_PHASES
 from onboard.recording.messages import StateRecord
 
 _Value = TypeVar("_Value")
+
+# Phases in which the vehicle follows the reference of the log.
+_FOLLOWED: Final = frozenset((*FLYING_PHASES, IDENTIFYING))
 
 _MCAP_MAGIC: Final = b"\x89MCAP0\r\n"
 _ULOG_MAGIC: Final = b"ULog\x01\x12\x35"
@@ -121,10 +126,11 @@ def _streams_of_ours(path: Path, log: Log) -> Streams:
             ],
             3,
         ),
-        control=in_order([(t, float(s.phase in FLYING_PHASES)) for t, s in flown], 1),
+        control=in_order([(t, float(s.phase in _FOLLOWED)) for t, s in flown], 1),
         names=("position", "reference: the daemon did not fly in it", "attitude", "state"),
         reaction_s=max(known_ages_s) + TICK_S if heard else None,
-        doing=_Plans(log),
+        doing=_doing(log),
+        run_on=run_on(log),
     )
 
 
@@ -146,6 +152,22 @@ def _given(value: _Value | None) -> _Value:
     if value is None:
         raise ValueError("a value is missing")
     return value
+
+
+def _doing(log: Log) -> Callable[[float], str]:
+    """Return what tells what was flown at a time."""
+    passes = [(e.time_s, e.text) for e in log.events if e.text.startswith("pass ")]
+    if not any(state.phase == IDENTIFYING for state in log.states):
+        return _Plans(log)
+
+    def doing(time_s: float) -> str:
+        begun = [(since_s, text) for since_s, text in passes if since_s <= time_s]
+        if not begun:
+            return "before the first pass"
+        since_s, text = begun[-1]
+        return f"{time_s - since_s:.1f} s into {text}"
+
+    return doing
 
 
 class _Plans:

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from gcs_tools.identify.stopping import RunOn
 from onboard.contract.agility import GRAVITY_MPS2
 from onboard.geometry.frames import FloatArray
 
@@ -39,6 +40,8 @@ class Recording:
         reaction_s: longest time from an object in range to a changed setpoint; None if unknown.
         doing: describes the vehicle's activity at a time.
         notes: what the log lacks, in words.
+        rest_s: longest time from the rest of the reference to the vehicle's; None if unknown.
+        run_on: after the stream of setpoints had ended; None if it did not, on purpose.
     """
 
     source: str
@@ -54,6 +57,8 @@ class Recording:
     reaction_s: float | None
     doing: Callable[[float], str]
     notes: tuple[str, ...] = ()
+    rest_s: float | None = None
+    run_on: RunOn | None = None
 
 
 @dataclass(frozen=True)
@@ -71,6 +76,9 @@ class Measured:
         tilt_asked_deg: of the reference, in level flight.
         worst: time and activity of the largest tracking error.
         notes: what the log lacks, in words.
+        rest_time_s: until the vehicle rests, after its reference does.
+        run_on_m, run_on_speed_mps, run_on_rest_s: forward run after the stream of setpoints had
+            ended, the speed at which it did, and the time until rest.
     """
 
     source: str
@@ -86,6 +94,10 @@ class Measured:
     tilt_asked_deg: float | None
     worst: str
     notes: tuple[str, ...] = ()
+    rest_time_s: float | None = None
+    run_on_m: float | None = None
+    run_on_speed_mps: float | None = None
+    run_on_rest_s: float | None = None
 
 
 def measure(recording: Recording) -> Measured:
@@ -97,6 +109,7 @@ def measure(recording: Recording) -> Measured:
     tilt_rad = np.arccos(np.cos(recording.roll_rad) * np.cos(recording.pitch_rad))
     along, across = (_largest(errors) for errors in recording.velocity_error_mps.T)
     after_s = when_s - float(recording.time_s[0])
+    ran_on = recording.run_on
     return Measured(
         source=recording.source,
         tracking_error_m=float(recording.position_error_m[worst]),
@@ -113,6 +126,10 @@ def measure(recording: Recording) -> Measured:
         ),
         worst=f"{after_s:.1f} s after taking control, {recording.doing(when_s)}",
         notes=recording.notes,
+        rest_time_s=recording.rest_s,
+        run_on_m=None if ran_on is None else ran_on.distance_m,
+        run_on_speed_mps=None if ran_on is None else ran_on.speed_mps,
+        run_on_rest_s=None if ran_on is None else ran_on.rest_s,
     )
 
 

@@ -10,6 +10,7 @@ import numpy as np
 
 from gcs_tools.console.errors import CommandError
 from gcs_tools.identify.recording import BoolArray, Recording, cruise_velocity_error_mps
+from gcs_tools.identify.stopping import RunOn, rest_time_s
 from onboard.geometry.frames import FloatArray
 
 POSES_MIN: Final = 50
@@ -25,6 +26,7 @@ _HOLE_S: Final = 1.0
 _APART_S: Final = 10.0
 # The heading counts while the vehicle moves: it turns to the next leg at rest.
 _MOVING_MPS: Final = 0.5
+_RESTING_MPS: Final = 0.05
 
 # Columns of a reference after its time.
 _REFERENCE_COLUMNS: Final = 10
@@ -67,6 +69,7 @@ class Streams:
         notes: what the log lacks, in words.
         reaction_s: longest time from an object in range to a changed setpoint; None if unknown.
         doing: describes the vehicle's activity at a time; None for its commanded acceleration.
+        run_on: after the stream of setpoints had ended; None if it did not, on purpose.
     """
 
     source: str
@@ -78,6 +81,7 @@ class Streams:
     notes: tuple[str, ...] = ()
     reaction_s: float | None = None
     doing: Callable[[float], str] | None = None
+    run_on: RunOn | None = None
 
     def recording(self) -> Recording:
         """Resample all at the poses that followed setpoints.
@@ -97,7 +101,9 @@ class Streams:
         roll_rad, pitch_rad, yaw_rad = _sampled(time_s, self._unwrapped_attitude()).T
         asked_mps2 = reference[:, _ACCELERATION][:, :2]
         off_m = pose[:, 1:4] - reference[:, _POSITION]
-        moving = np.hypot(*pose[:, 4:6].T) > _MOVING_MPS
+        # A hover's estimate may seem to move while the nose turns: the reference then rests.
+        rests = np.hypot(*reference[:, _VELOCITY][:, :2].T) < _RESTING_MPS
+        moving = (np.hypot(*pose[:, 4:6].T) > _MOVING_MPS) & ~rests
         return Recording(
             source=self.source,
             time_s=time_s,
@@ -114,6 +120,8 @@ class Streams:
             reaction_s=self.reaction_s,
             doing=self.doing or _asking(time_s, asked_mps2),
             notes=self.notes,
+            rest_s=rest_time_s(pose, self.reference),
+            run_on=self.run_on,
         )
 
     def _check(self) -> None:

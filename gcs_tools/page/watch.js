@@ -63,6 +63,7 @@ const show = {
     why.phase = status.phase;
     showReason();
     showBattery(status.battery_charge);
+    byId("virtual").textContent = status.virtual_obstacles ? "VIRTUAL OBSTACLES: real ones are not seen" : "";
     byId("mode").textContent = `${status.mode ?? "no mode"}, ${status.armed ? "armed" : "disarmed"}`;
     if (status.position_ned_m) {
       const [north, east, down] = status.position_ned_m;

@@ -19,7 +19,7 @@ from gcs_tools.preflight import report as preflight_report
 from gcs_tools.preflight.field_check import check_field, legs_of
 from gcs_tools.preflight.field_placement import check_placement
 from gcs_tools.preflight.files import LiveTargets, PreflightFiles, check_options, daemon_key
-from gcs_tools.preflight.finding import VEHICLE_IDENTITY, Finding, Verdict
+from gcs_tools.preflight.finding import VEHICLE_IDENTITY, VIRTUAL, Finding, Verdict
 from gcs_tools.preflight.offline.sensors import check_sources
 from gcs_tools.preflight.remedy import Remedy, remedies
 from gcs_tools.preflight.rule import Rule
@@ -27,7 +27,7 @@ from gcs_tools.preflight.speed import fastest_speed_mps
 from gcs_tools.preflight.tier import Tier, seen_free_rules
 from onboard.contract.assessment import Assessment, assess
 from onboard.files.contract_file import Contract, InputSet, load_contract
-from onboard.files.daemon_config import DaemonConfig
+from onboard.files.daemon_config import load_daemon_config
 from onboard.files.geofence_file import Geofence
 from onboard.files.mission_file import Mission
 from onboard.files.obstacle_field import ObstacleField, load_field
@@ -244,7 +244,7 @@ def _with_files(result: Preflight, mission: Mission | None, files: PreflightFile
     """Add what geofence, daemon's file and saved parameters say."""
     result = replace(result, fence_rules=_fence_rules(result, mission, files.geofence))
     if files.daemon is not None:
-        sources = load_yaml(files.daemon, DaemonConfig).sources
+        sources = load_daemon_config(files.daemon).sources
         findings = check_sources(sources, result.assessment, mission)
         result = replace(result, findings=findings, sensors=tuple(each.name for each in sources))
     if files.parameters is None:
@@ -353,6 +353,8 @@ def print_preflight(result: Preflight, title: str, console: Console) -> None:
     if result.vehicle is not None:
         title = f"{title}, {result.vehicle}"
     preflight_report.print_title(result.tier, title, result.refusals, console)
+    if any(VIRTUAL in each.name for each in result.findings):
+        preflight_report.print_virtual(console)
     if result.tier is Tier.SAFE:
         preflight_report.print_acceptance(console, accepted=result.accepted)
     if not assessment.terms.stop:

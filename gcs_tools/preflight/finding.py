@@ -9,6 +9,9 @@ from typing import Any, Final
 
 # Name of the finding that identifies the vehicle.
 VEHICLE_IDENTITY: Final = "identity"
+# In the name of a finding about obstacles that are not there.
+VIRTUAL: Final = "VIRTUAL OBSTACLES"
+NOT_SEEN: Final = "real obstacles are not seen: fly in open ground only"
 
 
 class Verdict(enum.Enum):

@@ -7,7 +7,7 @@ from rich.markup import escape
 from rich.table import Table
 from rich.text import Text
 
-from gcs_tools.preflight.finding import Finding, Verdict
+from gcs_tools.preflight.finding import NOT_SEEN, VIRTUAL, Finding, Verdict
 from gcs_tools.preflight.remedy import Remedy
 from gcs_tools.preflight.rule import Rule
 from gcs_tools.preflight.tier import Tier
@@ -38,6 +38,11 @@ def print_title(tier: Tier, title: str, reasons: tuple[str, ...], console: Conso
     console.print(f"[bold {_COLOURS[tier]}]{tier.value.upper()}[/]  {escape(title)}")
     for reason in reasons:
         console.print(f"  • {reason}", style=_COLOURS[tier], markup=False, soft_wrap=True)
+
+
+def print_virtual(console: Console) -> None:
+    """Print that what the vehicle avoids is not there."""
+    console.print(f"[bold yellow]{VIRTUAL}[/]: {NOT_SEEN}", soft_wrap=True)
 
 
 def print_acceptance(console: Console, *, accepted: bool) -> None:

@@ -11,7 +11,7 @@ from gcs_tools.console.errors import CommandError
 from gcs_tools.replay.poses import POSE_TYPES
 from gcs_tools.replay.recording import MAVLINK
 from onboard.files.contract_file import Contract
-from onboard.files.daemon_config import DaemonConfig
+from onboard.files.daemon_config import DaemonConfig, load_daemon_config
 from onboard.files.mission_file import Mission
 from onboard.files.sensor_sources import AnySource
 from onboard.files.yaml_file import load_yaml, validate
@@ -79,7 +79,7 @@ def setup_of(
         }
         daemon = validate(document, DaemonConfig, source="the topics of the recording")
     else:
-        daemon = load_yaml(config, DaemonConfig)
+        daemon = load_daemon_config(config)
         contract, mission = config.parent / daemon.contract, config.parent / daemon.mission
     if not daemon.sources:
         listed = ", ".join(f"{name} ({kind})" for name, kind in sorted(topics.items())) or "none"

@@ -13,9 +13,8 @@ from gcs_tools.sensors.diagnosis import Diagnosis, diagnose
 from gcs_tools.sensors.listening import listen
 from gcs_tools.sensors.observation import Heard, SensorObserver, ages_s
 from gcs_tools.sensors.picture import free_ahead_m, nearest, picture
-from onboard.files.daemon_config import DaemonConfig
+from onboard.files.daemon_config import DaemonConfig, load_daemon_config
 from onboard.files.sensor_sources import AnySource
-from onboard.files.yaml_file import load_yaml
 from onboard.perception.sources.registry import zenoh_key
 
 Form = Literal["text", "json"]
@@ -36,7 +35,7 @@ def check_sensors(path: Path, seconds: float, *, form: Form) -> bool:
         FileError: the file cannot be used.
         CommandError: no Zenoh session.
     """
-    config = load_yaml(path, DaemonConfig)
+    config = load_daemon_config(path)
     config = config.model_copy(update={"zenoh": config.zenoh.relative_to(path.parent)})
     seen = listen(config, seconds)
     return print_check(config, seen, form=form)

@@ -8,7 +8,7 @@ from typing import Final, NamedTuple
 
 from gcs_tools.sensors.observation import Heard, SensorObserver, Surroundings, ages_s
 from onboard.files.daemon_config import DaemonConfig
-from onboard.files.sensor_sources import AnySource, MavlinkSource, Ros2Source
+from onboard.files.sensor_sources import AnySource, FieldFileSource, MavlinkSource, Ros2Source
 from onboard.perception.ros2.graph import Publisher
 from onboard.perception.ros2.keys import TYPE_HASHES
 from onboard.perception.sources.registry import MAVLINK_NAMES, TYPE_NAMES
@@ -79,6 +79,9 @@ def diagnose(config: DaemonConfig, seen: SensorObserver) -> list[Diagnosis]:
 
 def _diagnose(source: AnySource, seen: SensorObserver) -> Diagnosis:
     heard, name = seen.heard[source.name], source.name
+    if isinstance(source, FieldFileSource):
+        text = f"VIRTUAL OBSTACLES of {source.field}: real ones are not seen"
+        return Diagnosis(name, True, text)
     if heard.frames:
         return _of_frames(name, heard)
     record = heard.from_daemon
@@ -87,11 +90,13 @@ def _diagnose(source: AnySource, seen: SensorObserver) -> Diagnosis:
     if heard.arrivals_s:
         return Diagnosis(name, False, *_all_dropped(source, heard))
     if isinstance(source, MavlinkSource):
-        return Diagnosis(name, False, *_silent_link(source, seen))
-    if heard.taken_by_json:
+        why = _silent_link(source, seen)
+    elif heard.taken_by_json:
         text = "another program publishes JSON detections under its name, which are dropped"
-        return Diagnosis(name, False, text, "give that program's `source` another name")
-    return Diagnosis(name, False, *_silent_topic(source, seen.around))
+        why = text, "give that program's `source` another name"
+    else:
+        why = _silent_topic(source, seen.around)
+    return Diagnosis(name, False, *why)
 
 
 def _of_frames(name: str, heard: Heard) -> Diagnosis:

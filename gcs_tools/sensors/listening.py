@@ -14,7 +14,7 @@ from pydantic import ValidationError
 from gcs_tools.console.errors import CommandError
 from gcs_tools.sensors.observation import SensorObserver
 from onboard.files.daemon_config import DaemonConfig
-from onboard.files.sensor_sources import AnySource, MavlinkSource, Ros2Source
+from onboard.files.sensor_sources import AnySource, FieldFileSource, MavlinkSource, Ros2Source
 from onboard.files.zenoh_endpoints import ZenohEndpoints
 from onboard.mavlink.connections import Link, open_link
 from onboard.mavlink.link_url import LinkError
@@ -117,7 +117,7 @@ def _subscribe(config: DaemonConfig, session: zenoh.Session, observer: SensorObs
 
     plain = session.declare_subscriber
     for source in config.sources:
-        if isinstance(source, MavlinkSource):
+        if isinstance(source, MavlinkSource | FieldFileSource):
             continue
         name = source.topic.strip("/")
         into_loop(f"**/{name}/**", _samples_of(source, observer), plain)

@@ -13,7 +13,7 @@ from typing import Final
 
 from gcs_tools.console.errors import CommandError
 from onboard.files.contract_file import Contract
-from onboard.files.daemon_config import DaemonConfig
+from onboard.files.daemon_config import load_daemon_config
 from onboard.files.mission_file import Mission
 from onboard.files.yaml_file import load_yaml
 
@@ -45,7 +45,7 @@ def install(config: Path, *, user: str, unit_directory: Path, dry_run: bool) -> 
     if dry_run:
         sys.stdout.write(text)
         return
-    written = load_yaml(path, DaemonConfig)
+    written = load_daemon_config(path)
     load_yaml(path.parent / written.contract, Contract)
     load_yaml(path.parent / written.mission, Mission)
     _require_user(user)

@@ -17,13 +17,15 @@ from mavsdk.asyncio.plugins.mavlink_direct import MavlinkDirectAsync
 from gcs_tools.console.errors import CommandError
 from gcs_tools.console.interruption import Interruption
 from gcs_tools.vehicle.operator import UrlError, Vehicle, VehicleError
-from gcs_tools.vehicle.signing_relay import signing_relay
+from gcs_tools.vehicle.signing_relay import Relay, signing_relay
 from onboard.mavlink.profiles.profile import AutopilotProfile
 from onboard.mavlink.profiles.registry import OTHER, profile_of
 
 log = logging.getLogger("mavsdk")
 
 CONNECT_TIMEOUT_S = 20.0
+# A vehicle of which every message is refused for so long has another key, or none.
+REFUSED_TIMEOUT_S = 5.0
 # How long another autopilot may take to be heard too; heartbeats come every second.
 COMPANY_S = 1.5
 IDENTIFY_TIMEOUT_S = 3.0
@@ -72,9 +74,7 @@ async def connected_vehicle(
     ):
         await open_connection(mavsdk, relay.url, complaints)
 
-        def waiting() -> None:
-            interruption.check()
-            while_waiting()
+        waiting = _all_of(interruption.check, while_waiting, _all_refused(relay, url))
 
         try:
             system, number = await chosen_system(mavsdk, url, system_id, timeout_s, waiting)
@@ -84,6 +84,30 @@ async def connected_vehicle(
         vehicle = Vehicle(system, number, await _profile_of(system), interruption)
         async with _watched(vehicle):
             yield vehicle
+
+
+def _all_of(*checks: Callable[[], None]) -> Callable[[], None]:
+    def check_all() -> None:
+        for check in checks:
+            check()
+
+    return check_all
+
+
+def _all_refused(relay: Relay, url: str) -> Callable[[], None]:
+    """Return what raises once a vehicle has been heard for some time, and none of it was genuine.
+
+    It raises `VehicleError`.
+    """
+    loop = asyncio.get_running_loop()
+    patient_until_s = loop.time() + REFUSED_TIMEOUT_S
+
+    def check() -> None:
+        if relay.refuses_all and loop.time() >= patient_until_s:
+            text = "the vehicle's messages are refused: is this the vehicle's key?"
+            raise VehicleError(f"{url}: {text}")
+
+    return check
 
 
 @asynccontextmanager

@@ -42,12 +42,14 @@ class Relay(asyncio.DatagramProtocol):
 
     Attributes:
         url: that MAVSDK opens.
+        accepted: number of messages of the vehicle that were passed on.
     """
 
     def __init__(self, signing: LinkSigning | None, url: str) -> None:
         self.url = url
         self._signing = signing
         self._refused: Counter[Objection] = Counter()
+        self.accepted = 0
         self._to_vehicle = FrameReader(mavlink, trusts_unknown=False)
         self._from_vehicle = FrameReader(mavlink, trusts_unknown=False)
         self._link: Link | None = None
@@ -58,6 +60,11 @@ class Relay(asyncio.DatagramProtocol):
     def complaints(self) -> list[str]:
         """What of the vehicle's messages was refused, in words."""
         return [f"{number} messages were {why.value}" for why, number in self._refused.items()]
+
+    @property
+    def refuses_all(self) -> bool:
+        """Whether messages were heard, and none was signed with this key."""
+        return bool(self._refused) and not self.accepted
 
     def join(self, local: asyncio.DatagramTransport, link: Link) -> None:
         """Pass messages on between MAVSDK and the vehicle from now on."""
@@ -89,7 +96,9 @@ class Relay(asyncio.DatagramProtocol):
                 objection is Objection.UNSIGNED and may_be_unsigned(message)
             ):
                 self._refused[objection] += 1
-            elif self._local is not None and self._mavsdk is not None:
+                continue
+            self.accepted += 1
+            if self._local is not None and self._mavsdk is not None:
                 plain = without_signature(frame) if is_signed(frame) else frame
                 self._local.sendto(plain, self._mavsdk)
 

@@ -96,9 +96,13 @@ def _state(
     table.add_row("dropped", _dropped(state.dropped))
     if seen is not None and seen.pause is not None:
         table.add_row("pausing", Text(seen.pause, style="yellow"))
+    shown: list[RenderableType] = [table]
+    if state.virtual_obstacles:
+        text = "VIRTUAL OBSTACLES: real ones are not seen"
+        shown.insert(0, Text(text, style="bold yellow"))
     if silent_s > SILENCE_S:
-        return Group(Text(f"no contact for {silent_s:.0f} s", style="bold red"), table)
-    return table
+        shown.insert(0, Text(f"no contact for {silent_s:.0f} s", style="bold red"))
+    return Group(*shown)
 
 
 def _goal(state: StateRecord) -> str:

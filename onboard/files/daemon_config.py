@@ -9,8 +9,15 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, field_validator, model_validator
 
 from onboard.files.contract_file import InputSet, Positive
-from onboard.files.sensor_sources import AnySource, MavlinkSource, Topic
-from onboard.files.yaml_file import FileModel, refuse_renamed_keys
+from onboard.files.sensor_sources import (
+    AnySource,
+    FieldFileSource,
+    MavlinkSource,
+    Topic,
+    excludes_real_sensors,
+    with_files_in,
+)
+from onboard.files.yaml_file import FileModel, load_yaml, refuse_renamed_keys
 from onboard.files.zenoh_endpoints import ZenohEndpoints
 
 FilePath = Annotated[Path, Field(strict=False)]
@@ -156,6 +163,16 @@ class DaemonConfig(FileModel):
         return sources
 
     @model_validator(mode="after")
+    def _virtual_obstacles_are_alone(self) -> DaemonConfig:
+        real = [each.name for each in self.sources if not isinstance(each, FieldFileSource)]
+        if real and excludes_real_sensors(self.sources):
+            raise ValueError(
+                f"sources: virtual obstacles (field_file) beside the real sensor '{real[0]}': "
+                "remove one of them, or state beside_real_sensors: true"
+            )
+        return self
+
+    @model_validator(mode="after")
     def _reads_no_output_of_its_own(self) -> DaemonConfig:
         shown = self.outputs.obstacle_distance
         reading = [each.name for each in self.sources if isinstance(each, MavlinkSource)]
@@ -165,6 +182,16 @@ class DaemonConfig(FileModel):
                 f"'{reading[0]}' would read it back"
             )
         return self
+
+
+def load_daemon_config(path: Path) -> DaemonConfig:
+    """Read a daemon's file; the files of its sensors are then found from anywhere.
+
+    Raises:
+        FileError: the file cannot be used.
+    """
+    config = load_yaml(path, DaemonConfig)
+    return config.model_copy(update={"sources": with_files_in(path.parent, config.sources)})
 
 
 def log_directory(base: Path, config: DaemonConfig, environment: Mapping[str, str]) -> Path:

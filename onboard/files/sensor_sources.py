@@ -6,7 +6,9 @@ nose.
 
 from __future__ import annotations
 
-from typing import Annotated, Final, Literal
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Annotated, Any, Final, Literal
 
 from pydantic import Field, model_validator
 
@@ -215,6 +217,46 @@ class DistanceSensorSource(MavlinkSource):
     )
 
 
+class FieldFileSource(SensorSource):
+    """Virtual obstacles: those of a field file, seen as a sensor at the vehicle's centre would.
+
+    For first flights in open ground.  Nothing real is seen by it.
+    """
+
+    kind: Literal["field_file"]
+    field: Annotated[Path, Field(strict=False)] = Field(
+        description="obstacle field, YAML or CSV, relative to this file"
+    )
+    relative_to: Literal["local_ned", "home"] = Field(
+        "local_ned",
+        description="where its origin lies: the mission's, or where the vehicle is armed",
+    )
+    range_m: Annotated[float, Field(gt=0.0, le=60.0)] = Field(
+        description="within which it sees every obstacle"
+    )
+    rate_hz: Annotated[float, Field(ge=1.0, le=50.0)] = 20.0
+    latency_s: Annotated[float, Field(ge=0.0, le=1.0)] = Field(
+        0.05, description="from measurement to arrival"
+    )
+    beside_real_sensors: bool = Field(
+        False, description="permit real sensors, too; otherwise none may be stated, or heard"
+    )
+
+    @model_validator(mode="before")
+    @classmethod
+    def _sees_that_nothing_is_there(cls, data: Any) -> Any:
+        """Show free space as far as it sees, unless stated otherwise."""
+        if isinstance(data, dict) and isinstance(data.get("range_m"), int | float):
+            return {"no_return_is_free_to_m": data["range_m"], **data}
+        return data
+
+    @model_validator(mode="after")
+    def _is_not_mounted(self) -> FieldFileSource:
+        if self.mounting != Mounting():
+            raise ValueError("mounting: virtual obstacles are seen from the vehicle's centre")
+        return self
+
+
 AnySource = Annotated[
     LaserScanSource
     | PointCloudSource
@@ -222,6 +264,34 @@ AnySource = Annotated[
     | DetectionsSource
     | OccupancyGridSource
     | ObstacleDistanceSource
-    | DistanceSensorSource,
+    | DistanceSensorSource
+    | FieldFileSource,
     Field(discriminator="kind"),
 ]
+
+
+def shows_virtual_obstacles(sources: Iterable[SensorSource]) -> bool:
+    """Tell whether one of some sensors shows obstacles that are not there."""
+    return any(isinstance(source, FieldFileSource) for source in sources)
+
+
+def excludes_real_sensors(sources: Iterable[SensorSource]) -> bool:
+    """Tell whether obstacles that are not there have to be the only ones."""
+    return any(
+        isinstance(source, FieldFileSource) and not source.beside_real_sensors for source in sources
+    )
+
+
+def with_files_in(base: Path, sources: Iterable[AnySource]) -> tuple[AnySource, ...]:
+    """Return sensors whose files are found from anywhere.
+
+    Args:
+        base: directory that their paths are relative to.
+        sources: the sensors.
+    """
+    return tuple(
+        source.model_copy(update={"field": base / source.field})
+        if isinstance(source, FieldFileSource)
+        else source
+        for source in sources
+    )

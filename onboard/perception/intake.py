@@ -12,6 +12,9 @@ from onboard.perception.sources.detection_source import DetectionSource
 
 # At 20 Hz a tick sees one frame; a burst beyond this is a fault: the oldest are dropped.
 MAX_PENDING_FRAMES: Final = 32
+VIRTUAL_ONLY: Final = (
+    "only virtual obstacles are stated: no real sensor without beside_real_sensors"
+)
 NAME_TAKEN: Final = "detections as JSON come under its name"
 
 
@@ -45,11 +48,13 @@ class DetectionIntake:
 
     Attributes:
         names_taken: of other sensors; frames that come under them count as malformed.
+        virtual_only: whether no frame counts, since the vehicle flies among virtual obstacles.
     """
 
     def __init__(self, source: DetectionSource) -> None:
         self.counters = DetectionCounters()
         self.names_taken: frozenset[str] = frozenset()
+        self.virtual_only = False
         self._source = source
         self._pending: deque[bytes] = deque()
         # No more of them than names are taken.
@@ -74,9 +79,10 @@ class DetectionIntake:
             frames = self._source.read(self._pending.popleft(), now_unix_s)
             self.counters.malformed_frames += self._source.malformed - before
             for frame in frames:
-                if frame.source in self.names_taken:
+                if self.virtual_only or frame.source in self.names_taken:
                     self.counters.malformed_frames += 1
-                    self._say(Refusal(frame.source, NAME_TAKEN))
+                    reason = VIRTUAL_ONLY if self.virtual_only else NAME_TAKEN
+                    self._say(Refusal(frame.source, reason))
                 else:
                     yield frame
 

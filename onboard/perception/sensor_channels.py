@@ -5,15 +5,17 @@ What cannot be used is counted by sensor and reason, and said once: the first ti
 
 from __future__ import annotations
 
+import math
 from collections import Counter, deque
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Final, NamedTuple
 
-from onboard.files.sensor_sources import AnySource
+from onboard.files.sensor_sources import AnySource, FieldFileSource
 from onboard.perception.detection import DetectionFrame
 from onboard.perception.intake import MAX_PENDING_FRAMES, DetectionCounters, Refusal
 from onboard.perception.ros2.cdr import DecodeError
 from onboard.perception.ros2.keys import check_key
+from onboard.perception.sources.field_file import Home, request_of
 from onboard.perception.sources.mounted_by_transforms import MountedByTransforms
 from onboard.perception.sources.registry import (
     LARGE_PENDING_MAX,
@@ -53,6 +55,7 @@ class SensorChannels:
         self._counters = counters
         self.frames_read: Counter[str] = Counter()
         self.newest: dict[str, DetectionFrame] = {}
+        self._measured: dict[str, int] = {}
         self._said: set[Refusal] = set()
         self._news: list[Refusal] = []
 
@@ -118,6 +121,22 @@ class SensorChannels:
         for name, each in self._sensors.items():
             if MAVLINK_IDS.get(each.config.kind) == message_id:
                 self.receive(name, payload, now_s)
+
+    def measure_virtual(self, now_s: float, home_ned_m: Home | None) -> None:
+        """Have virtual obstacles be seen, where it is time to.
+
+        Args:
+            now_s: the time.
+            home_ned_m: where the vehicle was armed, north and east; None if that is unknown.
+        """
+        for name, each in self._sensors.items():
+            config = each.config
+            if not isinstance(config, FieldFileSource):
+                continue
+            due = math.floor(now_s * config.rate_hz + 1e-6)
+            if due != self._measured.get(name):
+                self._measured[name] = due
+                self.receive(name, request_of(home_ned_m), now_s)
 
     def take(self, epoch_unix_s: float) -> Iterator[DetectionFrame]:
         """Decode what has arrived, in order for each sensor; of large messages one at a time.

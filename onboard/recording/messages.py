@@ -87,6 +87,7 @@ class StateRecord:
         progress: ``guaranteed`` or ``best_effort``, as this flight or the next is flown.
         cleared: whether a valid flight authorization is present, or none is required.
         log_ended: whether the service flies on without a log.
+        virtual_obstacles: whether a sensor shows obstacles that are not there.
         obstacles_known: size of the map.
         free_cells: number of cells around the vehicle that have been seen free.
         rest_certified: whether the way to rest that is held is certified in the space seen free;
@@ -126,6 +127,7 @@ class StateRecord:
     progress: str = ""
     cleared: bool | None = None
     log_ended: bool = False
+    virtual_obstacles: bool = False
     obstacles_known: int = 0
     free_cells: int = 0
     rest_certified: bool | None = None

@@ -45,6 +45,7 @@ def state_of(autonomy: Autonomy, now_s: float) -> StateRecord:
         progress=autonomy.assessment.contract.requirements.progress,
         cleared=autonomy.flight_authorization.refusal(autonomy.epoch_unix_s + now_s) is None,
         log_ended=autonomy.log_ended,
+        virtual_obstacles=autonomy.virtual_obstacles,
         obstacles_known=len(navigator.obstacles),
         free_cells=supervisor.seen.size,
         rest_certified=None if navigator.shield is None else navigator.shield.rest_certified,

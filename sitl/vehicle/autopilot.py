@@ -25,7 +25,7 @@ from sitl.autopilot.protocol.files.onboard_files import metadata_files, packed_p
 from sitl.autopilot.protocol.link import MavlinkLink
 from sitl.autopilot.protocol.mission_transfer import ItemStore, MissionTransfer
 from sitl.autopilot.protocol.parameter_protocol import ParameterProtocol
-from sitl.autopilot.protocol.signing import TIMESTAMP_MAX, Signing, key_of_passphrase
+from sitl.autopilot.protocol.signing import TIMESTAMP_MAX, Signing, signing_key
 from sitl.autopilot.protocol.snapshot import Snapshot
 from sitl.autopilot.protocol.status_messages import status_texts
 from sitl.autopilot.protocol.streams import StreamSchedule, messages_of_data_stream
@@ -101,11 +101,8 @@ class Autopilot:
         self._parameter_protocol = ParameterProtocol(
             self.parameters, bytewise=self.flavour.integers_bytewise
         )
-        self.signing = (
-            None
-            if config.signing_passphrase is None
-            else Signing(key_of_passphrase(config.signing_passphrase), start_unix_s)
-        )
+        key = signing_key(config)
+        self.signing = None if key is None else Signing(key, start_unix_s)
         self._system_id = config.system_id
         self._home = config.home
         self._start_unix_s = start_unix_s

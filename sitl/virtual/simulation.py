@@ -32,7 +32,7 @@ from onboard.planning.qp.search import QpPlanner
 from onboard.recording.flight_log import FlightLog
 from onboard.recording.journal import Journal
 from onboard.recording.messages import Record
-from sitl.autopilot.protocol.signing import key_of_passphrase
+from sitl.autopilot.protocol.signing import signing_key
 from sitl.config import SitlConfig
 from sitl.environment.sensor_message import ZenohMessage
 from sitl.environment.truth_log import TruthLog
@@ -72,7 +72,7 @@ class SimulatedFlight:
         sources: sensors that the service relies on, besides those that publish JSON.
         input_set: which accelerations plans may use.
         fly_outside_contract: fly although the contract's clauses are not met.
-        mavlink_key: of the service's link; None: that of `sitl.signing_passphrase`, if any.
+        mavlink_key: of the service's link; None: that of `sitl`, if any.
         time_limit_s: the simulation ends after this, landed or not.
     """
 
@@ -251,8 +251,7 @@ def _start_service(flight: SimulatedFlight, solver: QpPlanner) -> Autonomy:
 
 def _vehicle_key(flight: SimulatedFlight) -> bytes | None:
     """Return the key that the simulated vehicle signs with; None if it does not."""
-    passphrase = flight.sitl.signing_passphrase
-    return None if passphrase is None else key_of_passphrase(passphrase)
+    return signing_key(flight.sitl)
 
 
 def _signing(key: bytes | None) -> LinkSigning | None:

@@ -267,9 +267,9 @@ def test_arguments_that_make_no_sense_are_one_line(
         (Interrupted(15), 143, "interrupted"),
         (KeyboardInterrupt(), 130, "interrupted"),
         (
-            ModuleNotFoundError(name="rich"),
+            ModuleNotFoundError(name="mavsdk"),
             2,
-            "rich is not installed: pip install 'clearway[ground]'",
+            "mavsdk is not installed: pip install 'clearway[ground]'",
         ),
     ],
 )

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 import yaml
 
-from gcs_tools.fly.live_flight import Endpoints, write_configuration
+from gcs_tools.fly.live_configuration import Endpoints, write_configuration
 from gcs_tools.preflight.command import check
 from gcs_tools.preflight.live.bus import BusConfig
 from gcs_tools.scenario import Scenario, ScenarioFile, load_scenario, obstacle_list

@@ -8,6 +8,7 @@ import pytest
 from pydantic import ValidationError
 
 from onboard.files.yaml_file import FileError
+from sitl.autopilot.protocol.signing import signing_key
 from sitl.config import (
     EstimatorConfig,
     MultirotorConfig,
@@ -40,6 +41,8 @@ def config(**stated: Any) -> SitlConfig:
         ({"physics_rate_hz": 300}, "greater than or equal to 400"),
         ({"speed_factor": 0.0}, "greater than 0"),
         ({"signing_passphrase": ""}, "at least 1 character"),
+        ({"signing_key_hex": "00" * 31}, "pattern"),
+        ({"signing_key_hex": "00" * 32, "signing_passphrase": "words"}, "state one of them"),
         ({"system_id": 256}, "less than or equal to 255"),
         ({"multirotor": {"thrust_to_weight": 1.0}}, "greater than 1"),
         ({"realism": "real"}, "'field' or 'ideal'"),
@@ -112,3 +115,21 @@ def test_a_bad_file_is_an_error_that_names_file_and_key(
 
 def test_a_vehicle_alone_is_ideal_on_request_only() -> None:
     assert VehicleConfig().realism == "field"
+
+
+def test_a_key_is_read_from_the_file_that_the_daemon_names_too(tmp_path: Path) -> None:
+    (tmp_path / "sitl.yaml").write_text("signing_key_file: mavlink.key\n", encoding="utf-8")
+    with pytest.raises(FileError, match=r"mavlink\.key: cannot be read as a key"):
+        load_sitl_config(tmp_path / "sitl.yaml")
+    (tmp_path / "mavlink.key").write_text("secret words\n", encoding="utf-8")
+    with pytest.raises(FileError, match=r"not a key") as said:
+        load_sitl_config(tmp_path / "sitl.yaml")
+    assert "secret" not in str(said.value)
+    (tmp_path / "mavlink.key").write_text(f"{'0f' * 32}\n", encoding="utf-8")
+    read = load_sitl_config(tmp_path / "sitl.yaml")
+    assert signing_key(read) == bytes([0x0F]) * 32
+    assert "0f0f" not in repr(read)
+    words = "signing_key_file: mavlink.key\nsigning_passphrase: words\n"
+    (tmp_path / "sitl.yaml").write_text(words, encoding="utf-8")
+    with pytest.raises(FileError, match="state one"):
+        load_sitl_config(tmp_path / "sitl.yaml")

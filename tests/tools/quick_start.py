@@ -10,10 +10,12 @@ import os
 import re
 import shutil
 import signal
+import socket
 import subprocess
 import sys
 import tempfile
 import venv
+from collections.abc import Iterable
 from contextlib import suppress
 from pathlib import Path
 from typing import Final, NamedTuple
@@ -22,7 +24,15 @@ ROOT: Final = Path(__file__).parents[2]
 PAGE: Final = ROOT / "docs" / "quick_start.md"
 _BLOCK: Final = re.compile(r"^<!-- played -->\n```sh\n(.*?)^```", re.MULTILINE | re.DOTALL)
 _EXIT_CODE: Final = re.compile(r"\s+# exit code (\d+)$")
-_TIMEOUT_S: Final = 300.0
+# A loaded computer takes several times the two minutes of a quiet one.
+_TIMEOUT_S: Final = 900.0
+# Of the vehicle's two MAVLink links, and of simulation and daemon on Zenoh.
+PORTS: Final = (
+    (socket.SOCK_DGRAM, 14540),
+    (socket.SOCK_DGRAM, 14550),
+    (socket.SOCK_STREAM, 7447),
+    (socket.SOCK_STREAM, 7448),
+)
 # What the build reads.
 _BUILT_FROM: Final = (
     "onboard",
@@ -75,17 +85,35 @@ def play(played: list[Step], directory: Path, environment: dict[str, str]) -> st
         )  # fmt: skip
         try:
             code = shell.wait(_TIMEOUT_S)
+        except subprocess.TimeoutExpired:
+            code = None
         finally:
             with suppress(ProcessLookupError):  # no process is left
                 os.killpg(shell.pid, signal.SIGTERM)
         printed.seek(0)
         text = printed.read()
+    assert code is not None, f"{text}\nthe last command has not ended within {_TIMEOUT_S:g} s"
     assert code == 0, text
     return text
 
 
 def _quoted(text: str) -> str:
     return "'" + text.replace("'", "'\\''") + "'"
+
+
+def busy_ports(ports: Iterable[tuple[socket.SocketKind, int]] = PORTS) -> list[str]:
+    """Return which ports of the files of ``clearway init`` another program has, in words."""
+    busy = []
+    for kind, number in ports:
+        with socket.socket(socket.AF_INET, kind) as probe:
+            # As the processes do: a connection that has just ended does not count.
+            if kind == socket.SOCK_STREAM:
+                probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+            try:
+                probe.bind(("127.0.0.1", number))
+            except OSError:
+                busy.append(f"{'UDP' if kind == socket.SOCK_DGRAM else 'TCP'} {number}")
+    return busy
 
 
 def _wheel(directory: Path) -> Path:
@@ -105,6 +133,12 @@ def _wheel(directory: Path) -> Path:
 
 def main() -> int:
     """Build, install, play; print what the commands printed."""
+    if busy := busy_ports():
+        sys.stderr.write(
+            f"not played: {', '.join(busy)} of this computer in use, expected free: end the daemon "
+            "or simulation that runs here\n"
+        )
+        return 2
     with tempfile.TemporaryDirectory() as name:
         directory = Path(name)
         wheel = _wheel(directory)

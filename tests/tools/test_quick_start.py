@@ -1,12 +1,13 @@
 """The commands of docs/quick_start.md are read, typed and checked; `make quick-start` plays all."""
 
 import shlex
+import socket
 from pathlib import Path
 
 import pytest
 
 from gcs_tools.setup.command import FILES
-from tests.tools.quick_start import PAGE, Step, play, steps
+from tests.tools.quick_start import PAGE, PORTS, Step, busy_ports, play, steps
 
 PAGE_TEXT = """
 ```sh
@@ -51,10 +52,30 @@ def test_the_page_plays_what_a_new_user_needs() -> None:
         *("init", "preflight", "fly", "report", "identify", "status", "doctor")
     ]
     codes = [step.exit_code for step in played if " preflight " in step.command]
-    assert codes == [0, 1, 0, 0]
+    assert codes == [0, 1, 0, 0, 0]
     contract = (FILES / "px4" / "contract.yaml").read_text(encoding="utf-8")
     for step in played:
         if step.command.startswith("sed"):
             _, written, changed, _ = step.command.split("/")
             assert written in contract
             contract = contract.replace(written, changed)
+
+
+@pytest.mark.parametrize("kind", [socket.SOCK_DGRAM, socket.SOCK_STREAM])
+def test_a_port_in_use_is_named(kind: socket.SocketKind) -> None:
+    with socket.socket(socket.AF_INET, kind) as taken:
+        taken.bind(("127.0.0.1", 0))
+        if kind == socket.SOCK_STREAM:
+            taken.listen()
+        number = taken.getsockname()[1]
+        name = "UDP" if kind == socket.SOCK_DGRAM else "TCP"
+        assert busy_ports([(kind, number)]) == [f"{name} {number}"]
+    assert busy_ports([(kind, number)]) == []
+
+
+def test_the_ports_are_those_of_the_files() -> None:
+    files = {
+        each: (FILES / each).read_text(encoding="utf-8")
+        for each in ("px4/sitl.yaml", "both/onboard.yaml")
+    }
+    assert all(any(str(number) in text for text in files.values()) for _, number in PORTS)

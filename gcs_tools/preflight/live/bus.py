@@ -20,6 +20,7 @@ from gcs_tools.preflight.live.daemon import (
     detections_finding,
     sensor_findings,
     telemetry_finding,
+    virtual_findings,
 )
 from gcs_tools.preflight.live.detections import Sample, check_detections
 from onboard.authentication.operator_command import CommandKind, sealed
@@ -135,6 +136,7 @@ class BusCheck:
             self._contract(assessment.contract),
             detections_finding(statuses, terms),
             telemetry_finding(statuses),
+            *virtual_findings(statuses),
         ]
 
     def authorize(

@@ -7,7 +7,7 @@ import math
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
-from gcs_tools.preflight.finding import Finding, Verdict
+from gcs_tools.preflight.finding import NOT_SEEN, VIRTUAL, Finding, Verdict
 from onboard.contract.assessment import Terms
 from onboard.files.contract_file import Contract
 from onboard.monitoring.detections import CLOCK_TOLERANCE_S
@@ -106,6 +106,13 @@ def _sensor_finding(name: str, said: object, terms: Terms[float], *, heard: bool
         return Finding("sensor", name, Verdict.BROKEN, text)
     text = f"newest frame {age_s:.3f} s old, frame_age_max_s {limit_s:g} s{why}"
     return Finding("sensor", name, Verdict.of(holds=age_s <= limit_s), text)
+
+
+def virtual_findings(statuses: Sequence[Status]) -> list[Finding]:
+    """Return that the daemon flies among virtual obstacles, if it does."""
+    if not any(each.document.get("virtual_obstacles") is True for each in statuses):
+        return []
+    return [Finding("daemon", VIRTUAL, Verdict.HOLDS, NOT_SEEN)]
 
 
 def telemetry_finding(statuses: Sequence[Status]) -> Finding:

@@ -9,12 +9,13 @@ import math
 from collections.abc import Iterator, Sequence
 from typing import Final
 
-from gcs_tools.preflight.finding import Finding, Verdict
+from gcs_tools.preflight.finding import NOT_SEEN, VIRTUAL, Finding, Verdict
 from onboard.contract.assessment import Assessment
 from onboard.files.mission_file import Mission
 from onboard.files.sensor_sources import (
     AnySource,
     DetectionsSource,
+    FieldFileSource,
     LaserScanSource,
     MavlinkSource,
     ObstacleDistanceSource,
@@ -48,9 +49,16 @@ def check_sources(
         text = f"{source.kind}, {source.range_m:g} m, ±{source.uncertainty_m:g} m: as the contract"
         if not wrong:
             findings.append(Finding("sensor", f"{source.name} declares", Verdict.HOLDS, text))
+        if isinstance(source, FieldFileSource):
+            findings.append(virtual_finding(source.name))
         for key, reason in wrong:
             findings.append(Finding("sensor", f"{source.name} {key}", Verdict.BROKEN, reason))
     return tuple(findings)
+
+
+def virtual_finding(name: str) -> Finding:
+    """Return what has to be known of a flight among virtual obstacles."""
+    return Finding("sensor", f"{name} {VIRTUAL}", Verdict.HOLDS, NOT_SEEN)
 
 
 def _against_contract(source: AnySource, assessment: Assessment) -> Iterator[tuple[str, str]]:
@@ -69,7 +77,10 @@ def _against_contract(source: AnySource, assessment: Assessment) -> Iterator[tup
     if view_deg < need_deg - 1e-9:
         text = f"{view_deg:.0f}° around the nose, the contract's field_of_view_deg {need_deg:.0f}°"
         yield "field of view", text
-    if isinstance(source, MavlinkSource) and source.latency_s >= terms.reaction_time_s:
+    if (
+        isinstance(source, MavlinkSource | FieldFileSource)
+        and source.latency_s >= terms.reaction_time_s
+    ):
         need = f"reaction_time_s {terms.reaction_time_s:g} s"
         yield "latency_s", f"{source.latency_s:g} s, the contract's {need}"
 

@@ -12,6 +12,7 @@ from onboard.files.sensor_sources import (
     AnySource,
     DetectionsSource,
     DistanceSensorSource,
+    FieldFileSource,
     LaserScanSource,
     ObstacleDistanceSource,
     OccupancyGridSource,
@@ -22,6 +23,7 @@ from onboard.files.sensor_sources import (
 )
 from onboard.perception.ros2.keys import OnePublisher, check_key, key_expression
 from onboard.perception.sources.detections3d import DetectionsInput
+from onboard.perception.sources.field_file import FieldFileInput
 from onboard.perception.sources.laser_scan import LaserScanInput, RangeInput
 from onboard.perception.sources.mavlink_ranges import DistanceSensorInput, ObstacleDistanceInput
 from onboard.perception.sources.mounted_by_transforms import MountedByTransforms
@@ -53,6 +55,7 @@ _INPUTS: Final[dict[type[SensorSource], Callable[[Any, PastPoses], SensorInput]]
     OccupancyGridSource: OccupancyGridInput,
     ObstacleDistanceSource: ObstacleDistanceInput,
     DistanceSensorSource: DistanceSensorInput,
+    FieldFileSource: FieldFileInput,
 }
 # Large messages wait at most so many deep, and one of them is read per tick.
 LARGE_PENDING_MAX: Final = 2
@@ -92,8 +95,8 @@ class Sensor:
 
 
 def zenoh_key(config: AnySource) -> str | None:
-    """Return the Zenoh key expression of a sensor; None for one on the MAVLink link."""
-    if isinstance(config, ObstacleDistanceSource | DistanceSensorSource):
+    """Return the Zenoh key expression of a sensor; None for one that is not on Zenoh."""
+    if isinstance(config, ObstacleDistanceSource | DistanceSensorSource | FieldFileSource):
         return None
     bridged = config.middleware != "rmw_zenoh"
     name = TYPE_NAMES[config.kind]

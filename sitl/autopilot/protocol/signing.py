@@ -14,6 +14,8 @@ import hmac
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
+from sitl.config import VehicleConfig
+
 SIGNATURE_LENGTH = 13  # link id, 6 bytes of time, 6 bytes of signature
 TIMESTAMP_MAX = (1 << 47) - 1  # leaves room to count on in 48 bits
 _EPOCH_UNIX_S = 1_420_070_400  # 2015-01-01
@@ -66,6 +68,14 @@ class Signing:
 
     def _signature(self, stamped: bytes) -> bytes:
         return hashlib.sha256(self._key + stamped).digest()[:6]
+
+
+def signing_key(config: VehicleConfig) -> bytes | None:
+    """Return the key that a simulated vehicle signs with; None if it does not."""
+    if config.signing_key_hex is not None:
+        return bytes.fromhex(config.signing_key_hex)
+    passphrase = config.signing_passphrase
+    return None if passphrase is None else key_of_passphrase(passphrase)
 
 
 def key_of_passphrase(passphrase: str) -> bytes:

@@ -40,6 +40,22 @@ def hears(monkeypatch: pytest.MonkeyPatch, seen: Observation) -> None:
     monkeypatch.setattr(command, "observe", lambda _: seen)
 
 
+def test_status_waits_until_all_is_well(
+    clearway: Clearway, monkeypatch: pytest.MonkeyPatch, folder: Path
+) -> None:
+    asked = iter((Observation(), FAULTY, SEEN))
+    monkeypatch.setattr(command, "observe", lambda _: next(asked))
+    assert clearway("status", "--daemon-config", "onboard.yaml", "--wait", "60").code == 0
+    assert next(asked, None) is None
+
+
+def test_status_waits_no_longer_than_asked(
+    clearway: Clearway, monkeypatch: pytest.MonkeyPatch, folder: Path
+) -> None:
+    hears(monkeypatch, FAULTY)
+    assert clearway("status", "--daemon-config", "onboard.yaml", "--wait", "0.01").code == 1
+
+
 @pytest.mark.parametrize(
     ("seen", "code", "words"),
     [

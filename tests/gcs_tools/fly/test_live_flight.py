@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, cast
@@ -13,11 +14,14 @@ import yaml
 from gcs_tools.console.errors import CommandError
 from gcs_tools.console.processes import Children
 from gcs_tools.fly import live_flight
-from gcs_tools.fly.live_flight import Endpoints, Operator, Status, write_configuration
+from gcs_tools.fly.live_configuration import Endpoints, write_configuration
+from gcs_tools.fly.live_flight import Operator, Status
 from gcs_tools.scenario import Scenario, load_scenario
 from gcs_tools.vehicle.operator import Vehicle, VehicleError
+from onboard.authentication.key_file import load_key
 from onboard.files.daemon_config import DaemonConfig
 from onboard.files.yaml_file import load_yaml
+from sitl.autopilot.protocol.signing import signing_key
 from sitl.config import load_sitl_config
 from tests.gcs_tools.running import CONFIG
 
@@ -52,6 +56,29 @@ def test_both_processes_can_read_what_is_written(
     assert (onboard.mavlink.system_id, sitl.seed) == (sitl.system_id, 7)
     for name in ("contract", "mission", "field"):
         assert (tmp_path / f"{name}.yaml").exists()
+
+
+@pytest.mark.parametrize("own", [False, True])
+def test_a_key_goes_to_both_ends_unless_the_vehicle_has_its_own(
+    scenario: Scenario, tmp_path: Path, *, own: bool
+) -> None:
+    key = bytes(range(32))
+    if own:
+        plant = scenario.plant.model_copy(update={"signing_passphrase": "another"})
+        scenario = replace(scenario, plant=plant)
+    write_configuration(
+        scenario, ENDPOINTS, seed=7, out=tmp_path, fly_outside_contract=False, mavlink_key=key
+    )
+    onboard = load_yaml(tmp_path / "onboard.yaml", DaemonConfig)
+    assert onboard.mavlink.signing is not None
+    assert load_key(tmp_path / onboard.mavlink.signing.key_file) == key
+    assert (signing_key(load_sitl_config(tmp_path / "sitl.yaml")) == key) is not own
+
+
+def test_without_a_key_nothing_is_signed(scenario: Scenario, tmp_path: Path) -> None:
+    write_configuration(scenario, ENDPOINTS, seed=7, out=tmp_path, fly_outside_contract=False)
+    assert load_yaml(tmp_path / "onboard.yaml", DaemonConfig).mavlink.signing is None
+    assert signing_key(load_sitl_config(tmp_path / "sitl.yaml")) is None
 
 
 def written_parameters(scenario: Scenario, out: Path) -> dict[str, float]:

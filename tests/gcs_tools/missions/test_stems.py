@@ -90,6 +90,18 @@ def test_utm_is_turned_to_true_north_and_to_the_autopilots_metres(
     assert math.hypot(*north[:2]) == pytest.approx(1000.0, abs=3.0)  # sphere, scale
 
 
+@pytest.mark.parametrize("longitude_deg", [179.9999, -179.9999])
+def test_a_forest_lies_on_both_sides_of_the_antimeridian(
+    clearway: Clearway, tmp_path: Path, longitude_deg: float
+) -> None:
+    text = "lat;lon;dbh_cm\n-17,0;179,9999;30\n-17,0;-179,9999;42\n"
+    options = ("--latitude", "lat", "--longitude", "lon", f"--origin=-17.0,{longitude_deg}")
+    west, east = converted(clearway, tmp_path, text, *options)
+    apart_m = math.radians(0.0002) * 6_371_000.0 * math.cos(math.radians(17.0))
+    assert east[1] - west[1] == pytest.approx(apart_m, abs=0.02)
+    assert min(abs(west[1]), abs(east[1])) == pytest.approx(0.0, abs=1e-3)
+
+
 def test_the_field_goes_to_standard_output(clearway: Clearway, tmp_path: Path) -> None:
     source = tmp_path / "trees.csv"
     source.write_text("x_m,y_m,dbh_cm\n1,2,30\n", encoding="utf-8")

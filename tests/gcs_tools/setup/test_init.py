@@ -14,7 +14,7 @@ from gcs_tools.schemas import MODELS
 from gcs_tools.setup.command import FILES
 from onboard.contract.assessment import assess
 from onboard.files.contract_file import load_contract
-from onboard.files.daemon_config import DaemonConfig
+from onboard.files.daemon_config import DaemonConfig, load_daemon_config
 from onboard.files.mission_file import Mission
 from onboard.files.obstacle_field import load_field
 from onboard.files.yaml_file import load_yaml
@@ -71,6 +71,20 @@ def test_the_processes_find_each_other(folder: Path) -> None:
     assert all("127.0.0.1" in each for each in listens), "nothing listens beyond loopback"
 
 
+def test_a_first_flight_among_virtual_obstacles_passes_and_says_so(
+    clearway: Clearway, folder: Path
+) -> None:
+    files = ("--contract", "contract.yaml", "--field", "field.yaml", "--mission", "mission.yaml")
+    checked = clearway("preflight", *files, "--daemon-config", "onboard_virtual.yaml")
+    assert checked.code == 0, checked.out
+    assert "PROGRESS GUARANTEED" in checked.out
+    assert "VIRTUAL OBSTACLES: real obstacles are not seen: fly in open ground only" in checked.out
+    (source,) = load_daemon_config(folder / "onboard_virtual.yaml").sources
+    contract = load_contract(folder / "contract.yaml")
+    assert source.range_m == contract.sensor.detection_range_m
+    assert source.uncertainty_m <= contract.sensor.position_error_m
+
+
 def test_the_simulated_vehicle_has_the_parameters_that_the_contract_needs(folder: Path) -> None:
     vehicle = load_sitl_config(folder / "sitl.yaml")
     contract = load_contract(folder / "contract.yaml")
@@ -90,7 +104,7 @@ def test_the_simulated_vehicle_has_the_parameters_that_the_contract_needs(folder
 
 def test_every_file_names_a_schema_that_is_there(folder: Path) -> None:
     written = sorted(folder.glob("*.yaml"))
-    assert len(written) == 7
+    assert len(written) == 8
     for path in written:
         first, *_ = path.read_text(encoding="utf-8").splitlines()
         schema = first.removeprefix("# yaml-language-server: $schema=")

@@ -15,7 +15,7 @@ from gcs_tools.console.errors import CommandError
 from gcs_tools.console.keys import mavlink_key, operator_key
 from gcs_tools.console.processes import free_ports
 from gcs_tools.vehicle.operator import UrlError
-from gcs_tools.vehicle.signing_relay import signing_relay
+from gcs_tools.vehicle.signing_relay import Relay, signing_relay
 from onboard.mavlink.signing import is_signed, timestamp_at
 from tests.onboard.mavlink.test_endpoint import Autopilot
 from tests.onboard.mavlink.test_signing import KEY, OTHER_KEY, frame
@@ -32,10 +32,10 @@ async def received(bound: socket.socket) -> bytes:
     return await asyncio.wait_for(asyncio.get_running_loop().sock_recv(bound, 2048), 5.0)
 
 
-def exchange(key: bytes, signed_with: bytes) -> tuple[bytes | None, list[Any], list[str]]:
-    """Return what MAVSDK hears of the vehicle, what the vehicle hears, and the complaints."""
+def exchange(key: bytes, signed_with: bytes) -> tuple[bytes | None, list[Any], Relay]:
+    """Return what MAVSDK hears of the vehicle, what the vehicle hears, and the relay."""
 
-    async def run() -> tuple[bytes | None, list[Any], list[str]]:
+    async def run() -> tuple[bytes | None, list[Any], Relay]:
         url = f"udpin://127.0.0.1:{free_ports(1)[0]}"
         outside = ("127.0.0.1", int(url.rpartition(":")[2]))
         with plain_socket() as mavsdk, plain_socket() as vehicle:
@@ -50,27 +50,29 @@ def exchange(key: bytes, signed_with: bytes) -> tuple[bytes | None, list[Any], l
                 try:
                     heard: bytes | None = mavsdk.recv(2048)
                 except BlockingIOError:
-                    return None, [], relay.complaints
+                    return None, [], relay
                 other = Autopilot()
                 other.mav.signing.secret_key = KEY
-                return heard, list(other.heard(await received(vehicle))), relay.complaints
+                return heard, list(other.heard(await received(vehicle))), relay
 
     return asyncio.run(run())
 
 
 def test_both_sides_hear_what_they_expect() -> None:
-    heard, (told,), complaints = exchange(KEY, KEY)
+    heard, (told,), relay = exchange(KEY, KEY)
     assert heard is not None
     assert not is_signed(heard)
     assert told.get_signed()
     assert told.get_msgId() == mavlink.MAVLINK_MSG_ID_HEARTBEAT
-    assert complaints == []
+    assert relay.complaints == []
+    assert (relay.accepted, relay.refuses_all) == (1, False)
 
 
 def test_with_a_wrong_key_mavsdk_hears_nothing_and_the_reason_is_kept() -> None:
-    heard, _, complaints = exchange(OTHER_KEY, KEY)
+    heard, _, relay = exchange(OTHER_KEY, KEY)
     assert heard is None
-    assert complaints == ["1 messages were signed with another key, or altered"]
+    assert (relay.accepted, relay.refuses_all) == (0, True)
+    assert relay.complaints == ["1 messages were signed with another key, or altered"]
 
 
 def test_without_a_key_mavsdk_opens_the_vehicles_own_url() -> None:
