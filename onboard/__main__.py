@@ -23,6 +23,7 @@ from onboard.files.mission_file import Mission
 from onboard.files.yaml_file import FileError, load_yaml
 from onboard.log_format import configure_logging
 from onboard.mavlink.link_url import LinkError
+from onboard.metrics.server import MetricsError
 from onboard.recording.directory_quota import MEGABYTE, DirectoryQuota
 from onboard.recording.recorder import LogFileError, LogPlace
 
@@ -48,7 +49,7 @@ def main(arguments: list[str] | None = None) -> int:
         keys = DaemonKeys.load(config, base, state_directory(base, os.environ), time.time())
         place = _log_place(base, config)
         asyncio.run(daemon.run(config, contract, mission, place, keys, geofence))
-    except (FileError, LinkError, LogFileError) as error:
+    except (FileError, LinkError, LogFileError, MetricsError) as error:
         return _refuse(str(error))
     except zenoh.ZError as error:
         return _refuse(f"{options.config}: no Zenoh session: {error}")

@@ -8,6 +8,7 @@ apart.
 
 from __future__ import annotations
 
+import contextlib
 import gc
 import logging
 import os
@@ -115,6 +116,26 @@ class Clock:
             return None
         self._reported_s = step_s
         return ClockStep(step_s, followed=False)
+
+
+class ProcessorWaits:
+    """How long this process's main thread has been ready to run while others ran.
+
+    Args:
+        path: of the kernel's scheduler statistics; where it is missing, no wait is known.
+    """
+
+    def __init__(self, path: str = "/proc/self/schedstat") -> None:
+        self._file: int | None = None
+        with contextlib.suppress(OSError):
+            self._file = os.open(path, os.O_RDONLY | os.O_CLOEXEC)
+
+    def total_s(self) -> float:
+        """Return the wait since the process started; 0 where the kernel does not count it."""
+        if self._file is None:
+            return 0.0
+        fields = os.pread(self._file, 128, 0).split()
+        return int(fields[1]) / 1e9 if len(fields) > 1 else 0.0
 
 
 def request_realtime_priority() -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Final, Literal
 
 from pydantic import Field, field_validator, model_validator
 
@@ -16,6 +16,7 @@ from onboard.files.zenoh_endpoints import ZenohEndpoints
 FilePath = Annotated[Path, Field(strict=False)]
 
 
+PORT_MAX: Final = 65_535
 Rate = Annotated[float, Field(gt=0.0, le=10.0)]
 
 
@@ -59,6 +60,30 @@ class ObstacleOutputs(FileModel):
 
     obstacle_distance: ObstacleDistanceOutput | None = None
     markers: MarkerOutput | None = None
+
+
+class MetricsOutput(FileModel):
+    """The daemon's metrics for Prometheus, read over HTTP without a password."""
+
+    listen: str = Field("127.0.0.1:9464", description="HOST:PORT; 0.0.0.0 lets others read, too")
+
+    @field_validator("listen")
+    @classmethod
+    def _is_host_and_port(cls, listen: str) -> str:
+        host, _, port = listen.rpartition(":")
+        number = int(port) if port.isascii() and port.isdecimal() and len(port) <= 5 else 0
+        bracketed = host.startswith("[") and host.endswith("]")
+        if not host or not host.isprintable() or (":" in host and not bracketed):
+            raise ValueError(f"{listen!r}: expected HOST:PORT, such as 127.0.0.1:9464")
+        if not 1 <= number <= PORT_MAX:
+            raise ValueError(f"{listen!r}: the port is not a number from 1 to {PORT_MAX}")
+        return listen
+
+    @property
+    def address(self) -> tuple[str, int]:
+        """Host, without brackets, and port."""
+        host, _, port = self.listen.rpartition(":")
+        return host.strip("[]"), int(port)
 
 
 class SigningConfig(FileModel):
@@ -106,6 +131,9 @@ class DaemonConfig(FileModel):
     outputs: ObstacleOutputs = Field(
         ObstacleOutputs(obstacle_distance=None, markers=None),
         description="where the obstacles in use are shown besides",
+    )
+    metrics: MetricsOutput | None = Field(
+        None, description="serve metrics for Prometheus over HTTP; null: none"
     )
     log_directory: FilePath | None = Field(
         None,

@@ -24,6 +24,7 @@ from onboard.timing import (
     REALTIME_PRIORITY,
     STEP_MIN_S,
     Clock,
+    ProcessorWaits,
     freeze_gc_heap,
     request_realtime_priority,
 )
@@ -226,7 +227,7 @@ def test_forgotten_stamps_are_no_lateness() -> None:
 
 
 def test_status_goes_on_when_the_clock_is_set_back(computer: Computer) -> None:
-    from onboard.daemon import Bus  # noqa: PLC0415  Zenoh, which the other tests do not need
+    from onboard.bus import Bus  # noqa: PLC0415  Zenoh, which the other tests do not need
     from onboard.recording.messages import PlanRecord, StateRecord  # noqa: PLC0415
 
     put: list[str] = []
@@ -287,3 +288,17 @@ def test_what_start_up_has_left_is_not_collected_again() -> None:
         assert gc.get_freeze_count() > 1000
     finally:
         gc.unfreeze()
+
+
+def test_the_wait_for_a_processor_grows_and_is_none_where_it_is_not_counted(
+    tmp_path: Path,
+) -> None:
+    counted = tmp_path / "schedstat"
+    counted.write_text("100 2500000000 3\n")
+    waits = ProcessorWaits(str(counted))
+    assert waits.total_s() == 2.5
+    counted.write_text("100 3000000000 4\n")
+    assert waits.total_s() == 3.0
+    counted.write_text("")
+    assert waits.total_s() == 0.0
+    assert ProcessorWaits(str(tmp_path / "none")).total_s() == 0.0
