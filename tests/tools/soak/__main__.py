@@ -28,6 +28,7 @@ from gcs_tools.console.interruption import Interruption, interruptible
 from gcs_tools.console.processes import Children, free_ports
 from gcs_tools.fly.live_check import check_before_flight
 from gcs_tools.fly.live_flight import (
+    READY_TIMEOUT_S,
     START_TIMEOUT_S,
     VEHICLE_NAME,
     Endpoints,
@@ -42,7 +43,7 @@ from gcs_tools.vehicle.connection import connected_vehicle
 from gcs_tools.vehicle.operator import Vehicle
 from onboard.files.mission_file import Leg, Mission
 from onboard.files.zenoh_endpoints import ZenohEndpoints
-from onboard.guidance.phases import Phase
+from onboard.guidance.phases import Phase, Trigger
 from onboard.zenoh_session import open_session
 from tests.tools.soak.figures import Sample, Soak, failures, late_ticks, table
 
@@ -181,7 +182,7 @@ class Watch:
         """Count legs, and note why the vehicle holds."""
         event = json.loads(received.payload.to_bytes())
         data = event.get("data", {})
-        self.soak.legs += data.get("trigger") == "leg_flown"
+        self.soak.legs += data.get("trigger") == Trigger.LEG_FLOWN
         if event["name"] == "phase" and data.get("to") == Phase.HOLD:
             self.soak.holds.append(event["text"])
 
@@ -212,8 +213,9 @@ async def fly(
             session.declare_subscriber(f"{prefix}/events", watch.hear_event)
             await vehicle.arm()
             await vehicle.take_off(scenario.mission.altitude_m)
-            while not status.airborne:
-                await asyncio.sleep(_SAMPLE_S)
+            await vehicle.until(
+                lambda: status.airborne, READY_TIMEOUT_S, lambda: "airborne to the daemon"
+            )
             await vehicle.hand_over()
             soak.began_unix_s = time.time()
             await watch.run(vehicle)
