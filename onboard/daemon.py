@@ -27,7 +27,7 @@ from onboard.files.yaml_file import FileError
 from onboard.mavlink.connections import Link, open_link
 from onboard.metrics.figures import Figures
 from onboard.metrics.server import serve as serve_metrics
-from onboard.metrics.tick_times import TickTimes
+from onboard.metrics.tick_times import LateCause, TickTimes
 from onboard.monitoring.energy import SILENCE_S
 from onboard.obstacle_outputs.outputs import ObstaclePublisher
 from onboard.operator_channel import OperatorChannel
@@ -220,7 +220,7 @@ async def _serve(
     while not stop.is_set():
         now_s = clock.now_s()
         if (cause := figures.ticks.begin(now_s - due_s, waits.total_s())) is not None:
-            log.warning("tick %.0f ms late (%s)", (now_s - due_s) * 1e3, cause.sentence)
+            _report_late(figures.ticks, now_s - due_s, cause)
             due_s = now_s
         _follow_clock(autonomy, clock, now_s)
         if recorder.failure is not None:
@@ -240,6 +240,16 @@ async def _serve(
         due_s += TICK_S
         with contextlib.suppress(TimeoutError):
             await asyncio.wait_for(stop.wait(), max(0.0, due_s - clock.now_s()))
+
+
+def _report_late(ticks: TickTimes, late_s: float, cause: LateCause) -> None:
+    log.warning(
+        "tick %.0f ms late (%s): the last took %.0f ms, waits for a processor %.0f ms",
+        late_s * 1e3,
+        cause.sentence,
+        ticks.duration_last_s * 1e3,
+        ticks.waited_s * 1e3,
+    )
 
 
 def _follow_clock(autonomy: Autonomy, clock: Clock, now_s: float) -> None:

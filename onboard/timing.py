@@ -12,6 +12,7 @@ import contextlib
 import gc
 import logging
 import os
+import threading
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -139,14 +140,20 @@ class ProcessorWaits:
 
 
 def request_realtime_priority() -> None:
-    """Ask Linux to run this process, with all its threads, before ordinary ones.
+    """Ask Linux to run this process, with all threads of Python, before ordinary ones.
 
-    A tick that waits for another process is late, and a late tick ends in a hover.
+    A tick that waits for another process is late, and a late tick ends in a hover.  Threads that
+    are started later inherit the priority.  Those that run already must have it, too: the tick
+    waits for an ordinary one that holds the interpreter's lock.
     """
     if not hasattr(os, "sched_setscheduler"):
         return
     try:
-        os.sched_setscheduler(0, os.SCHED_RR, os.sched_param(REALTIME_PRIORITY))
+        for thread in threading.enumerate():
+            # One that has ended since it was listed needs none.
+            with contextlib.suppress(ProcessLookupError):
+                parameters = os.sched_param(REALTIME_PRIORITY)
+                os.sched_setscheduler(thread.native_id or 0, os.SCHED_RR, parameters)
     except PermissionError:
         log.info("cannot set real-time priority (needs CAP_SYS_NICE)")
 

@@ -42,13 +42,16 @@ class TickTimes:
         late_max_s: the latest beginning of each cause.
         duration_max_s: the longest tick, waits for a processor included.
         duration_sum_s: of all ticks.
+        duration_last_s: of the last one that has ended.
+        waited_s: for a processor, from the tick before the last to the last.
     """
 
     def __init__(self) -> None:
         self.late = dict.fromkeys(LateCause, 0)
         self.late_max_s = dict.fromkeys(LateCause, 0.0)
-        self.duration_max_s = self.duration_sum_s = 0.0
+        self.duration_max_s = self.duration_sum_s = self.duration_last_s = 0.0
         self._counts = [0] * (len(BUCKETS_S) + 1)
+        self.waited_s = 0.0
         self._waited_before_s: float | None = None
 
     @property
@@ -67,10 +70,10 @@ class TickTimes:
             Why it is late; None if it is not, or only a little.
         """
         before_s, self._waited_before_s = self._waited_before_s, waited_total_s
+        self.waited_s = 0.0 if before_s is None else waited_total_s - before_s
         if late_s <= LATE_TICK_S:
             return None
-        waited_s = 0.0 if before_s is None else waited_total_s - before_s
-        cause = LateCause.OWN if late_s - waited_s > LATE_TICK_S else LateCause.STARVED
+        cause = LateCause.OWN if late_s - self.waited_s > LATE_TICK_S else LateCause.STARVED
         self.late[cause] += 1
         self.late_max_s[cause] = max(self.late_max_s[cause], late_s)
         return cause
@@ -78,6 +81,7 @@ class TickTimes:
     def end(self, duration_s: float) -> None:
         """Take the end of a tick, with all that was sent, recorded and published in it."""
         self._counts[bisect_left(BUCKETS_S, duration_s)] += 1
+        self.duration_last_s = duration_s
         self.duration_sum_s += duration_s
         self.duration_max_s = max(self.duration_max_s, duration_s)
 

@@ -1,7 +1,7 @@
 """``python -m tests.tools.soak --minutes 60 -o DIR``: memory and ticks of an hour's flight.
 
-Simulated PX4 and daemon fly to and fro among three obstacles, as processes in real time.  Every
-second the memory and processor time of both is read from ``/proc``; the daemon counts its own
+A simulated ArduPilot and the daemon fly to and fro among three obstacles, as processes in real time.
+Every second the memory and processor time of both is read from ``/proc``; the daemon counts its own
 ticks and logs each late one.  Exit code 0: memory is flat, and no tick was late by the daemon's own
 doing.
 """
@@ -21,6 +21,7 @@ from typing import Any, Final
 
 import yaml
 import zenoh
+from mavsdk.asyncio.plugins.action import ActionAsync
 from prometheus_client.parser import text_string_to_metric_families
 
 from gcs_tools.console.errors import CommandError
@@ -48,10 +49,12 @@ from onboard.zenoh_session import open_session
 from tests.tools.soak.figures import Sample, Soak, failures, late_ticks, table
 
 ROOT = Path(__file__).parents[3]
-SCENARIO: Final = ROOT / "config/scenarios/px4_three_obstacles.yaml"
+SCENARIO: Final = ROOT / "config/default.yaml"
 _SAMPLE_S: Final = 1.0
 # The operator resumes a hold once the daemon may agree (`onboard.monitoring.resumption`).
 _RESUME_EVERY_S: Final = 5.0
+# A hold that only the pilot may end: the pilot looks, takes over and hands back.
+_PILOT_AFTER_S: Final = 20.0
 # No leg is flown faster; there are enough of them to last.
 _LEG_MIN_S: Final = 30.0
 _TICKS_PER_S: Final = os.sysconf("SC_CLK_TCK")
@@ -155,7 +158,7 @@ class Watch:
         daemon = process_of(self.children, "clearway-onboard")
         simulator = process_of(self.children, "clearway-sitl")
         resume_due_s = 0.0
-        due_s = begin_s = time.monotonic()
+        held_s = due_s = begin_s = time.monotonic()
         while (now_s := time.monotonic()) - begin_s < self.minutes * 60.0:
             self.children.check()
             self.soak.samples.append(sample(now_s - begin_s, daemon, simulator))
@@ -163,9 +166,13 @@ class Watch:
             self.soak.phases[phase] += 1
             if phase == Phase.ARRIVED:
                 return
+            if phase != Phase.HOLD:
+                held_s = now_s
             if phase == Phase.HOLD and now_s > resume_due_s:
                 resume_due_s = now_s + _RESUME_EVERY_S
                 await asyncio.to_thread(ask, self.session, VEHICLE_NAME)
+                if now_s - held_s > _PILOT_AFTER_S:
+                    await ActionAsync(vehicle.system).hold()
             elif phase == Phase.STANDBY and vehicle.state.in_air and now_s > resume_due_s:
                 resume_due_s = now_s + _RESUME_EVERY_S
                 await vehicle.hand_over()
