@@ -1,6 +1,6 @@
 """``python -m tests.tools.soak --minutes 60 -o DIR``: memory and ticks of an hour's flight.
 
-A simulated ArduPilot and the daemon fly to and fro among three obstacles, as processes in real time.
+A simulated ArduPilot and the daemon fly to and fro among obstacles, as processes in real time.
 Every second the memory and processor time of both is read from ``/proc``; the daemon counts its own
 ticks and logs each late one.  Exit code 0: memory is flat, and no tick was late by the daemon's own
 doing.
@@ -144,6 +144,7 @@ class Watch:
         status: of the daemon.
         session: on its bus.
         children: both processes.
+        interruption: set by an operator who gives up.
         minutes: how long.
     """
 
@@ -151,6 +152,7 @@ class Watch:
     status: Status
     session: zenoh.Session
     children: Children
+    interruption: Interruption
     minutes: float
 
     async def run(self, vehicle: Vehicle) -> None:
@@ -161,6 +163,7 @@ class Watch:
         held_s = due_s = begin_s = time.monotonic()
         while (now_s := time.monotonic()) - begin_s < self.minutes * 60.0:
             self.children.check()
+            self.interruption.check()
             self.soak.samples.append(sample(now_s - begin_s, daemon, simulator))
             phase = self.status.phase
             self.soak.phases[phase] += 1
@@ -210,7 +213,7 @@ async def fly(
     ) as vehicle:
         with open_session(bus) as session:
             status = Status()
-            watch = Watch(soak, status, session, children, minutes)
+            watch = Watch(soak, status, session, children, interruption, minutes)
             prefix = f"clearway/{VEHICLE_NAME}"
             session.declare_subscriber(f"{prefix}/status", status.receive)
             operator = Operator(vehicle, status, children, scenario.mission, lambda *_: None)
