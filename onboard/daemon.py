@@ -11,23 +11,24 @@ import logging
 import os
 import signal
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
+from pathlib import Path
 
 import zenoh
 
-from onboard.authentication.keys import SAVE_PERIOD_S, DaemonKeys
+from onboard.authentication.keys import DaemonKeys
 from onboard.autonomy import Autonomy
 from onboard.bus import Bus
 from onboard.contract.assessment import TICK_S
 from onboard.files.contract_file import Contract
-from onboard.files.daemon_config import DaemonConfig
+from onboard.files.daemon_config import DaemonConfig, VehicleMission
 from onboard.files.geofence_file import Geofence
 from onboard.files.mission_file import Mission
-from onboard.files.yaml_file import FileError
 from onboard.mavlink.connections import Link, open_link
 from onboard.metrics.figures import Figures
 from onboard.metrics.server import serve as serve_metrics
 from onboard.metrics.tick_times import LateCause, TickTimes
+from onboard.missions.from_vehicle import PLACEHOLDER
 from onboard.monitoring.energy import SILENCE_S
 from onboard.obstacle_outputs.outputs import ObstaclePublisher
 from onboard.operator_channel import OperatorChannel
@@ -35,8 +36,9 @@ from onboard.recording.event_log import EventLog
 from onboard.recording.journal import Journal
 from onboard.recording.messages import Record
 from onboard.recording.recorder import FlightRecorder, LogPlace
+from onboard.saved_state import kept, load_progress
 from onboard.service_manager import ServiceManager
-from onboard.timing import Clock, ProcessorWaits, freeze_gc_heap, request_realtime_priority
+from onboard.timing import Clock, ProcessorTimes, freeze_gc_heap, request_realtime_priority
 from onboard.zenoh_session import open_session
 
 log = logging.getLogger(__name__)
@@ -45,12 +47,22 @@ log = logging.getLogger(__name__)
 async def run(
     config: DaemonConfig,
     contract: Contract,
-    mission: Mission,
+    mission: Mission | None,
     place: LogPlace,
     keys: DaemonKeys,
     geofence: Geofence | None = None,
+    state: Path | None = None,
 ) -> None:
     """Serve until SIGINT or SIGTERM; the flights are logged where ``place`` says.
+
+    Args:
+        config: the daemon's.
+        contract: what the vehicle guarantees and assumes.
+        mission: where to fly; None where the vehicle has it on board.
+        place: of the log.
+        keys: what signs and checks.
+        geofence: that every flight stays within.
+        state: directory in which the progress of the mission outlives this process; None for none.
 
     Raises:
         LinkError: the MAVLink link cannot be opened.
@@ -60,6 +72,8 @@ async def run(
     request_realtime_priority()
     clock = Clock()
     autonomy = _service(config, contract, mission, clock, keys, geofence)
+    if state is not None:
+        autonomy.progress.restore(load_progress(state))
     recorder: FlightRecorder | None = None
 
     def receive(data: bytes) -> None:
@@ -85,7 +99,7 @@ async def run(
         freeze_gc_heap()
         _report_ready(config, contract, recorder)
         manager.ready()
-        with _saved(keys):
+        with kept(keys, autonomy.progress, state):
             await _serve(autonomy, link, recorder, bus, clock, stop, manager, shown, figures)
     log.info("stopped")
 
@@ -93,27 +107,6 @@ async def run(
 def _report_ready(config: DaemonConfig, contract: Contract, recorder: FlightRecorder) -> None:
     url, contract_id = config.mavlink.url, contract.sha256[:12]
     log.info("ready: %s, contract %s, log %s", url, contract_id, recorder.path)
-
-
-async def _keep(keys: DaemonKeys) -> None:
-    """Save how far the time stamps of signatures have come, in a thread: a disk may be slow."""
-    while True:
-        await asyncio.sleep(SAVE_PERIOD_S)
-        try:
-            await asyncio.to_thread(keys.save)
-        except FileError as error:
-            log.warning("%s", error)
-
-
-@contextlib.contextmanager
-def _saved(keys: DaemonKeys) -> Iterator[None]:
-    """Save the state of the keys now and then, and at the end."""
-    saving = asyncio.create_task(_keep(keys))
-    try:
-        yield
-    finally:
-        saving.cancel()
-    keys.save()
 
 
 def _bus(
@@ -131,14 +124,14 @@ def _bus(
 def _service(
     config: DaemonConfig,
     contract: Contract,
-    mission: Mission,
+    mission: Mission | None,
     clock: Clock,
     keys: DaemonKeys,
     geofence: Geofence | None,
 ) -> Autonomy:
     autonomy = Autonomy(
         contract,
-        mission,
+        mission or PLACEHOLDER,
         epoch_unix_s=clock.epoch_unix_s,
         system_id=config.mavlink.system_id,
         telemetry_timeout_s=config.mavlink.telemetry_timeout_s,
@@ -151,6 +144,8 @@ def _service(
     )
     if geofence is not None:
         autonomy.keep_in(geofence)
+    if mission is None:
+        autonomy.fly_mission_on_board(config.vehicle_mission or VehicleMission())
     return autonomy
 
 
@@ -215,11 +210,11 @@ async def _serve(
     show: Callable[[list[Record], float], None],
     figures: Figures,
 ) -> None:
-    journal, event_log, waits = Journal(autonomy, timed=True), EventLog(), ProcessorWaits()
+    journal, event_log, times = Journal(autonomy, timed=True), EventLog(), ProcessorTimes()
     due_s = clock.now_s()
     while not stop.is_set():
         now_s = clock.now_s()
-        if (cause := figures.ticks.begin(now_s - due_s, waits.total_s())) is not None:
+        if (cause := figures.ticks.begin(now_s - due_s, *times.since_last())) is not None:
             _report_late(figures.ticks, now_s - due_s, cause)
             due_s = now_s
         _follow_clock(autonomy, clock, now_s)
@@ -258,9 +253,7 @@ def _follow_clock(autonomy: Autonomy, clock: Clock, now_s: float) -> None:
         autonomy.emit(step.event(now_s))
 
 
-def _metadata(contract: Contract, mission: Mission) -> dict[str, str]:
-    return {
-        "contract": contract.model_dump_json(),
-        "contract_sha256": contract.sha256,
-        "mission": mission.model_dump_json(),
-    }
+def _metadata(contract: Contract, mission: Mission | None) -> dict[str, str]:
+    written = {"contract": contract.model_dump_json(), "contract_sha256": contract.sha256}
+    # Of a mission on board, the event that it was read has what was read.
+    return written if mission is None else written | {"mission": mission.model_dump_json()}

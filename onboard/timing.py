@@ -16,6 +16,7 @@ import threading
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Final
 
 from onboard.events import Event, EventData, EventName, Severity
@@ -27,6 +28,8 @@ REALTIME_PRIORITY: Final = 1
 # Less than the time in which a frame's stamp and the vehicle's pose have to agree.  A slow
 # adjustment by NTP moves both clocks alike: not a step.
 STEP_MIN_S: Final = 0.01
+# New threads are looked for as often as this, in looks: every second.
+_LIST_EVERY: Final = 50
 # A process that was interrupted between two readings cannot compare them.
 _READING_MAX_S: Final = 0.002
 
@@ -119,24 +122,54 @@ class Clock:
         return ClockStep(step_s, followed=False)
 
 
-class ProcessorWaits:
-    """How long this process's main thread has been ready to run while others ran.
+class ProcessorTimes:
+    """How long this process ran, and waited while others ran, from one look to the next.
+
+    The main thread may have to wait for another thread of ours that holds the interpreter's lock
+    and waits itself: what counts is the longest wait of any.
 
     Args:
-        path: of the kernel's scheduler statistics; where it is missing, no wait is known.
+        tasks: where the kernel keeps the statistics of each thread; none are known where it is
+            missing (https://docs.kernel.org/scheduler/sched-stats.html#proc-pid-schedstat).
     """
 
-    def __init__(self, path: str = "/proc/self/schedstat") -> None:
-        self._file: int | None = None
-        with contextlib.suppress(OSError):
-            self._file = os.open(path, os.O_RDONLY | os.O_CLOEXEC)
+    def __init__(self, tasks: Path = Path("/proc/self/task")) -> None:
+        self._tasks, self._looks = tasks, 0
+        self._files: dict[str, int] = {}
+        self._before: dict[str, tuple[int, int]] = {}
 
-    def total_s(self) -> float:
-        """Return the wait since the process started; 0 where the kernel does not count it."""
-        if self._file is None:
-            return 0.0
-        fields = os.pread(self._file, 128, 0).split()
-        return int(fields[1]) / 1e9 if len(fields) > 1 else 0.0
+    def since_last(self) -> tuple[float, float]:
+        """Return how long the main thread ran, and the longest wait, in seconds.
+
+        Both are 0 at the first look.
+        """
+        if self._looks % _LIST_EVERY == 0:
+            self._list()
+        self._looks += 1
+        ran_ns = waited_ns = 0
+        main = str(os.getpid())
+        for name, file in list(self._files.items()):
+            try:
+                fields = os.pread(file, 128, 0).split()
+                now_ns = int(fields[0]), int(fields[1])
+            except (OSError, IndexError, ValueError):  # the thread has ended
+                os.close(self._files.pop(name))
+                self._before.pop(name, None)
+                continue
+            before_ns = self._before.get(name, now_ns)
+            self._before[name] = now_ns
+            waited_ns = max(waited_ns, now_ns[1] - before_ns[1])
+            if name == main:
+                ran_ns = now_ns[0] - before_ns[0]
+        return ran_ns / 1e9, waited_ns / 1e9
+
+    def _list(self) -> None:
+        """Open the statistics of threads that have begun since the last time."""
+        with contextlib.suppress(OSError):
+            for task in self._tasks.iterdir():
+                if task.name not in self._files:
+                    path = task / "schedstat"
+                    self._files[task.name] = os.open(path, os.O_RDONLY | os.O_CLOEXEC)
 
 
 def request_realtime_priority() -> None:

@@ -8,7 +8,8 @@ from typing import Annotated, Any, Final, Literal
 
 from pydantic import Field, field_validator, model_validator
 
-from onboard.files.contract_file import InputSet, Positive
+from onboard.files.contract_file import InputSet, NonNegative, Positive
+from onboard.files.mission_file import EnergyBudget
 from onboard.files.sensor_sources import AnySource, MavlinkSource, Topic
 from onboard.files.yaml_file import FileModel, refuse_renamed_keys
 from onboard.files.zenoh_endpoints import ZenohEndpoints
@@ -111,12 +112,36 @@ class MavlinkLink(FileModel):
         return refuse_renamed_keys(data, {"stale_after_s": "telemetry_timeout_s"})
 
 
+# In place of a mission file: what the autopilot keeps on board.
+FROM_VEHICLE: Final = "from_vehicle"
+
+
+class VehicleMission(FileModel):
+    """What a mission on board does not state; the keys are those of a mission file."""
+
+    altitude_m: Positive | None = Field(
+        None, description="fly all legs at this height above the local origin; null: the items' own"
+    )
+    target_half_width_m: Positive = 5.0
+    corridor_half_width_m: Positive | None = None
+    climb_max_m: NonNegative = 0.0
+    heading: Literal["leg", "path"] = "leg"
+    start_clear_m: Positive | None = None
+    on_end: Literal["hover", "return"] = "hover"
+    energy: EnergyBudget | None = None
+
+
 class DaemonConfig(FileModel):
     """The daemon's configuration; paths are relative to the file."""
 
     vehicle: Annotated[str, Field(pattern=r"^[A-Za-z0-9_-]+$")] = "vehicle"
     contract: FilePath
-    mission: FilePath
+    mission: FilePath = Field(
+        description="mission file; from_vehicle: the mission and the geofence on board"
+    )
+    vehicle_mission: VehicleMission | None = Field(
+        None, description="with mission: from_vehicle, what that mission does not state"
+    )
     geofence: FilePath | None = Field(
         None, description="areas that every flight stays within; null: none of ours"
     )
@@ -182,6 +207,19 @@ class DaemonConfig(FileModel):
             if names.count(name) > 1:
                 raise ValueError(f"{names.count(name)} sensors are called '{name}'")
         return sources
+
+    @property
+    def mission_from_vehicle(self) -> bool:
+        """Whether the mission is read from the autopilot, rather than from a file."""
+        return str(self.mission) == FROM_VEHICLE
+
+    @model_validator(mode="after")
+    def _mission_is_stated_once(self) -> DaemonConfig:
+        if self.vehicle_mission is not None and not self.mission_from_vehicle:
+            raise ValueError(
+                f"vehicle_mission: belongs to mission: {FROM_VEHICLE}, but mission = {self.mission}"
+            )
+        return self
 
     @model_validator(mode="after")
     def _reads_no_output_of_its_own(self) -> DaemonConfig:

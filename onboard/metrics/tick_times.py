@@ -43,7 +43,7 @@ class TickTimes:
         duration_max_s: the longest tick, waits for a processor included.
         duration_sum_s: of all ticks.
         duration_last_s: of the last one that has ended.
-        waited_s: for a processor, from the tick before the last to the last.
+        waited_s: for a processor, before the newest tick.
     """
 
     def __init__(self) -> None:
@@ -52,28 +52,28 @@ class TickTimes:
         self.duration_max_s = self.duration_sum_s = self.duration_last_s = 0.0
         self._counts = [0] * (len(BUCKETS_S) + 1)
         self.waited_s = 0.0
-        self._waited_before_s: float | None = None
 
     @property
     def count(self) -> int:
         """How many ticks have ended."""
         return sum(self._counts)
 
-    def begin(self, late_s: float, waited_total_s: float) -> LateCause | None:
+    def begin(self, late_s: float, ran_s: float, waited_s: float) -> LateCause | None:
         """Take the beginning of a tick.
 
         Args:
             late_s: after it was due.
-            waited_total_s: how long the thread has been ready without a processor, since its start.
+            ran_s: how long the main thread has run since the tick before began.
+            waited_s: how long any thread of ours has been ready without a processor since then.
 
         Returns:
             Why it is late; None if it is not, or only a little.
         """
-        before_s, self._waited_before_s = self._waited_before_s, waited_total_s
-        self.waited_s = 0.0 if before_s is None else waited_total_s - before_s
+        self.waited_s = waited_s
         if late_s <= LATE_TICK_S:
             return None
-        cause = LateCause.OWN if late_s - self.waited_s > LATE_TICK_S else LateCause.STARVED
+        own = ran_s > LATE_TICK_S or late_s - waited_s > LATE_TICK_S
+        cause = LateCause.OWN if own else LateCause.STARVED
         self.late[cause] += 1
         self.late_max_s[cause] = max(self.late_max_s[cause], late_s)
         return cause

@@ -25,7 +25,7 @@ from onboard.timing import (
     REALTIME_PRIORITY,
     STEP_MIN_S,
     Clock,
-    ProcessorWaits,
+    ProcessorTimes,
     freeze_gc_heap,
     request_realtime_priority,
 )
@@ -293,15 +293,34 @@ def test_what_start_up_has_left_is_not_collected_again() -> None:
         gc.unfreeze()
 
 
-def test_the_wait_for_a_processor_grows_and_is_none_where_it_is_not_counted(
+def test_the_longest_wait_of_any_thread_counts_and_the_run_of_the_main_one(
     tmp_path: Path,
 ) -> None:
-    counted = tmp_path / "schedstat"
-    counted.write_text("100 2500000000 3\n")
-    waits = ProcessorWaits(str(counted))
-    assert waits.total_s() == 2.5
-    counted.write_text("100 3000000000 4\n")
-    assert waits.total_s() == 3.0
-    counted.write_text("")
-    assert waits.total_s() == 0.0
-    assert ProcessorWaits(str(tmp_path / "none")).total_s() == 0.0
+    def count(thread: int, ran_ns: int, waited_ns: int) -> None:
+        (tmp_path / str(thread)).mkdir(exist_ok=True)
+        (tmp_path / str(thread) / "schedstat").write_text(f"{ran_ns} {waited_ns} 3\n")
+
+    main, other = os.getpid(), 7
+    count(main, 10**9, 10**9)
+    count(other, 10**9, 5 * 10**9)
+    times = ProcessorTimes(tmp_path)
+    assert times.since_last() == (0.0, 0.0)
+    count(main, 1_020_000_000, 1_001_000_000)
+    count(other, 1_500_000_000, 5_030_000_000)
+    assert times.since_last() == (0.02, 0.03)
+    assert times.since_last() == (0.0, 0.0)
+    (tmp_path / "7" / "schedstat").write_text("")  # as of a thread that has ended
+    count(main, 1_020_000_000, 1_002_000_000)
+    assert times.since_last() == (0.0, 0.001)
+    assert ProcessorTimes(tmp_path / "none").since_last() == (0.0, 0.0)
+
+
+def test_the_kernel_counts_what_this_process_runs() -> None:
+    times = ProcessorTimes()
+    times.since_last()
+    end_s = time.thread_time() + 0.02
+    while time.thread_time() < end_s:
+        pass
+    ran_s, waited_s = times.since_last()
+    assert ran_s >= 0.019
+    assert waited_s >= 0.0

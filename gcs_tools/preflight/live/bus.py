@@ -18,6 +18,7 @@ from gcs_tools.preflight.live.daemon import (
     clock_ahead_s,
     contract_finding,
     detections_finding,
+    mission_findings,
     sensor_findings,
     telemetry_finding,
 )
@@ -135,6 +136,7 @@ class BusCheck:
             self._contract(assessment.contract),
             detections_finding(statuses, terms),
             telemetry_finding(statuses),
+            *mission_findings(statuses),
         ]
 
     def authorize(

@@ -27,8 +27,8 @@ SHA256 = "4afe1f944e2a"
 
 def filled() -> Figures:
     figures = Figures(TickTimes())
-    figures.ticks.begin(0.0, 0.0)
-    figures.ticks.begin(0.2, 0.2)
+    figures.ticks.begin(0.0, 0.0, 0.0)
+    figures.ticks.begin(0.2, 0.0, 0.2)
     figures.ticks.end(0.004)
     sensor = SensorRecord(age_s=0.05, refused={"stale": 3})
     state = StateRecord(

@@ -5,28 +5,28 @@ from onboard.metrics.tick_times import BUCKETS_S, LATE_TICK_S, LateCause, TickTi
 
 def test_a_tick_that_is_little_late_is_not_late() -> None:
     ticks = TickTimes()
-    assert ticks.begin(LATE_TICK_S, 0.0) is None
+    assert ticks.begin(LATE_TICK_S, 0.0, 0.0) is None
     assert sum(ticks.late.values()) == 0
 
 
-def test_a_late_tick_is_starved_where_the_wait_for_a_processor_explains_it() -> None:
+@pytest.mark.parametrize(
+    ("ran_s", "waited_s", "cause"),
+    [
+        (0.001, 0.08, LateCause.STARVED),
+        (0.001, 0.05, LateCause.OWN),  # the wait explains part of it only
+        (0.001, 0.0, LateCause.OWN),
+        # It ran for longer than a tick may take: whatever another thread waited for.
+        (0.09, 0.08, LateCause.OWN),
+    ],
+)
+def test_a_late_tick_is_starved_where_a_wait_for_a_processor_explains_it(
+    ran_s: float, waited_s: float, cause: LateCause
+) -> None:
     ticks = TickTimes()
-    ticks.begin(0.0, 5.0)
-    assert ticks.begin(0.1, 5.08) is LateCause.STARVED
-    # The wait counts once: what was waited for before explains no further lateness.
-    assert ticks.begin(0.1, 5.08) is LateCause.OWN
-    assert ticks.late == {LateCause.OWN: 1, LateCause.STARVED: 1}
-    assert ticks.late_max_s == {LateCause.OWN: 0.1, LateCause.STARVED: 0.1}
-
-
-def test_a_wait_that_explains_part_of_it_only_leaves_it_our_own() -> None:
-    ticks = TickTimes()
-    ticks.begin(0.0, 0.0)
-    assert ticks.begin(0.1, 0.05) is LateCause.OWN
-
-
-def test_the_first_tick_knows_no_wait() -> None:
-    assert TickTimes().begin(0.1, 9.0) is LateCause.OWN
+    ticks.begin(0.0, 0.02, 0.0)
+    assert ticks.begin(0.1, ran_s, waited_s) is cause
+    assert ticks.late == dict.fromkeys(LateCause, 0) | {cause: 1}
+    assert ticks.late_max_s[cause] == 0.1
 
 
 def test_durations_are_counted_by_bucket() -> None:

@@ -21,12 +21,12 @@ from typing import Any, Final
 
 import yaml
 import zenoh
-from mavsdk.asyncio.plugins.action import ActionAsync
 from prometheus_client.parser import text_string_to_metric_families
 
 from gcs_tools.console.errors import CommandError
 from gcs_tools.console.interruption import Interruption, interruptible
 from gcs_tools.console.processes import Children, free_ports
+from gcs_tools.fly.command import best_effort
 from gcs_tools.fly.live_check import check_before_flight
 from gcs_tools.fly.live_flight import (
     READY_TIMEOUT_S,
@@ -53,8 +53,6 @@ SCENARIO: Final = ROOT / "config/default.yaml"
 _SAMPLE_S: Final = 1.0
 # The operator resumes a hold once the daemon may agree (`onboard.monitoring.resumption`).
 _RESUME_EVERY_S: Final = 5.0
-# A hold that only the pilot may end: the pilot looks, takes over and hands back.
-_PILOT_AFTER_S: Final = 20.0
 # No leg is flown faster; there are enough of them to last.
 _LEG_MIN_S: Final = 30.0
 _TICKS_PER_S: Final = os.sysconf("SC_CLK_TCK")
@@ -71,11 +69,15 @@ def to_and_fro(mission: Mission, minutes: float) -> Mission:
 
 
 def soak_scenario(minutes: float) -> Scenario:
-    """Return the scenario, with a battery that lasts."""
+    """Return the scenario, with a battery that lasts.
+
+    It flies with best effort, so that the operator can resume every hold wherever it has ended.
+    """
     scenario = load_scenario(SCENARIO)
     battery = scenario.plant.battery.model_copy(update={"capacity_ah": 5.0 + minutes})
     plant = scenario.plant.model_copy(update={"battery": battery})
-    return replace(scenario, mission=to_and_fro(scenario.mission, minutes), plant=plant)
+    contract, mission = best_effort(scenario.contract), to_and_fro(scenario.mission, minutes)
+    return replace(scenario, contract=contract, mission=mission, plant=plant)
 
 
 def configure(scenario: Scenario, endpoints: Endpoints, metrics_port: int, out: Path) -> None:
@@ -160,7 +162,7 @@ class Watch:
         daemon = process_of(self.children, "clearway-onboard")
         simulator = process_of(self.children, "clearway-sitl")
         resume_due_s = 0.0
-        held_s = due_s = begin_s = time.monotonic()
+        due_s = begin_s = time.monotonic()
         while (now_s := time.monotonic()) - begin_s < self.minutes * 60.0:
             self.children.check()
             self.interruption.check()
@@ -169,13 +171,9 @@ class Watch:
             self.soak.phases[phase] += 1
             if phase == Phase.ARRIVED:
                 return
-            if phase != Phase.HOLD:
-                held_s = now_s
             if phase == Phase.HOLD and now_s > resume_due_s:
                 resume_due_s = now_s + _RESUME_EVERY_S
                 await asyncio.to_thread(ask, self.session, VEHICLE_NAME)
-                if now_s - held_s > _PILOT_AFTER_S:
-                    await ActionAsync(vehicle.system).hold()
             elif phase == Phase.STANDBY and vehicle.state.in_air and now_s > resume_due_s:
                 resume_due_s = now_s + _RESUME_EVERY_S
                 await vehicle.hand_over()
