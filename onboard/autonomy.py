@@ -83,6 +83,8 @@ class Autonomy:
     malformed_missions = 0
     refused_commands = 0
     log_ended = False
+    vehicle_mission: MissionFromVehicle | None = None
+    _fenced: tuple[FenceAreaFile, ...] = ()
     _pending_mission: bytes | None = None
 
     def __init__(
@@ -126,15 +128,14 @@ class Autonomy:
             self.emit,
             fly_outside_contract=fly_outside_contract,
         )
-        self.vehicle_mission: MissionFromVehicle | None = None
-        self.progress = MissionProgress(
-            self.navigator, self.link, contract.sha256, self._identity, self.emit
-        )
-        self._fenced: tuple[FenceAreaFile, ...] = ()
+        self.progress = self._progress(contract)
         self._pending_commands: list[tuple[Command, AnswerResume]] = []
-        # What happened in this tick, and all that has not been fetched yet.
-        self._news: list[Event] = []
-        self._events: deque[Event] = deque(maxlen=MAX_EVENTS)
+        self._news: list[Event] = []  # of this tick
+        self._events: deque[Event] = deque(maxlen=MAX_EVENTS)  # not fetched yet
+
+    def _progress(self, contract: Contract) -> MissionProgress:
+        link, navigator = self.link, self.navigator
+        return MissionProgress(navigator, link, contract.sha256, self._identity, self.emit)
 
     def _channels(self, sensors: Sequence[AnySource]) -> SensorChannels:
         """Listen to the vehicle's sensors, and rely on each of them."""

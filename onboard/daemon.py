@@ -36,7 +36,7 @@ from onboard.recording.event_log import EventLog
 from onboard.recording.journal import Journal
 from onboard.recording.messages import Record
 from onboard.recording.recorder import FlightRecorder, LogPlace
-from onboard.saved_state import kept, load_progress
+from onboard.saved_state import kept, restore
 from onboard.service_manager import ServiceManager
 from onboard.timing import Clock, ProcessorTimes, freeze_gc_heap, request_realtime_priority
 from onboard.zenoh_session import open_session
@@ -55,25 +55,16 @@ async def run(
 ) -> None:
     """Serve until SIGINT or SIGTERM; the flights are logged where ``place`` says.
 
-    Args:
-        config: the daemon's.
-        contract: what the vehicle guarantees and assumes.
-        mission: where to fly; None where the vehicle has it on board.
-        place: of the log.
-        keys: what signs and checks.
-        geofence: that every flight stays within.
-        state: directory in which the progress of the mission outlives this process; None for none.
+    Without a mission the vehicle's own is flown; ``state`` keeps how far, over a restart.
 
     Raises:
-        LinkError: the MAVLink link cannot be opened.
+        LinkError, MetricsError: the MAVLink link cannot be opened, or the metrics not served.
         LogFileError: the flight log cannot be written.
         zenoh.ZError: no Zenoh session with this configuration.
     """
     request_realtime_priority()
     clock = Clock()
-    autonomy = _service(config, contract, mission, clock, keys, geofence)
-    if state is not None:
-        autonomy.progress.restore(load_progress(state))
+    autonomy = _service(config, contract, mission, clock, keys, geofence, state)
     recorder: FlightRecorder | None = None
 
     def receive(data: bytes) -> None:
@@ -83,30 +74,30 @@ async def run(
             recorder.write_mavlink("received", clock.epoch_unix_s + now_s, data)
 
     with contextlib.ExitStack() as stack:
-        link = await open_link(
-            config.mavlink.url, receive, config.mavlink.system_id, keys.is_genuine
-        )
+        url, system_id = config.mavlink.url, config.mavlink.system_id
+        link = await open_link(url, receive, system_id, keys.is_genuine)
         stack.callback(link.close)
         session = stack.enter_context(open_session(config.zenoh))
         figures = _figures(config, contract, stack)
         # Last: a daemon that cannot start leaves no log behind.
         recorder = stack.enter_context(place.recorder(_metadata(contract, mission)))
-        OperatorChannel(session, config.vehicle, autonomy, clock, keys.commands).open(config)
-        bus = _bus(session, config, contract, autonomy, clock)
+        bus = _bus(session, config, contract, autonomy, clock, keys)
         shown = await _shown(config, autonomy, bus, stack)
         manager = stack.enter_context(ServiceManager.of_environment(os.environ))
-        stop = _stop_on_signals()
-        freeze_gc_heap()
-        _report_ready(config, contract, recorder)
-        manager.ready()
+        _report_ready(config, contract, recorder, manager)
         with kept(keys, autonomy.progress, state):
+            stop = _stop_on_signals()
             await _serve(autonomy, link, recorder, bus, clock, stop, manager, shown, figures)
     log.info("stopped")
 
 
-def _report_ready(config: DaemonConfig, contract: Contract, recorder: FlightRecorder) -> None:
+def _report_ready(
+    config: DaemonConfig, contract: Contract, recorder: FlightRecorder, manager: ServiceManager
+) -> None:
+    freeze_gc_heap()
     url, contract_id = config.mavlink.url, contract.sha256[:12]
     log.info("ready: %s, contract %s, log %s", url, contract_id, recorder.path)
+    manager.ready()
 
 
 def _bus(
@@ -115,7 +106,9 @@ def _bus(
     contract: Contract,
     autonomy: Autonomy,
     clock: Clock,
+    keys: DaemonKeys,
 ) -> Bus:
+    OperatorChannel(session, config.vehicle, autonomy, clock, keys.commands).open(config)
     bus = Bus(session, config.vehicle, contract)
     bus.subscribe(autonomy, clock)
     return bus
@@ -128,6 +121,7 @@ def _service(
     clock: Clock,
     keys: DaemonKeys,
     geofence: Geofence | None,
+    state: Path | None,
 ) -> Autonomy:
     autonomy = Autonomy(
         contract,
@@ -146,6 +140,7 @@ def _service(
         autonomy.keep_in(geofence)
     if mission is None:
         autonomy.fly_mission_on_board(config.vehicle_mission or VehicleMission())
+    restore(autonomy.progress, state)
     return autonomy
 
 

@@ -36,6 +36,12 @@ def load_progress(state: Path) -> SavedProgress:
         return SavedProgress()
 
 
+def restore(progress: MissionProgress, state: Path | None) -> None:
+    """Hand on what the last process has left in a directory; None: nothing is kept."""
+    if state is not None:
+        progress.restore(load_progress(state))
+
+
 class _ProgressFile:
     """Writes the progress when it has changed."""
 

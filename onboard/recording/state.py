@@ -12,8 +12,7 @@ def state_of(autonomy: Autonomy, now_s: float) -> StateRecord:
     """Return the state of the service in the tick at ``now_s``."""
     pose, status, supervisor = autonomy.link.pose, autonomy.link.status, autonomy.supervisor
     navigator, tracking = autonomy.navigator, supervisor.response.tracking_monitor
-    setpoint = navigator.setpoint(now_s)
-    doubt = supervisor.position_sign
+    setpoint, doubt = navigator.setpoint(now_s), supervisor.position_sign
     return StateRecord(
         time_s=unix_time_s(autonomy, now_s),
         phase=navigator.phase.value,
