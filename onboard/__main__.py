@@ -28,6 +28,7 @@ from onboard.files.mission_file import Mission
 from onboard.files.yaml_file import FileError, load_yaml
 from onboard.log_format import configure_logging
 from onboard.mavlink.link_url import LinkError
+from onboard.metrics.server import MetricsError
 from onboard.recording.directory_quota import MEGABYTE, DirectoryQuota
 from onboard.recording.recorder import LogFileError, LogPlace
 
@@ -46,22 +47,28 @@ def main(arguments: list[str] | None = None) -> int:
         base = options.config.parent
         config = config.model_copy(update={"zenoh": config.zenoh.relative_to(base)})
         contract = load_yaml(base / config.contract, Contract)
-        mission = load_yaml(base / config.mission, Mission)
+        mission = None
+        if not config.mission_from_vehicle:
+            mission = load_yaml(base / config.mission, Mission)
         geofence = load_yaml(base / config.geofence, Geofence) if config.geofence else None
         configure_logging(config.log_level, options.log_format or config.log_format)
         _warn_if_not_compliant(contract, mission, config)
-        keys = DaemonKeys.load(config, base, state_directory(base, os.environ), time.time())
+        state = state_directory(base, os.environ)
+        keys = DaemonKeys.load(config, base, state, time.time())
         place = _log_place(base, config)
-        asyncio.run(daemon.run(config, contract, mission, place, keys, geofence))
-    except (FileError, LinkError, LogFileError) as error:
+        asyncio.run(daemon.run(config, contract, mission, place, keys, geofence, state))
+    except (FileError, LinkError, LogFileError, MetricsError) as error:
         return _refuse(str(error))
     except zenoh.ZError as error:
         return _refuse(f"{options.config}: no Zenoh session: {error}")
     return 0
 
 
-def _warn_if_not_compliant(contract: Contract, mission: Mission, config: DaemonConfig) -> None:
-    assessment = assess(contract, config.input_set, mission_altitude_m=mission.altitude_m)
+def _warn_if_not_compliant(
+    contract: Contract, mission: Mission | None, config: DaemonConfig
+) -> None:
+    altitude_m = None if mission is None else mission.altitude_m
+    assessment = assess(contract, config.input_set, mission_altitude_m=altitude_m)
     broken = [c.name for c in assessment.clauses if not c.holds]
     if broken:
         logging.getLogger(__name__).warning("the contract does not comply: %s", ", ".join(broken))

@@ -20,6 +20,7 @@ from onboard.contract.assessment import Assessment, assess
 from onboard.event_limiter import EventLimiter
 from onboard.events import Event, EventName, Severity
 from onboard.files.contract_file import Contract, InputSet
+from onboard.files.daemon_config import VehicleMission
 from onboard.files.geofence_file import FenceAreaFile, Geofence
 from onboard.files.json_payload import MalformedPayloadError, parse
 from onboard.files.mission_file import Mission
@@ -31,11 +32,13 @@ from onboard.files.sensor_sources import (
 )
 from onboard.geometry.fence import Fence, FenceArea
 from onboard.guidance.authority import ControlAuthority
-from onboard.guidance.departure import Refusal
+from onboard.guidance.departure import Refusal, refused
 from onboard.guidance.navigator import Navigator
 from onboard.guidance.phases import Phase
 from onboard.mavlink.endpoint import MavlinkEndpoint
 from onboard.mavlink.signing import LinkSigning
+from onboard.missions.from_vehicle import MissionFromVehicle
+from onboard.missions.progress import MissionProgress, mission_sha256
 from onboard.monitoring.flight_authorization import FlightAuthorizationGate
 from onboard.monitoring.supervisor import MonitorSupervisor
 from onboard.perception.intake import DetectionCounters, DetectionIntake
@@ -77,6 +80,8 @@ class Autonomy:
         sensors: what has arrived from them.
         malformed_missions: missions that could not be read.
         refused_commands: operator commands that were not authentic.
+        vehicle_mission: follows the mission on board; None where a file states it.
+        progress: how far the mission was flown.
         log_ended: whether the flight goes on without a log.
         virtual_obstacles: whether a sensor shows obstacles that are not there.
     """
@@ -84,6 +89,8 @@ class Autonomy:
     malformed_missions = 0
     refused_commands = 0
     log_ended = False
+    vehicle_mission: MissionFromVehicle | None = None
+    _fenced: tuple[FenceAreaFile, ...] = ()
     _pending_mission: bytes | None = None
     _home_ned_m: tuple[float, float] | None = None
 
@@ -128,10 +135,14 @@ class Autonomy:
             self.emit,
             fly_outside_contract=fly_outside_contract,
         )
+        self.progress = self._progress(contract)
         self._pending_commands: list[tuple[Command, AnswerResume]] = []
-        # What happened in this tick, and all that has not been fetched yet.
-        self._news: list[Event] = []
-        self._events: deque[Event] = deque(maxlen=MAX_EVENTS)
+        self._news: list[Event] = []  # of this tick
+        self._events: deque[Event] = deque(maxlen=MAX_EVENTS)  # not fetched yet
+
+    def _progress(self, contract: Contract) -> MissionProgress:
+        link, navigator = self.link, self.navigator
+        return MissionProgress(navigator, link, contract.sha256, self._identity, self.emit)
 
     def _channels(self, sensors: Sequence[AnySource]) -> SensorChannels:
         """Listen to the vehicle's sensors, and rely on each of them."""
@@ -156,9 +167,29 @@ class Autonomy:
 
     def keep_in(self, geofence: Geofence) -> None:
         """Fly within a geofence only; before the first flight."""
-        fence = fence_of(geofence)
+        self._fenced = geofence.areas
+        self._keep_in_areas(())
+
+    def _keep_in_areas(self, on_board: tuple[FenceAreaFile, ...]) -> None:
+        """Fly within the areas of our geofence and of that on board."""
+        areas = tuple(map(_fence_area, (*self._fenced, *on_board)))
+        fence = Fence(areas) if areas else None
         self.navigator.situation.fence = fence
         self.supervisor.seen.keep_in(fence)
+
+    def fly_mission_on_board(self, stated: VehicleMission) -> None:
+        """Fly the mission that the autopilot has on board; before the first tick.
+
+        Args:
+            stated: what that mission does not state.
+        """
+        self.vehicle_mission = MissionFromVehicle(
+            self.link, self.navigator, stated, self._keep_in_areas, self.emit
+        )
+
+    def _identity(self, mission: Mission) -> str:
+        on_board = None if self.vehicle_mission is None else self.vehicle_mission.identity(mission)
+        return on_board or mission_sha256(mission)
 
     def set_epoch(self, epoch_unix_s: float) -> bool:
         """Read stamps by a clock that has been set; refused while the vehicle may fly.
@@ -287,6 +318,7 @@ class Autonomy:
         self.authority.keep_energy(pose, now_s, now_unix_s)
         if pose is not None:
             self.navigator.advance(pose, now_s)
+        self.progress.note(pose, now_s, now_unix_s)
 
     def _measure_virtual(self, now_s: float) -> None:
         """Have virtual obstacles be seen, around where the vehicle was armed."""
@@ -299,6 +331,8 @@ class Autonomy:
         self.sensors.measure_virtual(now_s, self._home_ned_m)
 
     def _take_mission(self, now_s: float) -> None:
+        if self.vehicle_mission is not None:
+            self.vehicle_mission.follow(now_s)
         payload, self._pending_mission = self._pending_mission, None
         if payload is None:
             return
@@ -313,8 +347,17 @@ class Autonomy:
     def _take_commands(self, now_s: float, now_unix_s: float) -> None:
         commands, self._pending_commands = self._pending_commands, []
         for command, answer in commands:
+            if command == "resume" and self.navigator.phase is Phase.STANDBY:
+                answer(self._resume_left_flight(now_s))
+                continue
             obey = self.authority.fly_back if command == "return" else self.authority.resume
             answer(obey(self.link.pose, now_s, now_unix_s))
+
+    def _resume_left_flight(self, now_s: float) -> list[Refusal]:
+        refusals = self.progress.resume(self.link.pose, now_s)
+        if refusals:
+            self.emit(refused("not resuming", refusals, now_s))
+        return refusals
 
     def _collect_events(self) -> None:
         self._news += self.navigator.events

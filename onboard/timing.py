@@ -8,12 +8,15 @@ apart.
 
 from __future__ import annotations
 
+import contextlib
 import gc
 import logging
 import os
+import threading
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Final
 
 from onboard.events import Event, EventData, EventName, Severity
@@ -25,6 +28,8 @@ REALTIME_PRIORITY: Final = 1
 # Less than the time in which a frame's stamp and the vehicle's pose have to agree.  A slow
 # adjustment by NTP moves both clocks alike: not a step.
 STEP_MIN_S: Final = 0.01
+# New threads are looked for as often as this, in looks: every second.
+_LIST_EVERY: Final = 50
 # A process that was interrupted between two readings cannot compare them.
 _READING_MAX_S: Final = 0.002
 
@@ -117,15 +122,71 @@ class Clock:
         return ClockStep(step_s, followed=False)
 
 
-def request_realtime_priority() -> None:
-    """Ask Linux to run this process, with all its threads, before ordinary ones.
+class ProcessorTimes:
+    """How long this process ran, and waited while others ran, from one look to the next.
 
-    A tick that waits for another process is late, and a late tick ends in a hover.
+    The main thread may have to wait for another thread of ours that holds the interpreter's lock
+    and waits itself: what counts is the longest wait of any.
+
+    Args:
+        tasks: where the kernel keeps the statistics of each thread; none are known where it is
+            missing (https://docs.kernel.org/scheduler/sched-stats.html#proc-pid-schedstat).
+    """
+
+    def __init__(self, tasks: Path = Path("/proc/self/task")) -> None:
+        self._tasks, self._looks = tasks, 0
+        self._files: dict[str, int] = {}
+        self._before: dict[str, tuple[int, int]] = {}
+
+    def since_last(self) -> tuple[float, float]:
+        """Return how long the main thread ran, and the longest wait, in seconds.
+
+        Both are 0 at the first look.
+        """
+        if self._looks % _LIST_EVERY == 0:
+            self._list()
+        self._looks += 1
+        ran_ns = waited_ns = 0
+        main = str(os.getpid())
+        for name, file in list(self._files.items()):
+            try:
+                fields = os.pread(file, 128, 0).split()
+                now_ns = int(fields[0]), int(fields[1])
+            except (OSError, IndexError, ValueError):  # the thread has ended
+                os.close(self._files.pop(name))
+                self._before.pop(name, None)
+                continue
+            before_ns = self._before.get(name, now_ns)
+            self._before[name] = now_ns
+            waited_ns = max(waited_ns, now_ns[1] - before_ns[1])
+            if name == main:
+                ran_ns = now_ns[0] - before_ns[0]
+        return ran_ns / 1e9, waited_ns / 1e9
+
+    def _list(self) -> None:
+        """Open the statistics of threads that have begun since the last time."""
+        with contextlib.suppress(OSError):
+            for task in self._tasks.iterdir():
+                if task.name not in self._files:
+                    path = task / "schedstat"
+                    self._files[task.name] = os.open(path, os.O_RDONLY | os.O_CLOEXEC)
+
+
+def request_realtime_priority() -> None:
+    """Ask Linux to run this process, with all threads of Python, before ordinary ones.
+
+    A tick that waits for another process is late, and a late tick ends in a hover.  Threads that
+    are started later inherit the priority.  Those that run already must have it, too: the tick
+    waits for an ordinary one that holds the interpreter's lock.
     """
     if not hasattr(os, "sched_setscheduler"):
         return
     try:
-        os.sched_setscheduler(0, os.SCHED_RR, os.sched_param(REALTIME_PRIORITY))
+        for thread in threading.enumerate():
+            # One that has ended since it was listed needs none.
+            with contextlib.suppress(ProcessLookupError):
+                parameters = os.sched_param(REALTIME_PRIORITY)
+                os.sched_setscheduler(thread.native_id or 0, os.SCHED_RR, parameters)
     except PermissionError:
         log.info("cannot set real-time priority (needs CAP_SYS_NICE)")
 

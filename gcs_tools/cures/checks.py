@@ -167,6 +167,10 @@ FINDING_CURES: Final[Mapping[str, Cure]] = MappingProxyType(
             "the daemon's newest frame is too old",
             "start the silent sensor again; `clearway sensor check`",
         ),
+        "mission": Cure(
+            "the mission on board was not read, or cannot be flown",
+            "upload a mission of items that docs/missions.md lists as flown",
+        ),
         "telemetry": Cure(
             "the position on the daemon's link is too old",
             "check mavlink.url and cable; raise the baud rate",

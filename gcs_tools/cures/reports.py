@@ -52,6 +52,24 @@ REFUSAL_CURES: Final[Mapping[RefusalKind, Cure]] = MappingProxyType(
         RefusalKind.GEOFENCE: Cure(
             "the legs with their avoidances leave the geofence", "move the legs, or widen the fence"
         ),
+        RefusalKind.MISSION: Cure(
+            "the mission is read from the vehicle, and what is on board was not read, or cannot be "
+            "flown",
+            "upload a mission of items that docs/missions.md lists as flown; state vehicle_mission "
+            "in the daemon's file for what it does not state",
+        ),
+        RefusalKind.LEFT_FLIGHT: Cure(
+            "the daemon was restarted in flight, at a later leg of its mission",
+            "`clearway resume`, or take over and hand back to begin at the first leg",
+        ),
+        RefusalKind.NO_PROGRESS: Cure(
+            "`clearway resume` was asked on the ground or in standby, and no flight was left",
+            "hand over the mode: the mission begins at its first leg",
+        ),
+        RefusalKind.PROGRESS_VOID: Cure(
+            "mission, contract or home have changed since the flight that was left",
+            "fly the mission from its start, or state again what was changed",
+        ),
         RefusalKind.DETECTIONS: Cure(
             "a sensor has not been heard, or its newest frame is too old or stamped wrongly",
             "`clearway doctor` names the silent sensor, `clearway sensor check` what its messages "
@@ -141,6 +159,13 @@ EVENT_CURES: Final[Mapping[EventName, Cure]] = MappingProxyType(
             "the autopilot's own failsafe has taken the mode",
             "let it act, or take over; the ground station names its cause (battery, radio, fence)",
         ),
+        EventName.FLIGHT_LEFT: Cure(
+            "the last flight of this mission was left before its end",
+            "`clearway resume` goes on there; without it the mission begins at its first leg",
+        ),
+        EventName.FLIGHT_RESUMED: Cure(
+            "the flight that was left goes on, as soon as control is granted", _NOTHING
+        ),
         EventName.HANDED_OVER: Cure(
             "the position is gone: the vehicle is left to the autopilot's failsafe",
             "take over by hand",
@@ -162,9 +187,13 @@ EVENT_CURES: Final[Mapping[EventName, Cure]] = MappingProxyType(
             "for a guaranteed arrival see roi_intersection",
         ),
         EventName.MISSION_CHANGED: Cure("another mission was accepted", _NOTHING),
+        EventName.MISSION_READ: Cure(
+            "mission and geofence on board have been read, or have changed", _NOTHING
+        ),
         EventName.MISSION_REFUSED: Cure(
-            "a mission at another altitude was received in flight",
-            "send it with the altitude that is flown, or before the take-off",
+            "a mission at another altitude was received in flight, one leaves the geofence, or the "
+            "one on board cannot be flown",
+            "correct what the text names; at another altitude, send it before the take-off",
         ),
         EventName.PHASE: Cure("the automaton has changed its phase", _NOTHING),
         EventName.PLAN_KEPT: Cure(

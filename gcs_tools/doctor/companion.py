@@ -28,13 +28,13 @@ class DaemonFiles:
     Attributes:
         path: of the configuration.
         config: its content.
-        contract, mission: of the files that it names.
+        contract, mission: of the files that it names; no mission where the vehicle has it.
     """
 
     path: Path
     config: DaemonConfig
     contract: Contract
-    mission: Mission
+    mission: Mission | None
 
 
 def load_daemon_files(path: Path) -> DaemonFiles:
@@ -45,13 +45,16 @@ def load_daemon_files(path: Path) -> DaemonFiles:
     """
     config = load_daemon_config(path)
     contract = load_yaml(path.parent / config.contract, Contract)
-    mission = load_yaml(path.parent / config.mission, Mission)
+    mission = None
+    if not config.mission_from_vehicle:
+        mission = load_yaml(path.parent / config.mission, Mission)
     return DaemonFiles(path, config, contract, mission)
 
 
 def diagnose_files(files: DaemonFiles) -> Iterator[Diagnosis]:
     """Yield what the daemon's files and this computer say."""
-    yield contract_diagnosis(files.contract, files.mission.altitude_m)
+    altitude_m = None if files.mission is None else files.mission.altitude_m
+    yield contract_diagnosis(files.contract, altitude_m)
     yield from _serial_device(files.config.mavlink.url)
     yield _disk(files)
 

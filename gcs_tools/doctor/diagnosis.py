@@ -15,6 +15,7 @@ from gcs_tools.preflight.live.daemon import TELEMETRY_AGE_MAX_S
 from onboard.contract.assessment import assess
 from onboard.events import EventName
 from onboard.files.contract_file import Contract
+from onboard.guidance.departure import RefusalKind
 from onboard.monitoring.detections import CLOCK_TOLERANCE_S
 from onboard.recording.messages import SensorRecord, StateRecord
 
@@ -83,6 +84,7 @@ def diagnose(seen: Observation, expected: Contract | None = None) -> list[Diagno
         *_contract(seen, expected),
         _link(seen, state),
         *_position(state),
+        *_mission(state),
         *_sensors(seen, state),
         *_clocks(seen, state),
         _log(state),
@@ -156,6 +158,17 @@ def _position(state: StateRecord) -> Iterator[Diagnosis]:
     if state.position_doubt is not None:
         cure = "wait for the estimator to settle with a view of the sky; docs/position.md"
         yield _bad("position", state.position_doubt, cure)
+
+
+def _mission(state: StateRecord) -> Iterator[Diagnosis]:
+    """Say what was read from the vehicle, and where a flight was left."""
+    name = "mission"
+    if state.mission_doubt is not None:
+        yield _bad(name, state.mission_doubt, REFUSAL_CURES[RefusalKind.MISSION].cure)
+    elif state.mission:
+        yield _good(name, f"read from the vehicle: {state.mission}")
+    if state.resumable is not None:
+        yield _good("flight left", f"at {state.resumable}: clearway resume goes on there")
 
 
 def _sensors(seen: Observation, state: StateRecord) -> Iterator[Diagnosis]:

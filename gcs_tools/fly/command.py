@@ -40,6 +40,7 @@ _OUTPUT_FILES = (
     "result.json",
     "flight.png",
     "report.html",
+    "progress.json",
 )
 _COLOURS = {"arrived": "green", "held": "yellow", "collided": "red", "aborted": "red"}
 

@@ -8,8 +8,8 @@ from typing import Any
 
 from gcs_tools.console.arguments import positive
 from gcs_tools.console.errors import EXIT_NO, CommandError
-from gcs_tools.geodesy.local_frame import GeographicPoint
 from gcs_tools.geodesy.utm import UtmZone
+from onboard.geometry.local_frame import GeographicPoint
 
 VEHICLES = ("px4", "ardupilot")
 PLACE = "LAT,LON[,ALT]"

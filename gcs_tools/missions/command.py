@@ -11,15 +11,16 @@ from itertools import pairwise
 from pathlib import Path
 
 from gcs_tools.console.errors import CommandError
-from gcs_tools.geodesy.local_frame import Autopilot, GeographicPoint, LocalFrame
-from gcs_tools.missions.commands import command_name
 from gcs_tools.missions.document import Widths, geofence_text, mission_text
 from gcs_tools.missions.plan_file import read_plan
-from gcs_tools.missions.planned_flight import GeographicArea, PlannedFlight
-from gcs_tools.missions.route import SAME_PLACE_M, Route, Site, route_of
 from gcs_tools.missions.stems import StemTable, convert_stems
 from gcs_tools.missions.waypoint_list import is_waypoint_list, read_waypoint_list
 from onboard.files.yaml_file import FileError, read_text
+from onboard.geometry.local_frame import Autopilot, GeographicPoint, LocalFrame
+from onboard.mission_items.commands import command_name
+from onboard.mission_items.fence_items import FenceError
+from onboard.mission_items.planned_flight import GeographicArea, PlannedFlight
+from onboard.mission_items.route import SAME_PLACE_M, Route, Site, route_of
 
 _OTHER_FRAME = "the local frames of PX4 and ArduPilot differ by 1 m in 900"
 
@@ -195,7 +196,7 @@ def _crossed_areas(route: Route, fence: tuple[GeographicArea, ...]) -> list[str]
         return []
     from shapely import LineString  # noqa: PLC0415  only where there is a geofence
 
-    from gcs_tools.vehicle.geofence import FenceArea, FenceError  # noqa: PLC0415  loads Shapely
+    from gcs_tools.vehicle.geofence import FenceArea  # noqa: PLC0415  loads Shapely
 
     frame = route.site.frame
     path = LineString([route.site.start_ned_m, *(leg.end_ned_m for leg in route.legs)])

@@ -6,11 +6,11 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from gcs_tools.missions.planned_flight import GeographicArea
-from gcs_tools.missions.route import Point, Route, Site
 from onboard.files.geofence_file import Geofence
 from onboard.files.mission_file import Mission
 from onboard.files.yaml_file import parse_document, validate
+from onboard.mission_items.planned_flight import GeographicArea
+from onboard.mission_items.route import Point, Route, Site
 
 _AUTOPILOTS = {"px4": "PX4", "ardupilot": "ArduPilot"}
 

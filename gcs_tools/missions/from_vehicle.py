@@ -6,9 +6,7 @@ Source: https://mavlink.io/en/services/mission.html.
 from __future__ import annotations
 
 import asyncio
-import math
-from collections.abc import Sequence
-from typing import Any, Final, NamedTuple
+from typing import Final
 
 from mavsdk.asyncio import MavsdkError
 from mavsdk.asyncio.plugins.mavlink_direct import MavlinkDirectAsync
@@ -16,42 +14,13 @@ from mavsdk.asyncio.plugins.mission_raw import MissionRawAsync
 
 from gcs_tools.console.errors import CommandError
 from gcs_tools.console.interruption import interruptible
-from gcs_tools.geodesy.local_frame import Autopilot, GeographicPoint
-from gcs_tools.missions.planned_flight import FileItem, GeographicArea, PlannedFlight
 from gcs_tools.vehicle.connection import CONNECT_TIMEOUT_S, connected_vehicle
-from gcs_tools.vehicle.geofence import FenceError, FenceItem, fence_areas
 from gcs_tools.vehicle.query import answer
+from onboard.mission_items.on_board import OnBoard, OnBoardError, planned_of
+from onboard.mission_items.planned_flight import PlannedFlight
 
 _HOME_POSITION: Final = (242, "HOME_POSITION")
 _GPS_GLOBAL_ORIGIN: Final = (49, "GPS_GLOBAL_ORIGIN")
-_AUTOPILOTS: Final[tuple[Autopilot, ...]] = ("px4", "ardupilot")
-_SCALE_DEG: Final = 1e-7
-_SCALE_M: Final = 1e-3
-
-
-class OnBoard(NamedTuple):
-    """What an autopilot has sent.
-
-    Attributes:
-        autopilot: key of its profile.
-        items: of the mission, as MISSION_ITEM_INT states them.
-        fence: of the geofence, likewise.
-        home: fields of HOME_POSITION; None if it sent none.
-        origin: fields of GPS_GLOBAL_ORIGIN; None if it sent none.
-    """
-
-    autopilot: str
-    items: Sequence[Any]
-    fence: Sequence[Any]
-    home: dict[str, Any] | None
-    origin: dict[str, Any] | None
-
-
-class _AsStated:
-    """Leaves fence items in latitude and longitude."""
-
-    def north_east_m(self, item: FenceItem) -> tuple[float, float]:
-        return item.latitude_deg, item.longitude_deg
 
 
 def read_vehicle(url: str, system_id: int | None) -> PlannedFlight:
@@ -65,7 +34,10 @@ def read_vehicle(url: str, system_id: int | None) -> PlannedFlight:
         CommandError: the vehicle cannot be reached, sends nothing, or has no mission.
         Interrupted: the operator gave up.
     """
-    return planned_of(asyncio.run(_download(url, system_id)))
+    try:
+        return planned_of(asyncio.run(_download(url, system_id)))
+    except OnBoardError as error:
+        raise CommandError(str(error)) from error
 
 
 async def _download(url: str, system_id: int | None) -> OnBoard:
@@ -81,51 +53,3 @@ async def _download(url: str, system_id: int | None) -> OnBoard:
             home = await answer(direct, vehicle.system_id, *_HOME_POSITION)
             origin = await answer(direct, vehicle.system_id, *_GPS_GLOBAL_ORIGIN)
             return OnBoard(vehicle.profile.key, items, fence, home, origin)
-
-
-def planned_of(on_board: OnBoard) -> PlannedFlight:
-    """Return what an autopilot has sent as the content of a ground station's file would be.
-
-    Raises:
-        CommandError: it has no mission, or a geofence that is none.
-    """
-    items = list(on_board.items)
-    autopilot = next((each for each in _AUTOPILOTS if each == on_board.autopilot), None)
-    if autopilot == "ardupilot":
-        items = items[1:]  # item 0 is home
-    if not items:
-        raise CommandError("the vehicle has no mission on board")
-    try:
-        areas = fence_areas([_fence_item(each) for each in on_board.fence], _AsStated())
-    except FenceError as error:
-        raise CommandError(f"the geofence of the vehicle: {error}") from error
-    fence = tuple(
-        GeographicArea(
-            tuple(GeographicPoint(*corner) for corner in area.corners_ned_m),
-            area.radius_m,
-            area.keeps_in,
-        )
-        for area in areas
-    )
-    home, origin = _point(on_board.home), _point(on_board.origin)
-    return PlannedFlight(home, autopilot, tuple(map(_item, items)), fence, origin=origin)
-
-
-def _item(item: Any) -> FileItem:
-    place = GeographicPoint(item.x * _SCALE_DEG, item.y * _SCALE_DEG, item.z)
-    parameters = (item.param1, item.param2, item.param3, item.param4)
-    return FileItem(f"item {item.seq}", item.command, item.frame, parameters, place)
-
-
-def _fence_item(item: Any) -> FenceItem:
-    return FenceItem(item.command, item.param1, item.x * _SCALE_DEG, item.y * _SCALE_DEG)
-
-
-def _point(fields: dict[str, Any] | None) -> GeographicPoint | None:
-    """Return the place of HOME_POSITION or GPS_GLOBAL_ORIGIN; None without one."""
-    if fields is None:
-        return None
-    latitude_deg = float(fields["latitude"]) * _SCALE_DEG
-    longitude_deg = float(fields["longitude"]) * _SCALE_DEG
-    point = GeographicPoint(latitude_deg, longitude_deg, float(fields["altitude"]) * _SCALE_M)
-    return point if all(map(math.isfinite, point)) else None

@@ -15,14 +15,14 @@ from typing import Annotated, Any, Final, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from gcs_tools.geodesy.local_frame import Autopilot, GeographicPoint
-from gcs_tools.missions.planned_flight import (
+from onboard.files.yaml_file import FileError, read_text, validate
+from onboard.geometry.local_frame import Autopilot, GeographicPoint
+from onboard.mission_items.planned_flight import (
     PARAMETERS,
     FileItem,
     GeographicArea,
     PlannedFlight,
 )
-from onboard.files.yaml_file import FileError, read_text, validate
 
 # MAV_AUTOPILOT.
 _FIRMWARE: Final[dict[int, Autopilot]] = {12: "px4", 3: "ardupilot"}

@@ -10,10 +10,10 @@ from types import MappingProxyType
 from typing import Final
 
 from gcs_tools.console.errors import CommandError
-from gcs_tools.geodesy.local_frame import GeographicPoint, LocalFrame
 from gcs_tools.geodesy.utm import UtmZone
 from onboard.files.stem_map import DIAMETER_MAX_CM, DISTANCE_MAX_M, Row, read_columns
 from onboard.files.yaml_file import FileError
+from onboard.geometry.local_frame import GeographicPoint, LocalFrame
 
 # Centimetres of diameter in one of each; a girth is measured around the stem.
 DIAMETER_UNITS_CM: Final = MappingProxyType(

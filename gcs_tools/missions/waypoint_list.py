@@ -11,9 +11,9 @@ import math
 from pathlib import Path
 from typing import Final
 
-from gcs_tools.geodesy.local_frame import GeographicPoint
-from gcs_tools.missions.planned_flight import SEA_LEVEL_FRAMES, FileItem, PlannedFlight
 from onboard.files.yaml_file import FileError, read_text
+from onboard.geometry.local_frame import GeographicPoint
+from onboard.mission_items.planned_flight import SEA_LEVEL_FRAMES, FileItem, PlannedFlight
 
 _HEADER: Final = ("QGC", "WPL", "110")
 _FIELDS: Final = 12

@@ -32,6 +32,7 @@ from onboard.files.geofence_file import Geofence
 from onboard.files.mission_file import Mission
 from onboard.files.obstacle_field import ObstacleField, load_field
 from onboard.files.yaml_file import load_yaml
+from onboard.mission_items.fence_items import FenceError
 
 if TYPE_CHECKING:
     from gcs_tools.preflight.rehearsal.prediction import Rehearsal
@@ -264,7 +265,6 @@ def _fence_rules(result: Preflight, mission: Mission | None, path: Path | None) 
         raise CommandError("--geofence needs --mission: its legs are checked against the areas")
     # Shapely belongs to the extra ground.
     from gcs_tools.preflight.offline.geofence import check_geofence  # noqa: PLC0415  loads Shapely
-    from gcs_tools.vehicle.geofence import FenceError  # noqa: PLC0415  loads Shapely
 
     try:
         return (check_geofence(result.assessment, mission, fence),)

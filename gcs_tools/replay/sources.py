@@ -80,6 +80,8 @@ def setup_of(
         daemon = validate(document, DaemonConfig, source="the topics of the recording")
     else:
         daemon = load_daemon_config(config)
+        if daemon.mission_from_vehicle:
+            raise CommandError(f"{config}: mission = from_vehicle: a replay needs a mission file")
         contract, mission = config.parent / daemon.contract, config.parent / daemon.mission
     if not daemon.sources:
         listed = ", ".join(f"{name} ({kind})" for name, kind in sorted(topics.items())) or "none"

@@ -97,11 +97,11 @@ def ask(
 
 
 _ACCEPTED: Final[dict[Command, str]] = {
-    "resume": "resumed: the vehicle flies on",
+    "resume": "resumed: the vehicle flies on, from standby once it is given control",
     "return": "returning: the vehicle flies back along the way flown",
 }
 _REFUSED: Final[dict[Command, str]] = {
-    "resume": "refused: the vehicle goes on holding",
+    "resume": "refused: the vehicle stays as it is",
     "return": "refused: the vehicle does not return",
 }
 

@@ -47,7 +47,8 @@ def install(config: Path, *, user: str, unit_directory: Path, dry_run: bool) -> 
         return
     written = load_daemon_config(path)
     load_yaml(path.parent / written.contract, Contract)
-    load_yaml(path.parent / written.mission, Mission)
+    if not written.mission_from_vehicle:
+        load_yaml(path.parent / written.mission, Mission)
     _require_user(user)
     unit = unit_directory / UNIT
     try:

@@ -20,10 +20,11 @@ from mavsdk.asyncio.plugins.param import ParamAsync
 from mavsdk.asyncio.plugins.telemetry import LandedState, TelemetryAsync
 
 from gcs_tools.vehicle.clock import ANSWER_TIMEOUT_S, ClockComparison, compare_vehicle_clock
-from gcs_tools.vehicle.geofence import FenceItem, GeographicOrigin
+from gcs_tools.vehicle.geofence import GeographicOrigin
 from gcs_tools.vehicle.operator import Vehicle, VehicleError
 from gcs_tools.vehicle.query import answer, listening
 from onboard.mavlink.profiles.profile import AutopilotProfile
+from onboard.mission_items.fence_items import FenceItem
 
 # How long telemetry is counted.
 LISTEN_S = 2.0

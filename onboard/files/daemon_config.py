@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Final, Literal
 
 from pydantic import Field, field_validator, model_validator
 
-from onboard.files.contract_file import InputSet, Positive
+from onboard.files.contract_file import InputSet, NonNegative, Positive
+from onboard.files.mission_file import EnergyBudget
 from onboard.files.sensor_sources import (
     AnySource,
     FieldFileSource,
@@ -23,6 +24,7 @@ from onboard.files.zenoh_endpoints import ZenohEndpoints
 FilePath = Annotated[Path, Field(strict=False)]
 
 
+PORT_MAX: Final = 65_535
 Rate = Annotated[float, Field(gt=0.0, le=10.0)]
 
 
@@ -68,6 +70,30 @@ class ObstacleOutputs(FileModel):
     markers: MarkerOutput | None = None
 
 
+class MetricsOutput(FileModel):
+    """The daemon's metrics for Prometheus, read over HTTP without a password."""
+
+    listen: str = Field("127.0.0.1:9464", description="HOST:PORT; 0.0.0.0 lets others read, too")
+
+    @field_validator("listen")
+    @classmethod
+    def _is_host_and_port(cls, listen: str) -> str:
+        host, _, port = listen.rpartition(":")
+        number = int(port) if port.isascii() and port.isdecimal() and len(port) <= 5 else 0
+        bracketed = host.startswith("[") and host.endswith("]")
+        if not host or not host.isprintable() or (":" in host and not bracketed):
+            raise ValueError(f"{listen!r}: expected HOST:PORT, such as 127.0.0.1:9464")
+        if not 1 <= number <= PORT_MAX:
+            raise ValueError(f"{listen!r}: the port is not a number from 1 to {PORT_MAX}")
+        return listen
+
+    @property
+    def address(self) -> tuple[str, int]:
+        """Host, without brackets, and port."""
+        host, _, port = self.listen.rpartition(":")
+        return host.strip("[]"), int(port)
+
+
 class SigningConfig(FileModel):
     """MAVLink 2 signing of the daemon's link: what is not signed alike is refused."""
 
@@ -93,12 +119,36 @@ class MavlinkLink(FileModel):
         return refuse_renamed_keys(data, {"stale_after_s": "telemetry_timeout_s"})
 
 
+# In place of a mission file: what the autopilot keeps on board.
+FROM_VEHICLE: Final = "from_vehicle"
+
+
+class VehicleMission(FileModel):
+    """What a mission on board does not state; the keys are those of a mission file."""
+
+    altitude_m: Positive | None = Field(
+        None, description="fly all legs at this height above the local origin; null: the items' own"
+    )
+    target_half_width_m: Positive = 5.0
+    corridor_half_width_m: Positive | None = None
+    climb_max_m: NonNegative = 0.0
+    heading: Literal["leg", "path"] = "leg"
+    start_clear_m: Positive | None = None
+    on_end: Literal["hover", "return"] = "hover"
+    energy: EnergyBudget | None = None
+
+
 class DaemonConfig(FileModel):
     """The daemon's configuration; paths are relative to the file."""
 
     vehicle: Annotated[str, Field(pattern=r"^[A-Za-z0-9_-]+$")] = "vehicle"
     contract: FilePath
-    mission: FilePath
+    mission: FilePath = Field(
+        description="mission file; from_vehicle: the mission and the geofence on board"
+    )
+    vehicle_mission: VehicleMission | None = Field(
+        None, description="with mission: from_vehicle, what that mission does not state"
+    )
     geofence: FilePath | None = Field(
         None, description="areas that every flight stays within; null: none of ours"
     )
@@ -113,6 +163,9 @@ class DaemonConfig(FileModel):
     outputs: ObstacleOutputs = Field(
         ObstacleOutputs(obstacle_distance=None, markers=None),
         description="where the obstacles in use are shown besides",
+    )
+    metrics: MetricsOutput | None = Field(
+        None, description="serve metrics for Prometheus over HTTP; null: none"
     )
     log_directory: FilePath | None = Field(
         None,
@@ -161,6 +214,19 @@ class DaemonConfig(FileModel):
             if names.count(name) > 1:
                 raise ValueError(f"{names.count(name)} sensors are called '{name}'")
         return sources
+
+    @property
+    def mission_from_vehicle(self) -> bool:
+        """Whether the mission is read from the autopilot, rather than from a file."""
+        return str(self.mission) == FROM_VEHICLE
+
+    @model_validator(mode="after")
+    def _mission_is_stated_once(self) -> DaemonConfig:
+        if self.vehicle_mission is not None and not self.mission_from_vehicle:
+            raise ValueError(
+                f"vehicle_mission: belongs to mission: {FROM_VEHICLE}, but mission = {self.mission}"
+            )
+        return self
 
     @model_validator(mode="after")
     def _virtual_obstacles_are_alone(self) -> DaemonConfig:

@@ -49,6 +49,10 @@ class RefusalKind(StrEnum):
     NO_WAY_BACK = "no_way_back"
     ENERGY = "energy"
     GEOFENCE = "geofence"
+    MISSION = "mission"
+    LEFT_FLIGHT = "left_flight"
+    NO_PROGRESS = "no_progress"
+    PROGRESS_VOID = "progress_void"
 
 
 @dataclass(frozen=True)
@@ -68,10 +72,14 @@ class Refusal:
 
 def departure_refusals(situation: Situation, pose: Pose) -> list[Refusal]:
     """Return why the leg may not be started or resumed from a pose; empty if it may."""
+    if situation.mission_doubt is not None:  # where to depart to is not known
+        return [Refusal(RefusalKind.MISSION, situation.mission_doubt)]
     x_m, y_m, _ = situation.leg.position_leg(pose.position_ned_m)
     refusals = [
         Refusal(kind, text) for kind, passed, text in _checks(situation, pose) if not passed
     ]
+    if situation.left_flight is not None:
+        refusals.append(Refusal(RefusalKind.LEFT_FLIGHT, situation.left_flight))
     if (objection := situation.fence_objection(situation.route.mission)) is not None:
         refusals.append(Refusal(RefusalKind.GEOFENCE, objection))
     if situation.best_effort:  # no region matters where only the space seen free is flown into

@@ -42,6 +42,11 @@ class Route:
         return self.mission.legs[self._index]
 
     @property
+    def index(self) -> int:
+        """Number of that leg, counted from 0."""
+        return self._index
+
+    @property
     def length_m(self) -> float:
         """Length of that leg."""
         return math.dist(self.frame.origin_ned_m[:2], self.leg.end_ned_m)

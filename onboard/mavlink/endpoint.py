@@ -22,6 +22,7 @@ from onboard.mavlink.battery import BatteryReports
 from onboard.mavlink.heading_drift import Attitude, HeadingDrift
 from onboard.mavlink.link_security import LinkSecurity
 from onboard.mavlink.message_requests import MessageRequests
+from onboard.mavlink.mission_reader import MissionReader
 from onboard.mavlink.position_reports import (
     EstimatorReport,
     GpsReport,
@@ -68,6 +69,14 @@ _RANGE_MESSAGES: Final = (
     mavlink.MAVLINK_MSG_ID_OBSTACLE_DISTANCE,
     mavlink.MAVLINK_MSG_ID_DISTANCE_SENSOR,
 )
+_MISSION_MESSAGES: Final = (
+    mavlink.MAVLINK_MSG_ID_MISSION_COUNT,
+    mavlink.MAVLINK_MSG_ID_MISSION_ITEM_INT,
+    mavlink.MAVLINK_MSG_ID_MISSION_ACK,
+    mavlink.MAVLINK_MSG_ID_MISSION_CURRENT,
+    mavlink.MAVLINK_MSG_ID_HOME_POSITION,
+    mavlink.MAVLINK_MSG_ID_GPS_GLOBAL_ORIGIN,
+)
 _RANGES_HZ: Final = 10.0
 _BATTERY_HZ: Final = 1.0
 # A tick sees one or two; a burst beyond this is a fault: the oldest are dropped.
@@ -111,6 +120,7 @@ class MavlinkEndpoint:
         heading_drift: of the estimated heading against the gyros.
         battery: what it says of its batteries.
         wants_battery: whether BATTERY_STATUS is requested.
+        missions: reads the mission on board, where that is wanted.
         security: what is refused because of its signature.
         range_messages: ids of the messages of ranges that are wanted, to be taken by `take_ranges`.
     """
@@ -128,6 +138,7 @@ class MavlinkEndpoint:
         self.compass_ratio: float | None = None
         self.heading_drift = HeadingDrift()
         self.battery, self.wants_battery = BatteryReports(), False
+        self.missions = MissionReader()
         self.range_messages: frozenset[int] = frozenset()
         self._ranges: deque[tuple[int, bytes]] = deque(maxlen=_RANGES_PENDING_MAX)
         self._system_id = system_id
@@ -146,6 +157,7 @@ class MavlinkEndpoint:
             mavlink.MAVLINK_MSG_ID_SYS_STATUS: self._on_health,
             mavlink.MAVLINK_MSG_ID_BATTERY_STATUS: self.battery.hear_battery,
             mavlink.MAVLINK_MSG_ID_STATUSTEXT: self._on_text,
+            **dict.fromkeys(_MISSION_MESSAGES, self._on_mission),
             **{each.message_id: partial(self._on_estimator, each) for each in ESTIMATOR_MESSAGES},
         }
         wanted = frozenset((*self._handlers, *_SETPOINT_MESSAGES, *_RANGE_MESSAGES))
@@ -173,6 +185,8 @@ class MavlinkEndpoint:
             if self.wants_battery:
                 wanted_hz += battery_hz
             self.transmitter.request(self._requests.due(wanted_hz, now_s))
+            if (request := self.missions.due(now_s)) is not None:
+                self.transmitter.send_mission_request(request)
 
     def take_ranges(self) -> list[tuple[int, bytes]]:
         """Return and forget the messages of ranges that have arrived: id, and the whole frame."""
@@ -225,6 +239,7 @@ class MavlinkEndpoint:
             mode=modes.name_of(message.custom_mode),
             failsafe=message.system_status in _FAILSAFE_STATES,
         )
+        self.missions.hear_armed(now_s, armed=self.status.armed)
 
     def _on_position(self, message: Any, now_s: float) -> None:
         position_ned_m = (message.x, message.y, message.z)
@@ -289,6 +304,11 @@ class MavlinkEndpoint:
         )
         self.position_reports.health.hear(report, now_s)
         self.battery.hear_system(message, now_s)
+
+    def _on_mission(self, message: Any, now_s: float) -> None:
+        target = getattr(message, "target_system", 0), getattr(message, "target_component", 0)
+        for_us = target == (self._system_id, COMPONENT_ID)
+        self.missions.hear(message, now_s, for_us=for_us)
 
     def _on_text(self, message: Any, now_s: float) -> None:
         if message.severity <= mavlink.MAV_SEVERITY_WARNING:

@@ -10,6 +10,7 @@ from typing import Final
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from onboard.files.mavlink_frames import FrameWriter
+from onboard.mavlink.list_download import MissionRequest
 from onboard.mavlink.signing import LinkSigning
 from onboard.mavlink.status_text import chunks
 from onboard.vehicle_state import Setpoint
@@ -83,6 +84,21 @@ class Transmitter:
                 1e6 / rate_hz,
                 *(0,) * 5,
             )
+
+    def send_mission_request(self, request: MissionRequest) -> None:
+        """Queue one message of the mission protocol, to the autopilot."""
+        autopilot = self._system_id, mavlink.MAV_COMP_ID_AUTOPILOT1
+        if request.kind == "list":
+            self._mavlink.mission_request_list_send(*autopilot, request.mission_type)
+        elif request.kind == "item":
+            item = *autopilot, request.number, request.mission_type
+            self._mavlink.mission_request_int_send(*item)
+        elif request.kind == "done":
+            accepted = mavlink.MAV_MISSION_ACCEPTED
+            self._mavlink.mission_ack_send(*autopilot, accepted, request.mission_type)
+        else:
+            command = mavlink.MAV_CMD_REQUEST_MESSAGE
+            self._mavlink.command_long_send(*autopilot, command, 0, request.number, *(0,) * 6)
 
     def send_setpoint(self, setpoint: Setpoint, now_s: float) -> None:
         """Queue one SET_POSITION_TARGET_LOCAL_NED."""

@@ -97,14 +97,14 @@ class SeenFree:
             self._half_width_m = half_width_m
             self._has_changed()
 
-    def keep_in(self, fence: Fence, leg: LegFrame) -> None:
+    def keep_in(self, fence: Fence | None, leg: LegFrame) -> None:
         """Call nothing free that a geofence forbids.
 
         Args:
-            fence: in local NED.
+            fence: in local NED; None to end that.
             leg: the frame of this set.
         """
-        self._fence, self._fenced = (fence, leg), None
+        self._fence, self._fenced = None if fence is None else (fence, leg), None
         self._has_changed()
 
     def void(self) -> None:

@@ -84,6 +84,9 @@ class StateRecord:
         sensors: by source.
         position_doubt: why the position is not trusted; None while it is.
         link_doubt: why signatures keep the MAVLink link from working; None while they do not.
+        mission: that was read from the vehicle, for people; empty where a file states it.
+        mission_doubt: why it may not be the one to fly; None while it is.
+        resumable: where a flight was left that may go on, while none is under way.
         progress: ``guaranteed`` or ``best_effort``, as this flight or the next is flown.
         cleared: whether a valid flight authorization is present, or none is required.
         log_ended: whether the service flies on without a log.
@@ -124,6 +127,9 @@ class StateRecord:
     sensors: dict[str, SensorRecord] = field(default_factory=dict)
     position_doubt: str | None = None
     link_doubt: str | None = None
+    mission: str = ""
+    mission_doubt: str | None = None
+    resumable: str | None = None
     progress: str = ""
     cleared: bool | None = None
     log_ended: bool = False

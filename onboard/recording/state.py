@@ -13,8 +13,7 @@ def state_of(autonomy: Autonomy, now_s: float) -> StateRecord:
     """Return the state of the service in the tick at ``now_s``."""
     pose, status, supervisor = autonomy.link.pose, autonomy.link.status, autonomy.supervisor
     navigator, tracking = autonomy.navigator, supervisor.response.tracking_monitor
-    setpoint = navigator.setpoint(now_s)
-    doubt = supervisor.position_sign
+    setpoint, doubt = navigator.setpoint(now_s), supervisor.position_sign
     return StateRecord(
         time_s=unix_time_s(autonomy, now_s),
         phase=navigator.phase.value,
@@ -42,6 +41,9 @@ def state_of(autonomy: Autonomy, now_s: float) -> StateRecord:
         sensors=_sensors(autonomy, now_s),
         position_doubt=None if doubt is None else doubt.sentence,
         link_doubt=autonomy.link.security.doubt(now_s),
+        mission="" if autonomy.vehicle_mission is None else autonomy.vehicle_mission.summary,
+        mission_doubt=navigator.situation.mission_doubt,
+        resumable=autonomy.progress.resumable,
         progress=autonomy.assessment.contract.requirements.progress,
         cleared=autonomy.flight_authorization.refusal(autonomy.epoch_unix_s + now_s) is None,
         log_ended=autonomy.log_ended,

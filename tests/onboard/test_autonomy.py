@@ -79,6 +79,7 @@ class Rig:
             self.autonomy.receive_detection(self.frame(), self.now_s)
         self.autonomy.tick(self.now_s)
         for message in self._mav.parse_buffer(self.autonomy.mavlink_to_send()) or []:
+            self.hear(message)
             if message.get_type() == "SET_POSITION_TARGET_LOCAL_NED":
                 self.setpoints.append(message)
                 if self.mode == OFFBOARD:
@@ -87,6 +88,9 @@ class Rig:
                     self.acceleration_ned_mps2 = (message.afx, message.afy, message.afz)
                     self.yaw_rad = message.yaw
         self.events += self.autonomy.events()
+
+    def hear(self, message: Any) -> None:
+        """Take whatever the service sends; a vehicle with more to say answers."""
 
     def be_flown_to(self, north_m: float) -> None:
         """Have the pilot fly there: what is told moves as far as its velocity says."""

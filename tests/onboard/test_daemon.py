@@ -10,6 +10,7 @@ import socket
 import subprocess
 import sys
 import time
+import urllib.request
 from collections.abc import Iterator
 from contextlib import contextmanager, redirect_stderr
 from pathlib import Path
@@ -235,6 +236,32 @@ def test_a_log_file_that_cannot_be_written_is_refused(
 ) -> None:
     settings["log_file"] = "onboard.yaml/flight.mcap"
     assert "flight log cannot be written" in refused(tmp_path, settings)
+
+
+def test_metrics_are_served_only_where_that_is_meant(
+    tmp_path: Path, settings: dict[str, Any]
+) -> None:
+    port = free_port()
+    settings["metrics"] = {"listen": f"127.0.0.1:{port}"}
+    with running(tmp_path, settings):
+        assert f"metrics: http://127.0.0.1:{port}/metrics" in (tmp_path / SAID).read_text()
+        with urllib.request.urlopen(f"http://127.0.0.1:{port}/metrics", timeout=20.0) as answer:
+            text = answer.read().decode()
+        assert 'clearway_phase{clearway_phase="standby"} 1.0' in text
+        assert "clearway_tick_duration_seconds_count" in text
+        url = f"udpin://127.0.0.1:{free_port(socket.SOCK_DGRAM)}"
+        other = {"mavlink": {"url": url}, "zenoh": {"listen": [f"tcp/127.0.0.1:{free_port()}"]}}
+        said = refused(tmp_path, settings | other | {"log_file": "second.mcap"})
+        assert not (tmp_path / "second.mcap").exists(), "it leaves no log"
+        assert f"metrics.listen = 127.0.0.1:{port}: Address already in use" in said
+
+
+@pytest.mark.parametrize("listen", ["9464", "127.0.0.1", "127.0.0.1:0", "::1:9464", "a:99999"])
+def test_an_address_of_metrics_that_is_none_is_one_error(
+    tmp_path: Path, settings: dict[str, Any], listen: str
+) -> None:
+    settings["metrics"] = {"listen": listen}
+    assert f"metrics.listen = '{listen}'" in refused(tmp_path, settings)
 
 
 def test_it_starts_without_any_zenoh_peer(tmp_path: Path, settings: dict[str, Any]) -> None:

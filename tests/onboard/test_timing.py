@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import gc
 import os
+import threading
 import time
 from pathlib import Path
 from typing import Any
@@ -24,6 +25,7 @@ from onboard.timing import (
     REALTIME_PRIORITY,
     STEP_MIN_S,
     Clock,
+    ProcessorTimes,
     freeze_gc_heap,
     request_realtime_priority,
 )
@@ -226,7 +228,7 @@ def test_forgotten_stamps_are_no_lateness() -> None:
 
 
 def test_status_goes_on_when_the_clock_is_set_back(computer: Computer) -> None:
-    from onboard.daemon import Bus  # noqa: PLC0415  Zenoh, which the other tests do not need
+    from onboard.bus import Bus  # noqa: PLC0415  Zenoh, which the other tests do not need
     from onboard.recording.messages import PlanRecord, StateRecord  # noqa: PLC0415
 
     put: list[str] = []
@@ -272,7 +274,9 @@ def test_real_time_priority_is_asked_for_and_its_refusal_is_survived(
     caplog.set_level("INFO")
     monkeypatch.setattr(os, "sched_setscheduler", grant)
     request_realtime_priority()
-    assert asked == [(0, os.SCHED_RR, REALTIME_PRIORITY)]
+    # The main thread, whose id is that of the process, and any other one that runs.
+    assert (os.getpid(), os.SCHED_RR, REALTIME_PRIORITY) in asked
+    assert {thread for thread, *_ in asked} == {each.native_id for each in threading.enumerate()}
     assert caplog.text == ""
     monkeypatch.setattr(os, "sched_setscheduler", refuse)
     request_realtime_priority()
@@ -287,3 +291,36 @@ def test_what_start_up_has_left_is_not_collected_again() -> None:
         assert gc.get_freeze_count() > 1000
     finally:
         gc.unfreeze()
+
+
+def test_the_longest_wait_of_any_thread_counts_and_the_run_of_the_main_one(
+    tmp_path: Path,
+) -> None:
+    def count(thread: int, ran_ns: int, waited_ns: int) -> None:
+        (tmp_path / str(thread)).mkdir(exist_ok=True)
+        (tmp_path / str(thread) / "schedstat").write_text(f"{ran_ns} {waited_ns} 3\n")
+
+    main, other = os.getpid(), 7
+    count(main, 10**9, 10**9)
+    count(other, 10**9, 5 * 10**9)
+    times = ProcessorTimes(tmp_path)
+    assert times.since_last() == (0.0, 0.0)
+    count(main, 1_020_000_000, 1_001_000_000)
+    count(other, 1_500_000_000, 5_030_000_000)
+    assert times.since_last() == (0.02, 0.03)
+    assert times.since_last() == (0.0, 0.0)
+    (tmp_path / "7" / "schedstat").write_text("")  # as of a thread that has ended
+    count(main, 1_020_000_000, 1_002_000_000)
+    assert times.since_last() == (0.0, 0.001)
+    assert ProcessorTimes(tmp_path / "none").since_last() == (0.0, 0.0)
+
+
+def test_the_kernel_counts_what_this_process_runs() -> None:
+    times = ProcessorTimes()
+    times.since_last()
+    end_s = time.thread_time() + 0.02
+    while time.thread_time() < end_s:
+        pass
+    ran_s, waited_s = times.since_last()
+    assert ran_s >= 0.019
+    assert waited_s >= 0.0

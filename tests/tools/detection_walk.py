@@ -33,7 +33,7 @@ STATIONS: Final = (
     ("bytes", "bytes", "bytes_to_send"),
 )
 # The simulation stands in for the daemon, which hands over Zenoh's payload and sends the bytes.
-DAEMON: Final = "onboard.daemon"
+DAEMON: Final = "onboard.bus"
 # Formats and mathematics that are independent of detections.
 BASE_ROOMS: Final = ("onboard.files", "onboard.geometry", "onboard.motion")
 _FLIGHT_MAX_S: Final = 60.0

@@ -18,6 +18,7 @@ from gcs_tools.preflight.live.daemon import (
     clock_ahead_s,
     contract_finding,
     detections_finding,
+    mission_findings,
     sensor_findings,
     telemetry_finding,
     virtual_findings,
@@ -137,6 +138,7 @@ class BusCheck:
             detections_finding(statuses, terms),
             telemetry_finding(statuses),
             *virtual_findings(statuses),
+            *mission_findings(statuses),
         ]
 
     def authorize(

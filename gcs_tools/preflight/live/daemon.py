@@ -115,6 +115,17 @@ def virtual_findings(statuses: Sequence[Status]) -> list[Finding]:
     return [Finding("daemon", VIRTUAL, Verdict.HOLDS, NOT_SEEN)]
 
 
+def mission_findings(statuses: Sequence[Status]) -> list[Finding]:
+    """Say what the daemon has read from the vehicle; nothing where a file states its mission."""
+    document = statuses[-1].document if statuses else {}
+    doubt, read = document.get("mission_doubt"), document.get("mission")
+    if isinstance(doubt, str):
+        return [Finding("daemon", "mission", Verdict.BROKEN, doubt)]
+    if isinstance(read, str) and read:
+        return [Finding("daemon", "mission", Verdict.HOLDS, f"read from the vehicle: {read}")]
+    return []
+
+
 def telemetry_finding(statuses: Sequence[Status]) -> Finding:
     """Check the daemon's own link: the age of the telemetry, and whether signatures agree."""
     doubts = [each.document.get("link_doubt") for each in statuses]

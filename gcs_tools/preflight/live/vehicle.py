@@ -12,7 +12,7 @@ from gcs_tools.preflight.live.firmware import firmware_finding
 from gcs_tools.preflight.live.parameters import check_parameters, corridor_m
 from gcs_tools.preflight.live.takeover import takeover_finding
 from gcs_tools.vehicle.clock import ANSWER_TIMEOUT_S, PINGS
-from gcs_tools.vehicle.geofence import FenceError, fence_areas
+from gcs_tools.vehicle.geofence import fence_areas
 from gcs_tools.vehicle.operator import HEALTH_TIMEOUT_S
 from gcs_tools.vehicle.query import TRIES, WAIT_S
 from gcs_tools.vehicle.survey import COUNTED, LISTEN_S, VehicleFacts
@@ -23,6 +23,7 @@ from onboard.mavlink.profiles.parameter_rules import ReportedParameters
 from onboard.mavlink.profiles.profile import CONSTANT_POSITION, NEEDED_ESTIMATOR_FLAGS
 from onboard.mavlink.profiles.registry import known_profiles
 from onboard.mavlink.profiles.setpoint_loss import loss_model_in_words, loss_model_refusal
+from onboard.mission_items.fence_items import FenceError
 from onboard.monitoring.detections import CLOCK_TOLERANCE_S
 from onboard.monitoring.energy import there_and_back_s
 

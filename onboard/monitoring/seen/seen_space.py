@@ -172,8 +172,8 @@ class SeenSpace:
         self._half_width_m = half_width_m
         self._set.limit(half_width_m)
 
-    def keep_in(self, fence: Fence) -> None:
-        """Call nothing free that a geofence in local NED forbids; stays in force."""
+    def keep_in(self, fence: Fence | None) -> None:
+        """Call nothing free that a geofence in local NED forbids; stays in force; None: ends."""
         self._fence = fence
         self._set.keep_in(fence, self._leg)
 

@@ -54,6 +54,16 @@ def test_a_daemon_that_is_well() -> None:
     assert all(each.text and not each.cure for each in found)
 
 
+def test_what_was_read_from_the_vehicle_and_where_a_flight_was_left_are_said() -> None:
+    read = {"mission": "2 legs, 24 m", "resumable": "leg 2 of 3"}
+    texts = {each.name: each.text for each in diagnose(seen_with(**read), CONTRACT)}
+    assert texts["mission"] == "read from the vehicle: 2 legs, 24 m"
+    assert texts["flight left"].startswith("at leg 2 of 3: clearway resume")
+    (found,) = not_well(seen_with(mission_doubt="item 3: not known to Clearway"))
+    assert (found.name, found.text) == ("mission", "item 3: not known to Clearway")
+    assert "upload a mission" in found.cure
+
+
 def test_a_daemon_that_is_not_heard_is_unknown() -> None:
     (found,) = diagnose(Observation())
     assert found.verdict is Verdict.UNKNOWN

@@ -95,7 +95,7 @@ def test_the_command_to_return_goes_the_same_way(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("command", "accepted", "text"),
     [
-        ("resume", True, "resumed: the vehicle flies on"),
+        ("resume", True, "resumed: the vehicle flies on, from standby once it is given control"),
         ("return", True, "returning: the vehicle flies back along the way flown"),
         ("return", False, "refused: the vehicle does not return\n  • flying [home]"),
     ],

@@ -11,11 +11,10 @@ from shapely import LineString
 
 from gcs_tools.vehicle.geofence import (
     FenceArea,
-    FenceError,
-    FenceItem,
     GeographicOrigin,
     fence_areas,
 )
+from onboard.mission_items.fence_items import FenceError, FenceItem
 
 ORIGIN = GeographicOrigin(47.397742, 8.545594)
 PATH = LineString([(0.0, 0.0), (40.0, 0.0), (40.0, 20.0)])

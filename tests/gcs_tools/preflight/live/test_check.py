@@ -27,7 +27,7 @@ from gcs_tools.vehicle.clock import (
     compare_one_way,
     unix_offset_s,
 )
-from gcs_tools.vehicle.geofence import FenceItem, GeographicOrigin
+from gcs_tools.vehicle.geofence import GeographicOrigin
 from gcs_tools.vehicle.survey import EstimatorStatus, VehicleFacts, version_of
 from onboard.contract.assessment import assess
 from onboard.files.contract_file import load_contract
@@ -43,6 +43,7 @@ from onboard.mavlink.profiles.profile import (
 )
 from onboard.mavlink.profiles.px4 import PX4
 from onboard.mavlink.profiles.registry import OTHER
+from onboard.mission_items.fence_items import FenceItem
 from tests.gcs_tools.running import CONFIG
 
 CONTRACT = load_contract(CONFIG / "paper_contract.yaml")

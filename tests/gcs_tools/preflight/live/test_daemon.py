@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 from gcs_tools.preflight.finding import Verdict
-from gcs_tools.preflight.live.daemon import Status, sensor_findings
+from gcs_tools.preflight.live.daemon import Status, mission_findings, sensor_findings
 from gcs_tools.preflight.live.detections import check_detections
 from onboard.contract.assessment import assess
 from onboard.files.contract_file import load_contract
@@ -35,6 +35,24 @@ def test_each_sensor_is_judged_by_name(said: Any, verdict: Verdict, words: str) 
     (found,) = sensor_findings(statuses, ("lidar",), TERMS)
     assert (found.subject, found.name, found.verdict) == ("sensor", "lidar", verdict)
     assert words in found.text
+
+
+@pytest.mark.parametrize(
+    ("said", "verdict", "words"),
+    [
+        ({"mission": "2 legs, 24 m"}, Verdict.HOLDS, "read from the vehicle: 2 legs, 24 m"),
+        ({"mission": "2 legs", "mission_doubt": "is being read"}, Verdict.BROKEN, "is being read"),
+    ],
+)
+def test_the_mission_on_board_is_said(said: Any, verdict: Verdict, words: str) -> None:
+    (found,) = mission_findings([Status(0.0, {"mission_doubt": "before"}), Status(1.0, said)])
+    assert (found.subject, found.name, found.verdict) == ("daemon", "mission", verdict)
+    assert found.text == words
+
+
+def test_of_a_mission_file_nothing_is_said() -> None:
+    assert mission_findings([]) == []
+    assert mission_findings([Status(0.0, {"mission": "", "mission_doubt": None})]) == []
 
 
 def test_without_a_status_nothing_is_known() -> None:

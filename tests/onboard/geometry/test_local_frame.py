@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gcs_tools.geodesy.local_frame import (
+from onboard.geometry.local_frame import (
     Autopilot,
     GeographicPoint,
     LocalFrame,

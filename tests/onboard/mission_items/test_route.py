@@ -6,10 +6,10 @@ import math
 
 import pytest
 
-from gcs_tools.geodesy.local_frame import Autopilot, GeographicPoint, LocalFrame
-from gcs_tools.missions.commands import CANNOT_FLY, NOT_DONE, command_name
-from gcs_tools.missions.planned_flight import FileItem
-from gcs_tools.missions.route import Route, Site, route_of
+from onboard.geometry.local_frame import Autopilot, GeographicPoint, LocalFrame
+from onboard.mission_items.commands import CANNOT_FLY, NOT_DONE, command_name
+from onboard.mission_items.planned_flight import FileItem
+from onboard.mission_items.route import Route, Site, route_of
 from tests.gcs_tools.missions.ground_station import HOME, LAND, RETURN, TAKE_OFF, WAYPOINT, north
 
 STEP_M = math.radians(1e-3) * 6_371_000.0

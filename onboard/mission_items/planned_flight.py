@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 from typing import Final, NamedTuple
 
-from gcs_tools.geodesy.local_frame import Autopilot, GeographicPoint
+from onboard.geometry.local_frame import Autopilot, GeographicPoint
 
 # MAV_FRAME: by which zero an altitude counts.
 SEA_LEVEL_FRAMES: Final = frozenset({0, 5})

@@ -6,16 +6,16 @@ import math
 from dataclasses import dataclass, field
 from typing import Final, Literal, NamedTuple
 
-from gcs_tools.geodesy.local_frame import GeographicPoint, LocalFrame
-from gcs_tools.missions import commands
-from gcs_tools.missions.planned_flight import (
+from onboard.files.mission_file import LEG_LENGTH_MIN_M
+from onboard.files.stem_map import DISTANCE_MAX_M
+from onboard.geometry.local_frame import GeographicPoint, LocalFrame
+from onboard.mission_items import commands
+from onboard.mission_items.planned_flight import (
     HOME_FRAMES,
     SEA_LEVEL_FRAMES,
     TERRAIN_FRAMES,
     FileItem,
 )
-from onboard.files.mission_file import LEG_LENGTH_MIN_M
-from onboard.files.stem_map import DISTANCE_MAX_M
 
 # Altitudes that differ by less are the same height, written by different programs.
 ALTITUDE_TOLERANCE_M: Final = 0.1

@@ -5,8 +5,7 @@ from typing import Any
 
 import pytest
 
-from gcs_tools.console.errors import CommandError
-from gcs_tools.missions.from_vehicle import OnBoard, planned_of
+from onboard.mission_items.on_board import OnBoard, OnBoardError, planned_of
 
 HOME = {"latitude": 473977000, "longitude": 85456000, "altitude": 488000}
 ORIGIN = {"latitude": 473977100, "longitude": 85456000, "altitude": 487000}
@@ -61,5 +60,5 @@ def test_without_home_or_of_an_unknown_autopilot_nothing_is_made_up() -> None:
     ],
 )
 def test_what_is_no_mission_is_refused(sent: OnBoard, words: str) -> None:
-    with pytest.raises(CommandError, match=words):
+    with pytest.raises(OnBoardError, match=words):
         planned_of(sent)

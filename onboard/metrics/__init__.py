@@ -1,0 +1,1 @@
+"""What the daemon counts, for Prometheus: its ticks, events, drops, ages, battery and margins."""

@@ -1,0 +1,1 @@
+"""Items of a mission as ground stations and autopilots keep them, interpreted as legs."""
