@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 _GROWTH_MAX_M: Final = 6.0
 # Half sides of rectangles that together cover a disc of radius 1: they end at equal angles.
 _COVER_RAD: Final = np.linspace(0.0, math.pi / 2.0, 9)
-_COVER: Final = tuple(
+COVER: Final = tuple(
     zip(np.cos(_COVER_RAD[:-1]).tolist(), np.sin(_COVER_RAD[1:]).tolist(), strict=True)
 )
 
@@ -83,7 +83,7 @@ class Corridor:
         for face in _order(*direction):
             reached_m = [
                 self._moved(faces[face], cells, face, self._radius_m * half[face // 2])[0]
-                for half, cells in zip(_COVER, self._cells_of_disc(Rectangle(*faces)), strict=True)
+                for half, cells in zip(COVER, self._cells_of_disc(Rectangle(*faces)), strict=True)
             ]
             faces[face] = min(reached_m) if face % 2 else max(reached_m)
         return Rectangle(*faces)
@@ -128,7 +128,7 @@ class Corridor:
     def _cells_of_disc(self, r: Rectangle) -> list[tuple[int, int, int, int]]:
         """Index ranges of each rectangle of the cover of a rectangle that the disc grows."""
         radius_m = self._radius_m
-        return [self._cells(r, radius_m * x, radius_m * y) for x, y in _COVER]
+        return [self._cells(r, radius_m * x, radius_m * y) for x, y in COVER]
 
     def _cells(self, r: Rectangle, half_x_m: float, half_y_m: float) -> tuple[int, int, int, int]:
         """Index ranges of the cells that a grown rectangle touches."""
