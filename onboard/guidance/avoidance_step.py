@@ -315,4 +315,6 @@ class AvoidanceStep:
             plan = replace(plan, trajectory=longer)
             self._situation.avoidance = replace(avoidance, plan=plan)
             self._situation.reference.schedule(longer, now_s)
+            # The region that plans are made in, which is larger than that of the map's obstacle.
+            obstacle = self._situation.to_avoid(obstacle)
             self._planned.append(PlannedStep(plan, obstacle, self._situation.leg, 0.0))

@@ -5,13 +5,22 @@ from __future__ import annotations
 import itertools
 from collections.abc import Callable
 from dataclasses import replace
+from typing import Final
+
+import numpy as np
 
 from onboard.contract.region import RegionOfInfluence
+from onboard.contract.stop_region import OVERHANG_M, PASSIVE_OVERHANG_M
+from onboard.geometry.free_grid import FreeGrid
 from onboard.guidance.situation import Avoidance, Situation
 from onboard.motion.trajectory import State, Y
 from onboard.perception.obstacle_map import Obstacle
 from onboard.planning.planner import Plan, Planner
 from onboard.planning.problem import AvoidanceProblem, exit_speeds_mps
+
+# Steps, and how far to either side at most, in which the space seen free is measured.
+_ASIDE_STEP_M: Final = 0.2
+_ASIDE_MAX_M: Final = 16.0
 
 
 class InductionPlanner:
@@ -30,7 +39,12 @@ class InductionPlanner:
         self, situation: Situation, planner: Planner, stopwatch: Callable[[], float]
     ) -> None:
         self._situation, self._planner, self._stopwatch = situation, planner, stopwatch
+        self._seen: Callable[[], FreeGrid] | None = None
         self.plan_times_s: list[float] = []
+
+    def see_by(self, seen: Callable[[], FreeGrid]) -> None:
+        """Prefer plans that lead no farther aside than was seen free, as this returns it."""
+        self._seen = seen
 
     def plan(
         self, obstacle: Obstacle, start: State, start_s: float, entry_mps: float
@@ -57,19 +71,47 @@ class InductionPlanner:
         return found
 
     def _regions(self, obstacle: Obstacle, start: State) -> list[RegionOfInfluence]:
-        """Return the region to plan in; before it, one with the lane that leads to the target.
+        """Return the region to plan in; before it, one with lanes that lead to the leg's end.
 
         A leg is flown to its end only if it ends within the target: a side on which no way back to
-        it is needed comes first.  Without a way to rest the paper's choice is kept.
+        it is needed comes first.  What leads farther aside than was seen free is not flown to its
+        end either: the shield would stop it there, so that a lane within that comes first.
+        Without a way to rest the paper's choice is kept.
         """
         region = obstacle.region
+        if not self._situation.shielded:
+            return [region]
         # Well within: what is flown after the step may not end exactly beside it.
         terms = self._situation.assessment.terms
         half_m = self._situation.route.leg.target_half_width_m - terms.body_m
-        if not self._situation.shielded or abs(start.position_leg_m[Y]) >= half_m:
-            return [region]
-        left_m, right_m = max(region.lane_left_m, -half_m), min(region.lane_right_m, half_m)
-        return [replace(region, lane_left_m=left_m, lane_right_m=right_m), region]
+        regions = [region]
+        if abs(start.position_leg_m[Y]) < half_m:
+            regions.insert(0, _within(region, -half_m, half_m))
+        if self._seen is not None:
+            seen = _within(regions[0], *self._seen_lanes_m(self._seen(), region, start))
+            if seen != regions[0]:
+                regions.insert(0, seen)
+        return regions
+
+    def _seen_lanes_m(
+        self, grid: FreeGrid, region: RegionOfInfluence, start: State
+    ) -> tuple[float, float]:
+        """Return between which y the vehicle may fly, up to the obstacle, where it was seen free.
+
+        The body and the overhang of a sidestep have room beside that.
+        """
+        terms = self._situation.assessment.terms
+        x_m, y_m, _ = start.position_leg_m
+        aside_m = np.arange(_ASIDE_STEP_M, _ASIDE_MAX_M, _ASIDE_STEP_M)
+        at_m = np.ones_like(aside_m)
+        front_m = max(region.obstacle.x_min_m, x_m) * at_m
+        beside_m = terms.body_m + (PASSIVE_OVERHANG_M if terms.passive_safety else OVERHANG_M)
+        reach_m = []
+        for low_m, high_m in ((y_m - aside_m, y_m * at_m), (y_m * at_m, y_m + aside_m)):
+            free = grid.are_free(x_m * at_m, front_m, low_m, high_m)
+            count = int(np.logical_and.accumulate(free).sum())
+            reach_m.append(_ASIDE_STEP_M * count - beside_m)
+        return y_m - reach_m[0], y_m + reach_m[1]
 
     def _problem(
         self, region: RegionOfInfluence, start: State, start_s: float, exit_speed_mps: float
@@ -86,3 +128,12 @@ class InductionPlanner:
             climb_preferred=climb_max_m > 0.0,
             coast_time_s=self._situation.assessment.inflated.manoeuvre_encounter.coast_time_s,
         )
+
+
+def _within(region: RegionOfInfluence, left_m: float, right_m: float) -> RegionOfInfluence:
+    """Return a region whose lanes lead no farther aside than a y on either side."""
+    return replace(
+        region,
+        lane_left_m=max(region.lane_left_m, left_m),
+        lane_right_m=min(region.lane_right_m, right_m),
+    )

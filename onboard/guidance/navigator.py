@@ -59,6 +59,7 @@ class Navigator:
         self.obstacles, self.events = situation.obstacles, situation.events
         clear_check = ClearCheck(situation)
         induction_planner = InductionPlanner(situation, planner, stopwatch)
+        self._induction_planner = induction_planner
         self.plan_times_s = induction_planner.plan_times_s
         self._fallback = fallback = Fallback(situation, clear_check, induction_planner)
         self.thread = thread = Thread(situation, fallback) if assessment.terms.stop else None
@@ -145,6 +146,7 @@ class Navigator:
         """Fly, where a way to rest has to be held, in the space that this set says is free."""
         if self.shield is not None:
             self.shield.see_by(seen)
+            self._induction_planner.see_by(seen.grid)
 
     def departure_refusals(self, pose: Pose) -> list[Refusal]:
         """Return why the leg may not be started or resumed from here; empty if it may."""

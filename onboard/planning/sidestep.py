@@ -10,15 +10,19 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from itertools import compress
 from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
 
 from onboard.planning.corridor.horizon import PIECE_S, PIECES, Horizon
+from onboard.planning.corridor.rectangles import COVER, Rectangle
 from onboard.planning.rest_certifier import GRID_TOLERANCE_M
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
+
+    from numpy.typing import NDArray
 
     from onboard.contract.run_on import RunOn
     from onboard.geometry.box import Box
@@ -37,14 +41,17 @@ _TARGETS_MAX: Final = 12
 _ABREAST_MAX: Final = 24
 # Beside an obstacle that is nearer than this, a cell at its corner may not be seen free.
 _GRAZING_CELLS: Final = 2
-# How far to draw back first: cells along the front face are seen at a grazing angle only.
+# How far to draw back first, and what to keep from what is not free: cells along the front face
+# are seen at a grazing angle only.
 _BACK_M: Final = (0.0, 0.3, 0.6, 1.0)
-# Kept before what is not free, for the same reason.
 _ROOM_M: Final = 0.3
 # Setting off for less than this does not count as progress.
 GO_MIN_M: Final = 0.2
 _REACH_M: Final = 12.0
 _STEP_M: Final = 0.1
+# Steps away from what is not seen, and how far ahead they have to lead.
+_ASIDE_M: Final = (0.3, 0.6, 1.0, 1.5, 2.2, 3.0, 4.0)
+_AHEAD_M: Final = 1.0
 # Places nearer to each other than this are the same.
 _SAME_PLACE_M: Final = 0.1
 # Shares of the greatest speed and of the accelerations that are tried.
@@ -121,17 +128,7 @@ def looks_aside_rad(
     step_rad = 2.0 * (widest_rad - reach_rad) / max(count - 1, 1)
     if count == 1:
         return (0.0,)
-    headings = [widest_rad - reach_rad - k * step_rad for k in range(count)]
-    return tuple(headings)
-
-
-class _Strip(NamedTuple):
-    """Where the body may be while the reference moves along one axis, its run-on included."""
-
-    x_min_m: float
-    x_max_m: float
-    y_min_m: float
-    y_max_m: float
+    return tuple(widest_rad - reach_rad - k * step_rad for k in range(count))
 
 
 def go_ahead(at: Standstill) -> Iterator[Horizon]:
@@ -160,7 +157,8 @@ def sidesteps(at: Standstill) -> Iterator[Horizon]:
     """Yield motions to either side of the obstacle ahead, or aside to the leg's end, from rest.
 
     Those whose strips are not seen free are left out.  The side with room comes first, then the
-    nearer one; before it moves sideways the vehicle may draw back a little.
+    nearer one; before it moves sideways the vehicle may draw back a little.  Where nothing known is
+    ahead, they lead to where the way ahead is seen free.
     """
     x_m, y_m = at.place_leg_m
     for target_m in _targets_m(at):
@@ -176,11 +174,11 @@ def _aside(at: Standstill, back_m: float, aside_m: float) -> Iterator[Horizon]:
     """Yield the quickest motion back and aside whose strips are seen free; none if none are."""
     x_m, y_m = at.place_leg_m
     for overhang_m in _overhangs_m(at.limits.run_on):
-        moves, strips = [(1, aside_m)], [_strip(at, x_m - back_m, y_m, (1, aside_m), overhang_m)]
+        moves, strips = [(1, aside_m)], [_strip(x_m - back_m, y_m, (1, aside_m), overhang_m)]
         if back_m > 0.0:
             moves.insert(0, (0, -back_m))
-            strips.append(_strip(at, x_m, y_m, (0, -back_m), overhang_m))
-        if all(at.grid.is_free(*strip) for strip in strips):
+            strips.append(_strip(x_m, y_m, (0, -back_m), overhang_m))
+        if all(_has_room(at, strip) for strip in strips):
             motion = _motion(at, moves, overhang_m)
             if motion is not None:
                 yield motion
@@ -196,7 +194,7 @@ def _targets_m(at: Standstill) -> list[float]:
     (x_m, y_m), (goal_x_m, goal_y_m) = at.place_leg_m, at.goal_leg_m
     ahead = at.obstacle_ahead(cells=_GRAZING_CELLS)
     if ahead is None:
-        return [goal_y_m] if abs(x_m - goal_x_m) < GO_MIN_M else []
+        return [goal_y_m] if abs(x_m - goal_x_m) < GO_MIN_M else _towards_seen_m(at)
     past_m = ahead.x_max_m + 2.0 * at.margin_m
     abreast = sorted(
         (
@@ -221,6 +219,15 @@ def _targets_m(at: Standstill) -> list[float]:
     return [float(target_m) for target_m in targets_m[clear[:_TARGETS_MAX]]]
 
 
+def _towards_seen_m(at: Standstill) -> list[float]:
+    """Return lateral positions from which the way ahead is seen free, the nearest first."""
+    x_m, y_m = at.place_leg_m
+    inwards = math.copysign(1.0, at.goal_leg_m[1] - y_m)
+    targets_m = [y_m + sign * aside_m for aside_m in _ASIDE_M for sign in (inwards, -inwards)]
+    seen = [_has_room(at, Rectangle(x_m, x_m + _AHEAD_M, y, y)) for y in (y_m, *targets_m)]
+    return [] if seen[0] else list(compress(targets_m, seen[1:]))
+
+
 def _is_tried(at: Standstill, place_leg_m: tuple[float, float]) -> bool:
     return any(math.dist(place_leg_m, tried) < _SAME_PLACE_M for tried in at.tried_leg_m)
 
@@ -229,31 +236,40 @@ def _overhangs_m(run_on: RunOn) -> tuple[float, ...]:
     return OVERHANGS_M if run_on.gains else (0.0,)
 
 
-def _strip(
-    at: Standstill, x_m: float, y_m: float, move: tuple[int, float], overhang_m: float
-) -> _Strip:
-    """Return the strip of a move of (axis, distance) from a place."""
-    grown_m = at.limits.body_radius_m + 2.0 * GRID_TOLERANCE_M
+def _strip(x_m: float, y_m: float, move: tuple[int, float], overhang_m: float) -> Rectangle:
+    """Return where the reference may be while it makes a move of (axis, distance), and runs on."""
     axis, distance_m = move
     farther_m = distance_m + math.copysign(overhang_m, distance_m)
-    low_m, high_m = min(0.0, farther_m) - grown_m, max(0.0, farther_m) + grown_m
+    low_m, high_m = min(0.0, farther_m), max(0.0, farther_m)
     if axis == 0:
-        return _Strip(x_m + low_m, x_m + high_m, y_m - grown_m, y_m + grown_m)
-    return _Strip(x_m - grown_m, x_m + grown_m, y_m + low_m, y_m + high_m)
+        return Rectangle(x_m + low_m, x_m + high_m, y_m, y_m)
+    return Rectangle(x_m, x_m, y_m + low_m, y_m + high_m)
+
+
+def _has_room(at: Standstill, way: Rectangle) -> bool:
+    """Tell whether the body may be anywhere in a rectangle."""
+    return bool(_have_room(at, *(np.array([face_m]) for face_m in way))[0])
+
+
+def _have_room(
+    at: Standstill, x0_m: FloatArray, x1_m: FloatArray, y0_m: FloatArray, y1_m: FloatArray
+) -> NDArray[np.bool_]:
+    """Tell of rectangles (n,) whether the body's square has room in them, or else its disc."""
+    grown_m = at.limits.body_radius_m + 2.0 * GRID_TOLERANCE_M
+    free = at.grid.are_free(x0_m - grown_m, x1_m + grown_m, y0_m - grown_m, y1_m + grown_m)
+    if not free[0]:
+        x_m, y_m = grown_m * np.array(COVER).T[:, :, None]
+        covers = at.grid.are_free(x0_m - x_m, x1_m + x_m, y0_m - y_m, y1_m + y_m)
+        free = np.logical_and.reduce(covers)
+    return free
 
 
 def _free_ahead_m(at: Standstill) -> float:
     """Return how far ahead the body's strip along the leg is seen free."""
     x_m, y_m = at.place_leg_m
-    grown_m = at.limits.body_radius_m + 2.0 * GRID_TOLERANCE_M
     ways_m = np.arange(0.0, _REACH_M, _STEP_M)
     ones = np.ones_like(ways_m)
-    free = at.grid.are_free(
-        (x_m - grown_m) * ones,
-        x_m + ways_m + grown_m,
-        (y_m - grown_m) * ones,
-        (y_m + grown_m) * ones,
-    )
+    free = _have_room(at, x_m * ones, x_m + ways_m, y_m * ones, y_m * ones)
     return float(ways_m[np.count_nonzero(np.logical_and.accumulate(free)) - 1]) if free[0] else 0.0
 
 

@@ -188,7 +188,7 @@ class _Search:
             piece = Rectangle(low[k][0], high[k][0], low[k][1], high[k][1])
             if last is not None and k % 3 and k < PIECES - 6 and last.contains(piece):
                 found.append(last)
-            elif not self._corridor.is_free(piece):  # certified in halves: it stays as it is
+            elif not self._corridor.has_room(piece):  # certified in halves: it stays as it is
                 found.append(piece)
                 last = None
             else:
@@ -329,7 +329,7 @@ class _Search:
     def _rectangles_of(self, points_m: FloatArray) -> tuple[list[Rectangle], FloatArray] | None:
         """Return free rectangles along points, and the points up to where that ends."""
         x_m, y_m = self._start[0].tolist()
-        if not self._corridor.is_free(Rectangle(x_m, x_m, y_m, y_m)):
+        if not self._corridor.has_room(Rectangle(x_m, x_m, y_m, y_m)):
             return None
         targets, stopped = points_m.copy(), False
         rectangles: list[Rectangle] = []
@@ -343,7 +343,7 @@ class _Search:
                 min(before[1], to_y),
                 max(before[1], to_y),
             )
-            if not stopped and not self._corridor.is_free(piece):
+            if not stopped and not self._corridor.has_room(piece):
                 if not rectangles:
                     return None
                 stopped = True

@@ -170,6 +170,38 @@ def test_where_a_face_is_too_near_it_draws_back_first() -> None:
     assert certifies(motion, at)
 
 
+def unseen(at: Standstill, *boxes: Box) -> Standstill:
+    """Take some places, of which no obstacle is known, for unseen."""
+    return replace(at, grid=standing(*boxes).grid)
+
+
+@pytest.mark.parametrize("run_on", [NO_RUN_ON, COASTING, FROZEN])
+def test_it_gets_away_from_where_only_the_disc_of_the_body_is_free(run_on: RunOn) -> None:
+    """A way to rest is certified for the disc, so that it may end without any margin."""
+    corners = [Box(x_m, x_m + 0.1, -0.65, -0.55) for x_m in (-0.65, 0.55)]
+    at = unseen(standing(Box(1.2, 2.2, -0.4, 1.4), run_on=run_on), Box(1.2, 2.2, -0.4, 1.4))
+    at = unseen(at, Box(1.2, 2.2, -0.4, 1.4), *corners)
+    assert not at.grid.is_free(-0.5, 0.5, -0.5, 0.5)
+    motion = next(sidesteps(at))
+    assert certifies(motion, at)
+    assert end_of(motion)[1] > 1.4 + at.margin_m
+
+
+@pytest.mark.parametrize("goal_y_m", [0.0, -8.0])
+def test_from_the_edge_of_what_was_seen_it_goes_back_to_where_the_way_ahead_was(
+    goal_y_m: float,
+) -> None:
+    """An avoidance has led aside, and what is ahead there was not seen: no obstacle is known."""
+    at = replace(unseen(standing(), Box(0.75, 9.0, -9.0, 0.4)), goal_leg_m=(30.0, goal_y_m))
+    assert not list(go_ahead(at))
+    motion = next(sidesteps(at))
+    assert certifies(motion, at)
+    x_m, y_m = end_of(motion)
+    assert (x_m, y_m) == pytest.approx((0.0, 1.5))
+    ahead = replace(at, flown=Horizon.at_rest(0.0, x_m, y_m))
+    assert certifies(next(go_ahead(ahead)), ahead)
+
+
 def test_at_the_end_of_the_leg_it_goes_aside_to_the_end() -> None:
     at = replace(standing(), goal_leg_m=(0.1, 2.0))
     assert end_of(next(sidesteps(at))) == pytest.approx((0.0, 2.0))

@@ -2,18 +2,21 @@
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from onboard.contract.assessment import TICK_S
-from onboard.files.contract_file import Contract
+from onboard.files.contract_file import Contract, load_contract
 from onboard.guidance.phases import FlightState, Phase
 from onboard.monitoring.assumptions import Assumption, Violation
 from onboard.vehicle_state import Pose
 from tests.onboard.guidance.dense.field_flight import FieldFlight, IdealSeenSpace, Stem
 from tests.onboard.guidance.perfect_flight import DEFECT, PerfectFlight, mission_to
 
+CONFIG = Path(__file__).parents[4] / "config"
 STEM = Stem(18.0, 0.1, 0.3)
 BLIND = Violation(Assumption.DETECTION_AGE, 1.0, 0.3, "s", "front")
 SHORT_SIGHTED = Violation(Assumption.DETECTION_RANGE, 0.5, 12.0, "m", "front")
@@ -94,6 +97,45 @@ def test_an_obstacle_is_avoided_as_ever_and_a_way_to_rest_is_held_all_the_time(
     assert shield is not None
     assert shield.rest_certified is True
     assert shield.renewals > 50
+
+
+def test_an_avoidance_leads_no_farther_aside_than_was_seen_free_where_that_suffices() -> None:
+    """Else the shield stops it there, and what was promised is flown by best effort."""
+    wandering = ("sensor.position_error_m=0.55", "vehicle.tracking_error_m=1.0")
+    shorter = ("sensor.detection_range_m=13.2", *wandering)
+    contract = load_contract(CONFIG / "px4_contract.yaml", shorter)
+    mission = mission_to((60.0, 0.0), half_width_m=20.0).model_copy(update={"start_clear_m": 5.0})
+    flight = arrived(ShieldedFlight(contract, mission, (Stem(25.0, 0.0, 0.9),), IdealSeenSpace()))
+    assert FlightState.AVOIDING in flight.states
+    assert FlightState.LOOKING not in flight.states
+
+
+def test_a_plan_that_ends_later_is_recorded_with_the_region_that_it_was_made_in(
+    contract: Contract,
+) -> None:
+    """With room for the cells of the set: else the plan would begin outside its region."""
+    requirements = contract.requirements.model_copy(update={"stop": True})
+    sensor = contract.sensor.model_copy(update={"position_error_m": 0.25})
+    coarse = contract.model_copy(update={"requirements": requirements, "sensor": sensor})
+    mission = mission_to((45.0, 0.0)).model_copy(update={"start_clear_m": 3.0})
+    flight = ShieldedFlight(coarse, mission, (STEM,), IdealSeenSpace())
+    flight.depart()
+    flight.run_until(FlightState.AVOIDING)
+    (planned,) = flight.navigator.take_planned()
+    avoidance = flight.navigator.avoidance
+    assert avoidance is not None
+    trajectory = planned.plan.trajectory
+    flight.run(60.0, until=lambda: flight.now_s > trajectory.end_s - 0.3)
+    # A plan that passes as near as it may, whose obstacle turns out to be larger within its error.
+    aside_m = planned.obstacle.region.obstacle.y_min_m - trajectory.final.position_leg_m[1] - 0.02
+    near = replace(planned.plan, trajectory=trajectory.shifted_by((0.0, aside_m, 0.0)))
+    flight.situation.avoidance = replace(avoidance, plan=near)
+    flight.planner.failing = True
+    flight.see(18.0, 0.1, size_m=(1.4, 1.4), name="0")
+    (longer,) = flight.navigator.take_planned()
+    assert longer.plan.trajectory.end_s > trajectory.end_s
+    region, before = longer.obstacle.region.manoeuvre, planned.obstacle.region.manoeuvre
+    assert region.enclosing(before) == region
 
 
 def test_without_a_plan_it_stops_in_time_and_threads_on(shielded: Shielded) -> None:

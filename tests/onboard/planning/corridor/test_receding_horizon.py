@@ -98,6 +98,17 @@ def test_it_comes_to_rest_before_what_is_unseen() -> None:
     assert np.hypot(*course.flown.nodes[0, 1]) < 0.05
 
 
+@pytest.mark.parametrize("run_on", [NO_RUN_ON, COAST])
+def test_it_gets_away_from_where_only_the_disc_of_the_body_is_free(run_on: RunOn) -> None:
+    """A way to rest is certified for the disc, so that it may end without any margin."""
+    beside = Box(-2.0, 2.0, -0.98, -0.72)
+    corners = [Box(x_m, x_m + 0.06, -0.58, -0.52) for x_m in (-0.58, 0.52)]
+    course = Course(beside, *corners, run_on=run_on)
+    assert not course.grid.is_free(-0.65, 0.65, -0.65, 0.65)
+    course.fly(40)
+    assert course.flown.nodes[0, 0, 0] > 11.5
+
+
 def test_without_room_it_keeps_the_plan_flown() -> None:
     walls = (Box(0.8, 1.2, -1.4, 1.4), Box(-1.2, -0.8, -1.4, 1.4))
     course = Course(*walls, Box(-1.2, 1.2, 0.8, 1.4), Box(-1.2, 1.2, -1.4, -0.8))
