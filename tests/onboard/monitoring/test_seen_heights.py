@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from onboard.contract.assessment import Assessment, assess
-from onboard.contract.heights import half_band_m
+from onboard.contract.heights import LEVEL_M, half_band_m
 from onboard.files.contract_file import Contract
 from onboard.geometry.frames import FloatArray, LegFrame
 from onboard.guidance.dense.limits import rest_limits_of
@@ -263,9 +263,18 @@ class View:
         return set(met.argmin(axis=0).tolist())
 
 
-sizes = st.floats(0.2, 3.0)
+sizes = st.one_of(st.floats(0.2, 0.4), st.floats(0.2, 3.0))
+HALF_M = BODY_M + CONTROL_M + DRIFT_M + LEVEL_M
+# Heights (top, bottom) that just reach into the band, from below or above, and any others.
+tall = st.one_of(st.floats(0.05, 0.6), sizes)
+just = st.floats(0.01, 0.3)
+downs = st.one_of(
+    st.builds(lambda into, size: (-5.0 + HALF_M - into, -5.0 + HALF_M - into + size), just, tall),
+    st.builds(lambda into, size: (-5.0 - HALF_M + into - size, -5.0 - HALF_M + into), just, tall),
+    st.builds(lambda top, size: (top, top + size), st.floats(-9.0, 0.0), tall),
+)
 drawn_boxes = st.tuples(
-    st.floats(2.0, 11.0), st.floats(-6.0, 6.0), sizes, sizes, st.floats(-9.0, 0.0), sizes
+    st.one_of(st.floats(1.0, 4.0), st.floats(2.0, 11.0)), st.floats(-4.0, 2.0), sizes, sizes, downs
 )
 signs = st.sampled_from([-1.0, 0.0, 1.0])
 drawn_looks = st.tuples(st.floats(-0.3, 0.3), st.floats(-0.3, 0.3), signs, signs, signs)
@@ -298,19 +307,19 @@ def reported(
     return found
 
 
-@settings(max_examples=60, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=80, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(
     drawn=st.lists(drawn_boxes, min_size=1, max_size=5),
     looks=st.lists(drawn_looks, min_size=1, max_size=3),
 )
 def test_no_part_of_an_obstacle_is_where_the_band_was_seen_free(
     contract: Contract,
-    drawn: list[tuple[float, ...]],
+    drawn: list[tuple[float, float, float, float, tuple[float, float]]],
     looks: list[tuple[float, float, float, float, float]],
 ) -> None:
     """The vehicle is off by E_z, the sensor by r_z, top and bottom by e_z, faces by e."""
     truth = np.array(
-        [(n, n + along, e, e + across, top, top + tall) for n, e, along, across, top, tall in drawn]
+        [(n, n + along, e, e + across, *down_m) for n, e, along, across, down_m in drawn]
     )
     rig = Rig(contract)
     for roll, pitch, off, face, z in looks:
@@ -321,8 +330,9 @@ def test_no_part_of_an_obstacle_is_where_the_band_was_seen_free(
         else:
             seen = []
         rig.look(seen, 3, (0.0, 0.0, body_down_m), (roll, pitch))
-    grid, half_m = rig.seen.grid(), half_band_m(rig.flight.assessment.terms)
+    assert half_band_m(rig.flight.assessment.terms) == pytest.approx(HALF_M)
+    grid = rig.seen.grid()
     for box in truth.tolist():
         for north, east, down in _points(box).tolist():
-            if abs(down + 5.0) <= half_m:
+            if abs(down + 5.0) <= HALF_M:
                 assert not grid.is_free(north - 1e-6, north + 1e-6, east - 1e-6, east + 1e-6)
