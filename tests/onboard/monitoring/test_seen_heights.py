@@ -249,7 +249,8 @@ class View:
         x, y, z = (rays @ self._turn).T
         held: NDArray[np.bool_] = np.abs(np.arctan2(y, x)) <= math.radians(60.0)
         held &= np.abs(np.arctan2(-z, np.hypot(x, y))) <= UP_RAD
-        return held & (np.linalg.norm(rays, axis=1) <= 12.0)
+        held &= np.linalg.norm(rays, axis=1) <= 12.0
+        return held
 
     def met_first(self, points: FloatArray, boxes: FloatArray) -> set[int]:
         """Return the boxes that lines of sight to some points meet first."""

@@ -9,7 +9,8 @@ import pytest
 from onboard.geometry.frames import LegFrame
 from onboard.perception.detection import ANY_HEIGHT, Corners, DownRange
 from onboard.perception.obstacle_map import ObstacleMap
-from tests.onboard.perception.test_obstacle_map import region_around, square
+from tests.onboard.perception.messages import square
+from tests.onboard.perception.test_obstacle_map import region_around
 
 HIGH_LEG = LegFrame((0.0, 0.0, -5.0), 0.0)
 HALF_M = 1.2
