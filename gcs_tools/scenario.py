@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from pathlib import Path
 from types import MappingProxyType
@@ -229,8 +230,19 @@ def _loaded_field(written: Path | ObstacleList, base: Path) -> ObstacleField:
 def obstacle_list(field: ObstacleField) -> list[Obstacle]:
     """Return a field as it would be written in YAML."""
     columns = (field.center_ned_m, 2.0 * field.half_size_m, np.degrees(field.yaw_rad))
-    rows = zip(field.ids, *(column.tolist() for column in columns), strict=True)
+    rows = zip(field.ids, *(column.tolist() for column in columns), _downs(field), strict=True)
     return [
-        Obstacle(id=name, center_ned_m=center_m, size_m=size_m, yaw_deg=yaw_deg)
-        for name, center_m, size_m, yaw_deg in rows
+        Obstacle(id=name, center_ned_m=center_m, size_m=size_m, yaw_deg=yaw_deg, down_m=down_m)
+        for name, center_m, size_m, yaw_deg, down_m in rows
     ]
+
+
+def _downs(field: ObstacleField) -> list[tuple[float | None, float | None] | None]:
+    """Return top and bottom of each obstacle as they would be written."""
+    if field.down_m is None:
+        return [None] * len(field)
+    stated = [
+        (top_m if math.isfinite(top_m) else None, bottom_m if math.isfinite(bottom_m) else None)
+        for top_m, bottom_m in field.down_m.tolist()
+    ]
+    return [None if each == (None, None) else each for each in stated]

@@ -31,6 +31,7 @@ class MultirotorConfig(FileModel):
     mass_kg: Positive = 1.5
     thrust_to_weight: Annotated[float, Field(gt=1.0)] = 2.0
     radius_m: Positive = 0.30
+    half_height_m: Positive = 0.08
     arm_length_m: Positive = 0.22
     inertia_kgm2: Annotated[tuple[Positive, Positive, Positive], Field(strict=False)] = (
         0.022,

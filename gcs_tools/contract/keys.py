@@ -17,6 +17,8 @@ _SUGGESTIONS_MAX = 3
 _ITEM_TERMS = {
     "velocity_error_mps.0": "velocity_error_x_mps",
     "velocity_error_mps.1": "velocity_error_y_mps",
+    "vertical_field_of_view_deg.0": "view_up_rad",
+    "vertical_field_of_view_deg.1": "view_down_rad",
 }
 
 

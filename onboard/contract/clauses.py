@@ -9,6 +9,7 @@ from typing import Any, Final, Generic, Literal
 from onboard.contract.agility import thrust_to_weight_at_corner, tilt_limits
 from onboard.contract.arithmetic import Arithmetic
 from onboard.contract.derivation import Derived
+from onboard.contract.heights import ground_below_m, view_needed_rad
 from onboard.contract.recentring import Drift, drift_of, required_view
 from onboard.contract.terms import Terms
 from onboard.geometry.frames import Q
@@ -25,6 +26,7 @@ PROGRESS_CLAUSES: Final = frozenset(
         "sensor_silence",
         "recentring",
         "separation",
+        "top_visibility",
     }
 )
 
@@ -77,6 +79,7 @@ def clauses(terms: Terms[Q], derived: Derived[Q], ops: Arithmetic[Q]) -> tuple[C
         + _passive_safety_clauses(terms, derived, ops)
         + _recentring_clauses(terms, derived, ops)
         + _height_clauses(terms)
+        + _view_of_heights_clauses(terms, derived, ops)
         + _seen_free_clauses(terms)
         + (separation,)
     )
@@ -129,13 +132,38 @@ def _wind_clauses(terms: Terms[Q], ops: Arithmetic[Q]) -> tuple[Clause[Q], ...]:
 def _height_clauses(terms: Terms[Q]) -> tuple[Clause[Q], ...]:
     if terms.mission_altitude_m is None:
         return ()
+    clearance = Clause(
+        "ground_clearance",
+        terms.radius_m + terms.tracking_error_z_m + terms.estimator_reset_max_m,
+        terms.mission_altitude_m,
+        "m",
+        "the mission must be flown high enough to stay clear of the ground",
+    )
+    if terms.terrain_max_m is None and terms.radius_z_m is None:
+        return (clearance,)
+    terrain = Clause(
+        "terrain",
+        ground_below_m(terms),
+        terms.mission_altitude_m,
+        "m",
+        "the mission must be flown clear of the highest ground, drift and its error included",
+    )
+    return clearance, terrain
+
+
+def _view_of_heights_clauses(
+    terms: Terms[Q], derived: Derived[Q], ops: Arithmetic[Q]
+) -> tuple[Clause[Q], ...]:
+    needed_rad = view_needed_rad(terms, derived, ops)
+    if needed_rad is None or terms.view_up_rad is None or terms.view_down_rad is None:
+        return ()
     return (
         Clause(
-            "ground_clearance",
-            terms.radius_m + terms.tracking_error_z_m + terms.estimator_reset_max_m,
-            terms.mission_altitude_m,
-            "m",
-            "the mission must be flown high enough to stay clear of the ground",
+            "top_visibility",
+            needed_rad * (180.0 / math.pi),
+            ops.minimum(terms.view_up_rad, terms.view_down_rad) * (180.0 / math.pi),
+            "°",
+            "what reaches into the heights flown at must be seen, up and down, before it is near",
         ),
     )
 

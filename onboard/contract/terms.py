@@ -22,7 +22,8 @@ class Terms(Generic[Q]):
 
     `mission_altitude_m`, the lowest height of the mission above the local origin, is not a key of a
     contract; where it is None, the clause about it is left out.  `separation_shares` are along and
-    across the leg, of `obstacle_separation_min_m`; None where that holds in every direction.
+    across the leg, of `obstacle_separation_min_m`; None where that holds in every direction.  What
+    only `onboard.contract.heights` uses is None where obstacles count as pillars of any height.
     """
 
     roll_max_rad: Q
@@ -60,6 +61,13 @@ class Terms(Generic[Q]):
     thinnest_obstacle_m: Q | None = None
     no_return_is_free_to_m: Q | None = None
     mission_altitude_m: Q | None = None
+    terrain_max_m: Q | None = None
+    terrain_error_m: Q | None = None
+    radius_z_m: Q | None = None
+    height_drift_m: Q | None = None
+    position_error_z_m: Q | None = None
+    view_up_rad: Q | None = None
+    view_down_rad: Q | None = None
     stop: bool = True
     passive_safety: bool = True
     input_set: InputSet = "inner"
@@ -96,6 +104,8 @@ class Terms(Generic[Q]):
             flight_time_max_s=contract.requirements.flight_time_max_s,
             thinnest_obstacle_m=sensor.thinnest_obstacle_m,
             no_return_is_free_to_m=sensor.no_return_is_free_to_m,
+            **_terrain(environment),
+            **_heights(contract),
             detection_range_m=sensor.detection_range_m,
             field_of_view_rad=math.radians(sensor.field_of_view_deg),
             frame_age_max_s=sensor.frame_age_max_s,
@@ -167,6 +177,7 @@ class Terms(Generic[Q]):
             "stop": False,
             "position_drift_mps": None,
             "passive_safety": False,
+            "radius_z_m": None,
         }
         return Terms(**vars(self) | ideal)  # as `replace`, in half the time
 
@@ -186,6 +197,31 @@ def _setpoint_loss(vehicle: VehicleTerms) -> dict[str, Any]:
         "setpoint_loss_model": "frozen",
         "setpoint_gain_per_s": loss.gain_per_s,
         "setpoint_velocity_gain_per_s": loss.velocity_gain_per_s,
+    }
+
+
+def _heights(contract: Contract) -> dict[str, Any]:
+    """Return the terms about heights; none where obstacles count as pillars."""
+    vehicle, sensor = contract.vehicle, contract.sensor
+    if sensor.vertical_field_of_view_deg is None:
+        return {}
+    up_deg, down_deg = sensor.vertical_field_of_view_deg
+    return {
+        "radius_z_m": vehicle.radius_z_m,
+        "height_drift_m": vehicle.height_drift_m,
+        "position_error_z_m": sensor.position_error_z_m,
+        "view_up_rad": math.radians(up_deg),
+        "view_down_rad": math.radians(down_deg),
+    }
+
+
+def _terrain(environment: EnvironmentTerms) -> dict[str, Any]:
+    """Return the terms about the ground; none where it is the plane of the local origin."""
+    if environment.terrain_max_m == environment.terrain_error_m == 0.0:
+        return {}
+    return {
+        "terrain_max_m": environment.terrain_max_m,
+        "terrain_error_m": environment.terrain_error_m,
     }
 
 

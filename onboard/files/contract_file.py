@@ -14,6 +14,7 @@ from typing import Annotated, Any, Final, Literal, Self
 
 from pydantic import Field, model_validator
 
+from onboard.files.height_terms import height_objection
 from onboard.files.yaml_file import (
     FileError,
     FileModel,
@@ -28,6 +29,7 @@ Progress = Literal["guaranteed", "best_effort"]
 Positive = Annotated[float, Field(gt=0.0)]
 NonNegative = Annotated[float, Field(ge=0.0)]
 AcuteAngle = Annotated[float, Field(gt=0.0, lt=90.0)]
+AcuteAngles = Annotated[tuple[AcuteAngle, AcuteAngle], Field(strict=False)]
 # YAML has lists only; the numbers inside stay strict.
 NonNegativePair = Annotated[tuple[NonNegative, NonNegative], Field(strict=False)]
 PositivePair = Annotated[tuple[Positive, Positive], Field(strict=False)]
@@ -44,10 +46,17 @@ LATER_KEYS: Final[dict[str, tuple[str, ...]]] = {
         "setpoint_loss",
         "position_drift_mps",
         "clearance_wish_m",
+        "radius_z_m",
+        "height_drift_m",
     ),
     "requirements": ("progress", "flight_time_max_s"),
-    "sensor": ("thinnest_obstacle_m", "no_return_is_free_to_m"),
-    "environment": ("wind_max_mps",),
+    "sensor": (
+        "thinnest_obstacle_m",
+        "no_return_is_free_to_m",
+        "position_error_z_m",
+        "vertical_field_of_view_deg",
+    ),
+    "environment": ("wind_max_mps", "terrain_max_m", "terrain_error_m"),
 }
 
 
@@ -149,6 +158,16 @@ class VehicleTerms(FileModel):
         0.0,
         description="preferred distance to obstacles with best effort, never required; 0: none",
     )
+    radius_z_m: Positive | None = Field(
+        None,
+        description="of the body above and below its centre, rotors and greatest tilt included; "
+        "null: obstacles count as pillars of any height",
+    )
+    height_drift_m: NonNegative | None = Field(
+        None,
+        description="of the estimated height, from the sight of an obstacle to its passing; "
+        "null: obstacles count as pillars of any height",
+    )
 
     @model_validator(mode="before")
     @classmethod
@@ -188,6 +207,16 @@ class SensorTerms(FileModel):
     no_return_is_free_to_m: Positive | None = Field(
         None, description="how far a null in free_range_m shows free space; null: it shows none"
     )
+    position_error_z_m: NonNegative | None = Field(
+        None,
+        description="of top and bottom of a detected obstacle, levelling at full range included; "
+        "null: obstacles count as pillars of any height",
+    )
+    vertical_field_of_view_deg: AcuteAngles | None = Field(
+        None,
+        description="[up, down] from the level of the body; null: obstacles count as pillars of "
+        "any height",
+    )
 
 
 class EnvironmentTerms(FileModel):
@@ -201,6 +230,10 @@ class EnvironmentTerms(FileModel):
     wind_max_mps: NonNegative | None = Field(
         None, description="steady wind, horizontally; null: not declared, and not monitored"
     )
+    terrain_max_m: float = Field(
+        0.0, description="highest ground below the mission, above the local origin"
+    )
+    terrain_error_m: NonNegative = Field(0.0, description="of terrain_max_m")
 
     @model_validator(mode="after")
     def _sizes_are_ordered(self) -> Self:
@@ -254,6 +287,12 @@ class Contract(FileModel):
                 f"vehicle.position_drift_mps = {drift_mps:g} m/s needs "
                 "requirements.flight_time_max_s [s], which bounds what it adds up to"
             )
+        return self
+
+    @model_validator(mode="after")
+    def _heights_are_whole(self) -> Self:
+        if (objection := height_objection(self)) is not None:
+            raise ValueError(objection)
         return self
 
     @property

@@ -1,15 +1,16 @@
 """Obstacle field: a YAML list of boxes, or a CSV of tree stems, read into immutable arrays.
 
-An obstacle is a pillar of unbounded height whose plan view is a rectangle, in local NED.  A stem
-becomes the square box that encloses its trunk.
+An obstacle is upright, and its plan view a rectangle in local NED.  It reaches to any height unless
+its top and bottom are stated.  A stem becomes the square box that encloses its trunk.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,12 +34,32 @@ class Obstacle(FileModel):
         center_ned_m: centre (north, east).
         size_m: full extents (along, across) before rotation, towards north and east.
         yaw_deg: rotation from north towards east.
+        down_m: top and bottom in local NED, positive down; null for one that is unbounded.
     """
 
     id: Annotated[str, Field(min_length=1)]
     center_ned_m: Annotated[tuple[Coordinate, Coordinate], Field(strict=False)]
     size_m: Annotated[tuple[PositiveLength, PositiveLength], Field(strict=False)]
     yaw_deg: float = 0.0
+    down_m: Annotated[tuple[Coordinate | None, Coordinate | None], Field(strict=False)] | None = (
+        None
+    )
+
+    @model_validator(mode="after")
+    def _top_is_above(self) -> Self:
+        top_m, bottom_m = self.heights_m
+        if top_m >= bottom_m:
+            raise ValueError(
+                f"down_m = [{top_m:g}, {bottom_m:g}] m: the top is not above the bottom "
+                "(expected [top, bottom], positive down)"
+            )
+        return self
+
+    @property
+    def heights_m(self) -> tuple[float, float]:
+        """Top and bottom in local NED; infinite where unbounded."""
+        top_m, bottom_m = self.down_m or (None, None)
+        return -math.inf if top_m is None else top_m, math.inf if bottom_m is None else bottom_m
 
     @model_validator(mode="before")
     @classmethod
@@ -72,12 +93,14 @@ class ObstacleField:
         center_ned_m: (N, 2), north and east.
         half_size_m: (N, 2), half extents along the box's own axes.
         yaw_rad: (N,), from north towards east.
+        down_m: (N, 2), top and bottom in local NED, infinite where unbounded; None for pillars.
     """
 
     ids: tuple[str, ...]
     center_ned_m: FloatArray
     half_size_m: FloatArray
     yaw_rad: FloatArray
+    down_m: FloatArray | None = None
 
     @classmethod
     def of(cls, obstacles: Sequence[Obstacle]) -> ObstacleField:
@@ -87,6 +110,24 @@ class ObstacleField:
             center_ned_m=np.array([o.center_ned_m for o in obstacles]).reshape(-1, 2),
             half_size_m=np.array([o.size_m for o in obstacles]).reshape(-1, 2) / 2.0,
             yaw_rad=np.radians([o.yaw_deg for o in obstacles]),
+            down_m=(
+                np.array([o.heights_m for o in obstacles])
+                if any(o.down_m is not None for o in obstacles)
+                else None
+            ),
+        )
+
+    def reaching_into(self, top_m: float, bottom_m: float) -> ObstacleField:
+        """Return the obstacles that reach into some heights, local NED; to touch them is enough."""
+        if self.down_m is None:
+            return self
+        kept = np.flatnonzero((self.down_m[:, 0] <= bottom_m) & (self.down_m[:, 1] >= top_m))
+        return ObstacleField(
+            tuple(self.ids[index] for index in kept.tolist()),
+            self.center_ned_m[kept],
+            self.half_size_m[kept],
+            self.yaw_rad[kept],
+            self.down_m[kept],
         )
 
     def __len__(self) -> int:

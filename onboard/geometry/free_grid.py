@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -24,12 +25,14 @@ class FreeGrid:
         cell_m: edge of a cell.
         unknown_sum: (nx + 1, ny + 1), number of unknown cells below and left of each corner.
         free_disc: (x, y, radius) of a disc that is free besides, whatever its cells are.
+        level_m: how far above or below the leg that still holds; infinite at every height.
     """
 
     origin_leg_m: tuple[float, float]
     cell_m: float
     unknown_sum: NDArray[np.int32]
     free_disc: tuple[float, float, float] | None = None
+    level_m: float = math.inf
 
     @property
     def free_cells(self) -> int:

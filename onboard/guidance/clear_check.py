@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import replace
 
+from onboard.contract.heights import LEVEL_M
 from onboard.guidance.envelope import envelope_from
 from onboard.guidance.situation import Situation
-from onboard.motion.trajectory import Trajectory, X
+from onboard.motion.trajectory import Trajectory, X, Z
 from onboard.perception.obstacle_map import Obstacle
 from onboard.planning.certifier import certify_clear
 from onboard.planning.proximity import least_room_m
@@ -48,5 +49,9 @@ class ClearCheck:
         """Return the least distance of a trajectory from the obstacles in its way, in metres."""
         return least_room_m(trajectory, [near.region.obstacle for near in self._near(trajectory)])
 
-    def _near(self, trajectory: Trajectory) -> Iterable[Obstacle]:
-        return self._situation.obstacles.between(*trajectory.position_range_m(X))
+    def _near(self, trajectory: Trajectory) -> Iterator[Obstacle]:
+        """Yield what a trajectory may meet; off the height of the leg all are pillars."""
+        obstacles, x_m = self._situation.obstacles, trajectory.position_range_m(X)
+        yield from obstacles.between(*x_m)
+        if max(map(abs, trajectory.position_range_m(Z))) > LEVEL_M:
+            yield from obstacles.out_of_way(*x_m)

@@ -8,7 +8,9 @@ from dataclasses import dataclass
 from enum import StrEnum, unique
 from typing import Final
 
+from onboard.contract.heights import HeightBand, half_band_m
 from onboard.events import Event, EventName, RefusalReason, Severity
+from onboard.geometry.box import Box
 from onboard.guidance.envelope import at_rest_speed_mps
 from onboard.guidance.phases import FlightState
 from onboard.guidance.situation import Situation
@@ -111,14 +113,31 @@ def _checks(situation: Situation, pose: Pose) -> Iterator[tuple[RefusalKind, boo
     text = f"{abs(y_m):.1f} m beside the leg (limit {beside_max_m:g} m)"
     yield RefusalKind.BESIDE_LEG, abs(y_m) <= beside_max_m, text
     lower_m = _start_lower_max_m(situation)
-    limits = f"limits {limit_m:g} m above, {lower_m:.1f} m below"
+    terms = situation.assessment.terms
+    level_m = terms.tracking_error_z_m if terms.radius_z_m is not None else math.inf
+    upper_m, lower_m = min(limit_m, level_m), min(lower_m, level_m)
+    limits = f"limits {upper_m:g} m above, {lower_m:.1f} m below"
     text = f"{abs(z_m):.1f} m off the cruise height ({limits})"
-    yield RefusalKind.OFF_HEIGHT, -limit_m <= z_m <= lower_m, text
+    yield RefusalKind.OFF_HEIGHT, -upper_m <= z_m <= lower_m, text
+    at_hand = _at_hand(situation, pose)
+    text = f"obstacle {at_hand} is at hand above or below, on the way to the cruise height"
+    yield RefusalKind.OFF_HEIGHT, at_hand is None, text
     # From rest only: the way that braking would take is not certified.
     speed_mps = math.hypot(*pose.velocity_ned_mps)
     at_rest_mps = at_rest_speed_mps(situation.assessment)
     text = f"not at rest ({speed_mps:.1f} m/s, limit {at_rest_mps:.1f} m/s)"
     yield RefusalKind.MOVING, speed_mps < at_rest_mps, text
+
+
+def _at_hand(situation: Situation, pose: Pose) -> str | None:
+    """Return an obstacle that is out of the way of the leg, but not where the vehicle hovers."""
+    x_m, y_m, _ = situation.leg.position_leg(pose.position_ned_m)
+    here = Box(x_m, x_m, y_m, y_m)
+    band = HeightBand.around(pose.position_ned_m[2], half_band_m(situation.assessment.terms))
+    for obstacle in situation.obstacles.out_of_way(x_m, x_m):
+        if obstacle.region.obstacle.intersects(here) and band.meets(obstacle.filled_m):
+            return obstacle.id
+    return None
 
 
 def _start_lower_max_m(situation: Situation) -> float:

@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 from typing import Final
 
 from onboard.contract.assessment import TICK_S, Assessment
+from onboard.contract.heights import half_band_m
 from onboard.event_limiter import EventLimiter
 from onboard.events import Event, EventName, Severity
 from onboard.files.contract_file import Progress
@@ -98,7 +99,12 @@ class Situation:
         self.route = Route(mission)
         self.reference = Reference()
         self.avoidance: Avoidance | None = None
-        self.obstacles = ObstacleMap(self.leg, assessment.region_around, self._merged_size_max_m)
+        self.obstacles = ObstacleMap(
+            self.leg,
+            assessment.region_around,
+            self._merged_size_max_m,
+            half_band_m(assessment.terms),
+        )
         self.events: list[Event] = []
         self.rest_held = False
         self.fence: Fence | None = None
@@ -166,7 +172,9 @@ class Situation:
 
     def rebuild_map(self) -> None:
         """State the obstacles in the frame of the leg and under the contract in force."""
-        self.obstacles.rebuild(self.leg, self.assessment.region_around, self._merged_size_max_m)
+        half_m = half_band_m(self.assessment.terms)
+        regions = self.assessment.region_around
+        self.obstacles.rebuild(self.leg, regions, self._merged_size_max_m, half_m)
 
     def shift(self, shift_ned_m: Vector) -> None:
         """State everything remembered in the present local frame, which the estimator has moved.

@@ -17,10 +17,19 @@ from onboard.monitoring.estimator.heading import HeadingMonitor
 from onboard.monitoring.seen.seen_space import DOUBTS, SeenSpace
 from onboard.monitoring.supervised_flight import SupervisedFlight, in_control
 from onboard.perception.bearings import TRACKS_PER_FRAME, BearingMemory
-from onboard.perception.detection import Detection, DetectionFrame, corners_ned
+from onboard.perception.detection import (
+    ANY_HEIGHT,
+    Corners,
+    Detection,
+    DetectionFrame,
+    DownRange,
+    corners_ned,
+)
+from onboard.perception.heights import heights_filled_m
 from onboard.perception.intake import DetectionCounters
 from onboard.perception.placement import PlacedBox, blurs_m, place
 from onboard.perception.pose_history import PoseHistory
+from onboard.vehicle_state import Pose
 
 # A box displaced by less than this share of the sensor's error counts as sharp.
 SHARP_SHARE: Final = 0.1
@@ -36,6 +45,7 @@ class DetectionEvaluator:
         placements_m: how far a box in local NED with that stamp has to be moved to be in the
             present local frame, north and east; several where an estimator reset leaves that open.
         counters: count frames that cannot be placed.
+        heights_stand: whether a height in local NED with that stamp is one in the present frame.
     """
 
     def __init__(
@@ -44,6 +54,7 @@ class DetectionEvaluator:
         poses: PoseHistory,
         placements_m: Callable[[float], Sequence[tuple[float, float]]],
         counters: DetectionCounters,
+        heights_stand: Callable[[float], bool] = lambda _stamp_s: True,
     ) -> None:
         self.monitor = DetectionMonitor()
         self.consistency = DetectionConsistencyMonitor()
@@ -51,6 +62,7 @@ class DetectionEvaluator:
         self._flight, self._poses = flight, poses
         self._placements_m = placements_m
         self._counters = counters
+        self._heights_stand = heights_stand
         self.seen = SeenSpace(flight, poses)
 
     def evaluate(
@@ -73,7 +85,8 @@ class DetectionEvaluator:
         if doubted:
             self.seen.skip(frame)
         else:
-            self.seen.take(frame, stamp_s, now_s, self._placements_m(stamp_s))
+            filled_m = self._filled_m(frame, self._poses.at(stamp_s), stamp_s)
+            self.seen.take(frame, stamp_s, now_s, self._placements_m(stamp_s), filled_m)
 
     def _evaluate(
         self, frame: DetectionFrame, stamp_s: float, now_s: float, heading: HeadingMonitor
@@ -100,8 +113,19 @@ class DetectionEvaluator:
         if late is not None:
             yield late
         yield from check_frame(frame, terms)
-        for box in place(frame, pose, blur_by_track_m):
+        for box in place(frame, pose, blur_by_track_m, self._filled_m(frame, pose, stamp_s)):
             yield from self._take_everywhere(box, stamp_s, now_s)
+
+    def _filled_m(
+        self, frame: DetectionFrame, pose: Pose | None, stamp_s: float
+    ) -> Callable[[Detection, Corners], DownRange]:
+        """Return what tells the heights that a box of a frame may fill."""
+        terms = self._flight.assessment.terms
+        if frame.frame == "local_ned" and not self._heights_stand(stamp_s):
+            return lambda *_: ANY_HEIGHT
+        return lambda detection, corners_ned_m: heights_filled_m(
+            frame, detection, corners_ned_m, pose, terms
+        )
 
     def _compare_bearings(
         self, frame: DetectionFrame, stamp_s: float, now_s: float, heading: HeadingMonitor
@@ -129,7 +153,7 @@ class DetectionEvaluator:
     ) -> Iterator[Violation]:
         """Remember a box; where an estimator reset leaves its place open, at every one."""
         shifts_m = self._placements_m(stamp_s) if seen.moves else _IN_PLACE
-        if len(shifts_m) > 1 and self._flight.obstacles.of_track(seen.track_id) is not None:
+        if len(shifts_m) > 1 and self._flight.obstacles.remembers(seen.track_id):
             return  # it has been seen better
         if len(shifts_m) > 1:
             # Of one sighting two places, which contradict each other: neither says where it is.
@@ -159,6 +183,7 @@ class DetectionEvaluator:
             in_full=seen.in_full and seen.blur_m == 0.0,
             partial=seen.partial,
             down_m=seen.down_m,
+            filled_m=seen.filled_m,
         )
         if placement.violation is not None:
             yield placement.violation
@@ -189,7 +214,7 @@ class DetectionEvaluator:
             return False
         counted_on_m = self._flight.assessment.inflated.required_detection_range_m
         near_m = math.hypot(*detection.center_m) - math.hypot(*detection.size_m) / 2.0
-        return self._flight.obstacles.of_track(track_id) is None and near_m <= counted_on_m
+        return not self._flight.obstacles.remembers(track_id) and near_m <= counted_on_m
 
     def _is_blurred(self, blur_by_track_m: Mapping[str, float]) -> bool:
         limit_m = self._flight.assessment.terms.position_error_m

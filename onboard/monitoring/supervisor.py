@@ -71,7 +71,11 @@ class MonitorSupervisor:
         self._pose_monitor = PoseMonitor(telemetry_timeout_s)
         self._checked_pose: Pose | None = None
         self.detections = DetectionEvaluator(
-            flight, self._poses, self._resets.placements_m, counters
+            flight,
+            self._poses,
+            self._resets.placements_m,
+            counters,
+            self._resets.are_all_heard,
         )
         self.seen = self.detections.seen
         self.position_quality = PositionQualityMonitor(link.position_reports)

@@ -26,16 +26,21 @@ Extent = Annotated[float, Field(ge=0.0, le=1e4)]
 Corners = Sequence[tuple[float, float]]
 # Top and bottom of a box [m], positive down: top <= bottom.
 DownRange = tuple[float, float]
+# What is not known to end anywhere: a pillar.
+ANY_HEIGHT: Final[DownRange] = (-math.inf, math.inf)
+# The same as a sensor states it; None for a face that it does not know.
+StatedDown = tuple[float | None, float | None]
 
 
-def _top_first(down_m: DownRange) -> DownRange:
+def _top_first(down_m: StatedDown) -> StatedDown:
     top_m, bottom_m = down_m
-    if top_m > bottom_m:
+    if top_m is not None and bottom_m is not None and top_m > bottom_m:
         raise ValueError(f"top {top_m:g} m is below bottom {bottom_m:g} m; down is positive")
     return down_m
 
 
 _Down = Annotated[float, Field(strict=True, ge=-MAX_COORDINATE_M, le=MAX_COORDINATE_M)]
+_Half = Annotated[float, Field(strict=True, ge=0.0, lt=90.0)]
 _Range = Annotated[float, Field(strict=True, ge=0.0, le=MAX_COORDINATE_M)]
 
 
@@ -52,7 +57,10 @@ class Detection(_Message):
         center_m, size_m, yaw_deg: the box, horizontally.
         uncertainty_m: how far each face may be off.
         down_m: top and bottom, positive down: in local NED, or relative to the levelled body for
-            a frame in FRD; None if unknown, which is an obstacle of any height.
+            a frame in FRD; None if unknown, which is an obstacle of any height, and None for a face
+            that is at the edge of the view or hidden.
+        down_uncertainty_m: how far top and bottom may be off, levelling included; None where that
+            is no more than the contract's.
         partial: whether the sensor saw a part of the obstacle only, so that it may reach farther.
     """
 
@@ -61,7 +69,8 @@ class Detection(_Message):
     size_m: tuple[Extent, Extent]
     yaw_deg: float
     uncertainty_m: Annotated[float, Field(ge=0.0, le=100.0)]
-    down_m: Annotated[tuple[_Down, _Down], AfterValidator(_top_first)] | None = None
+    down_m: Annotated[tuple[_Down | None, _Down | None], AfterValidator(_top_first)] | None = None
+    down_uncertainty_m: Annotated[float, Field(strict=True, ge=0.0, le=100.0)] | None = None
     partial: Annotated[bool, Field(strict=True)] = False
 
 
@@ -94,6 +103,8 @@ class DetectionFrame(_Message):
         Annotated[tuple[_Range | None, ...], Field(min_length=1, max_length=MAX_BEARING_BINS)]
         | None
     ) = None
+    vertical_field_of_view_deg: tuple[_Half, _Half] | None = None
+    reported_height_m: tuple[_Range, _Range] | None = None
 
     @property
     def bin_rad(self) -> float:
@@ -135,6 +146,8 @@ def down_range_ned(detection: Detection, pose: Pose | None) -> DownRange | None:
         return None
     body_m = 0.0 if pose is None else pose.position_ned_m[2]
     top_m, bottom_m = detection.down_m
+    if top_m is None or bottom_m is None:
+        return None
     return body_m + top_m, body_m + bottom_m
 
 

@@ -51,6 +51,7 @@ class View:
         free_range_m: for equal bearing bins from left to right, how far the sensor saw nothing;
             0 where it does not know; empty if the sensor gives none.
         scan_half_view_rad: half of the view that these bins divide.
+        blind_m: nearer than this the frame shows nothing (`onboard.perception.heights`).
     """
 
     position_leg_m: tuple[float, float]
@@ -64,6 +65,7 @@ class View:
     heading_error_rad: float = 0.0
     free_range_m: tuple[float, ...] = ()
     scan_half_view_rad: float = math.pi
+    blind_m: float = 0.0
 
 
 def seen_free(view: View, x_m: FloatArray, y_m: FloatArray, cell_m: float) -> BoolArray:
@@ -89,7 +91,7 @@ def seen_free(view: View, x_m: FloatArray, y_m: FloatArray, cell_m: float) -> Bo
     # Where the sensor is, less where it is said to be.
     astray_m = view.pose_error_m + view.placing_error_m
     seen: BoolArray = beyond_m <= view.range_m - max(view.face_error_m, view.placing_error_m)
-    seen &= distance_m - radius_m > astray_m + _ROUND_OFF_M
+    seen &= distance_m - radius_m > astray_m + view.blind_m + _ROUND_OFF_M
     picked = np.flatnonzero(seen)
     if not picked.size:
         return seen

@@ -5,8 +5,9 @@ not remove it.  A box only ever grows, to enclose every measurement of its obsta
 one in full view from nearby replaces those from afar, which a wrong heading displaces by more than
 the contract allows for.  Measurements that contradict each other are kept apart.
 
-The map also carries how high obstacles reach, as the union of what was measured.  Nothing uses it
-yet: planner and certifier treat every obstacle as a pillar of any height, which is the safe side.
+The map also carries how high obstacles reach, as the union of what was measured.  One that does not
+reach into the heights flown at is passed over or under: it is remembered, but in no way (theory K).
+Every other one counts as a pillar of any height.
 """
 
 from __future__ import annotations
@@ -15,80 +16,21 @@ import bisect
 import functools
 import math
 from collections import defaultdict
-from collections.abc import Callable, Container, Iterable, Iterator
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Container, Iterator
+from dataclasses import replace
 from typing import Final
 
+from onboard.contract.heights import HeightBand
 from onboard.contract.region import RegionOfInfluence
 from onboard.geometry.box import Box
 from onboard.geometry.frames import LegFrame
-from onboard.perception.detection import Corners, DownRange, shifted_corners
+from onboard.perception.detection import ANY_HEIGHT, Corners, DownRange, shifted_corners
+from onboard.perception.obstacle_track import Obstacle, Track, down_union
+
+__all__ = ["MAX_TRACKS", "Obstacle", "ObstacleMap", "RegionFactory"]
 
 # A map that holds more is fed with garbage.
 MAX_TRACKS: Final = 100_000
-
-
-@dataclass(frozen=True)
-class Obstacle:
-    """An obstacle to avoid as one, in the current leg frame.
-
-    Attributes:
-        id: ``source/id`` of its detections; those of a merged one are joined by ``+``.
-        members: ids of the tracks in it, more than one if their regions intersect.
-        measured: the box that encloses every measurement of every member.
-        position_error_m: the largest uncertainty reported for a face.
-        region: its Region of Influence.
-        down_m: top and bottom in local NED over all measurements; None for any height.
-    """
-
-    id: str
-    members: tuple[str, ...]
-    measured: Box
-    position_error_m: float
-    region: RegionOfInfluence
-    down_m: DownRange | None = None
-
-    def shifted_by(self, x_m: float, y_m: float) -> Obstacle:
-        """Return the same obstacle elsewhere in the leg frame."""
-        return replace(
-            self,
-            measured=self.measured.shifted_by(x_m, y_m),
-            region=self.region.shifted_by(x_m, y_m),
-        )
-
-    def confirms(self, earlier: Obstacle, position_error_m: float) -> bool:
-        """Tell whether all that was measured since agrees with an earlier state of the obstacle.
-
-        Every face lies within the error of every measurement of it, so that one which comes to lie
-        farther out by no more than both errors does not say that the earlier bound was wrong.
-
-        Args:
-            earlier: the obstacle as it was known before.
-            position_error_m: of a face, where a sensor reports less.
-        """
-        errors_m = [max(o.position_error_m, position_error_m) for o in (self, earlier)]
-        bound = earlier.measured.inflated(sum(errors_m))
-        return self.members == earlier.members and bound.enclosing(self.measured) == bound
-
-
-@dataclass(frozen=True)
-class _Track:
-    """One detected obstacle: what encloses its measurements, in NED for other legs too.
-
-    Tracks of one ``apart_from`` are places of an obstacle that contradict each other; ``down_m`` is
-    None once a measurement did not say how high the obstacle reaches.
-    """
-
-    corners_ned_m: Corners
-    measured: Box
-    position_error_m: float
-    apart_from: str | None
-    down_m: DownRange | None
-
-    def explains(self, measured: Box, position_error_m: float) -> bool:
-        """Tell whether a worse measurement says nothing beyond the errors of both."""
-        bound = self.measured.inflated(self.position_error_m + position_error_m)
-        return position_error_m > self.position_error_m and bound.enclosing(measured) == bound
 
 
 RegionFactory = Callable[[Box, float], RegionOfInfluence]
@@ -105,10 +47,15 @@ class ObstacleMap:
         leg: the leg frame.
         region_around: measured box and position error -> Region of Influence.
         merged_size_max_m: largest extent that merging may give; 0 keeps all apart.
+        half_band_m: what is farther above or below the leg is not in the way; infinite: nothing.
     """
 
     def __init__(
-        self, leg: LegFrame, region_around: RegionFactory, merged_size_max_m: float
+        self,
+        leg: LegFrame,
+        region_around: RegionFactory,
+        merged_size_max_m: float,
+        half_band_m: float = math.inf,
     ) -> None:
         # Changes whenever anything known changes.
         self.revision = 0
@@ -117,7 +64,8 @@ class ObstacleMap:
         self._leg = leg
         self._region_around = region_around
         self._merged_size_max_m = merged_size_max_m
-        self._tracks: dict[str, _Track] = {}
+        self._band = HeightBand.around(leg.origin_ned_m[2], half_band_m)
+        self._tracks: dict[str, Track] = {}
         self._obstacles: dict[str, Obstacle] = {}
         self._obstacle_of_track: dict[str, str] = {}
         # Tracks that a sensor once took for a whole obstacle.
@@ -144,7 +92,8 @@ class ObstacleMap:
         for track_id in reversed(self._tracks):
             if track_id in known:
                 return
-            yield self._obstacle((track_id,))
+            if self._is_in_way(self._tracks[track_id]):
+                yield self._obstacle((track_id,))
 
     def is_several(self, obstacle: Obstacle) -> bool:
         """Tell whether an obstacle is known to consist of several, not of parts of one.
@@ -155,10 +104,20 @@ class ObstacleMap:
         return len(self._whole.intersection(obstacle.members)) > 1
 
     def rebuild(
-        self, leg: LegFrame, region_around: RegionFactory, merged_size_max_m: float
+        self,
+        leg: LegFrame,
+        region_around: RegionFactory,
+        merged_size_max_m: float,
+        half_band_m: float | None = None,
     ) -> None:
-        """Express everything remembered on another leg, or under other terms."""
+        """Express everything remembered on another leg, or under other terms.
+
+        The arguments are those of the map; without ``half_band_m`` the present one stays.
+        """
         tracks = self._tracks
+        if half_band_m is None:
+            half_band_m = (self._band.bottom_m - self._band.top_m) / 2.0
+        self._band = HeightBand.around(leg.origin_ned_m[2], half_band_m)
         self._leg, self._region_around = leg, region_around
         self._merged_size_max_m = merged_size_max_m
         self._tracks, self._obstacles, self._obstacle_of_track = {}, {}, {}
@@ -171,6 +130,7 @@ class ObstacleMap:
                 track.position_error_m,
                 apart_from=track.apart_from,
                 down_m=track.down_m,
+                filled_m=track.filled_m,
                 partial=track_id not in self._whole,
             )
 
@@ -178,10 +138,15 @@ class ObstacleMap:
         """Move everything remembered into the present local frame, which a reset has moved."""
         for track_id, track in self._tracks.items():
             corners_ned_m = shifted_corners(track.corners_ned_m, (north_m, east_m))
-            heights_m = track.down_m
+            heights_m, (top_m, bottom_m) = track.down_m, track.filled_m
             if heights_m is not None:
                 heights_m = (heights_m[0] + down_m, heights_m[1] + down_m)
-            self._tracks[track_id] = replace(track, corners_ned_m=corners_ned_m, down_m=heights_m)
+            self._tracks[track_id] = replace(
+                track,
+                corners_ned_m=corners_ned_m,
+                down_m=heights_m,
+                filled_m=(top_m + down_m, bottom_m + down_m),
+            )
         self._shifted_ned_m = (self._shifted_ned_m[0] + north_m, self._shifted_ned_m[1] + east_m)
         self.rebuild(self._leg, self._region_around, self._merged_size_max_m)
 
@@ -214,6 +179,7 @@ class ObstacleMap:
         error_max_m: float = math.inf,
         in_full: bool = False,
         down_m: DownRange | None = None,
+        filled_m: DownRange = ANY_HEIGHT,
         partial: bool = False,
     ) -> bool:
         """Remember a measurement; tell whether it changed what is known.
@@ -226,51 +192,68 @@ class ObstacleMap:
             error_max_m: of a face by the contract; worse counts until it is seen in full within.
             in_full: whether the sensor saw the whole obstacle.
             down_m: top and bottom in local NED; None for any height.
+            filled_m: heights that the obstacle may fill, errors included.
             partial: whether the sensor says that this is a part of something.
 
         Raises:
             OverflowError: more obstacles than any sensor could have seen.
         """
         measured = self._leg_box(corners_ned_m)
-        track = _Track(corners_ned_m, measured, position_error_m, apart_from, down_m)
+        track = Track(corners_ned_m, measured, position_error_m, apart_from, down_m, filled_m)
         known = self._tracks.get(track_id)
         if known is None and len(self._tracks) >= MAX_TRACKS:
             raise OverflowError(f"{len(self._tracks)} obstacles remembered, limit {MAX_TRACKS}")
         if not partial:
             self._whole.add(track_id)
         if known is not None:
-            track = self._updated(known, track, error_max_m=error_max_m, in_full=in_full)
+            track = known.updated(track, self._corners_of, error_max_m=error_max_m, in_full=in_full)
             if track == known:
                 return False
         self._tracks[track_id] = track
         self.revision += 1
+        if not self._is_in_way(track):
+            return True  # it was not before either: heights only grow
         merged = self._obstacle_of_track.get(track_id)
         members = (track_id,) if merged is None else self._forget(self._obstacles[merged])
         for member in members:
             self._place(self._obstacle((member,)))
         return True
 
-    def _updated(self, known: _Track, new: _Track, *, error_max_m: float, in_full: bool) -> _Track:
-        """Return what is known of a track after one more measurement of it."""
-        down_m = _down_union((known.down_m, new.down_m))
-        if down_m != known.down_m:
-            known = replace(known, down_m=down_m)
-        measured, error_m = new.measured, new.position_error_m
-        if error_m > error_max_m and known.explains(measured, error_m):
-            return known
-        if not (in_full and error_m <= error_max_m < known.position_error_m):
-            measured = known.measured.enclosing(measured)
-            error_m = max(known.position_error_m, error_m)
-        if measured == known.measured and error_m == known.position_error_m:
-            return known
-        return _Track(
-            # Sound for any later leg: what encloses every measurement in this one encloses them.
-            self._corners_of(measured),
-            measured,
-            error_m,
-            known.apart_from or new.apart_from,
-            down_m,
-        )
+    def is_passed_over(
+        self, track_id: str, corners_ned_m: Corners, error_m: float, filled_m: DownRange
+    ) -> bool:
+        """Tell whether a measurement shows what is passed over or under only.
+
+        All that was measured of its obstacle has to agree; where this measurement does not say how
+        high it reaches, the obstacle has to be known at this place.
+
+        Args:
+            track_id: which obstacle.
+            corners_ned_m: of the measured box.
+            error_m: uncertainty of its faces.
+            filled_m: heights that it may fill, errors included.
+        """
+        known = self._tracks.get(track_id)
+        if known is None:
+            return not self._band.meets(filled_m)
+        new = Track(corners_ned_m, self._leg_box(corners_ned_m), error_m, None, None, filled_m)
+        return not self._band.meets(known.filled_with(new))
+
+    def remembers(self, track_id: str) -> bool:
+        """Tell whether an obstacle has been seen, whether or not it is in the way."""
+        return track_id in self._tracks
+
+    def out_of_way(self, x_min_m: float, x_max_m: float) -> Iterator[Obstacle]:
+        """Obstacles that are passed over or under, of which the region reaches into an interval."""
+        for track_id, track in self._tracks.items():
+            if not self._is_in_way(track):
+                obstacle = self._obstacle((track_id,))
+                region = obstacle.region
+                if region.approach_x_m <= x_max_m and region.departure_x_m >= x_min_m:
+                    yield obstacle
+
+    def _is_in_way(self, track: Track) -> bool:
+        return self._band.meets(track.filled_m)
 
     def between(self, x_min_m: float, x_max_m: float) -> Iterator[Obstacle]:
         """Obstacles whose regions or manoeuvres reach into an interval, as the leg meets them."""
@@ -356,8 +339,11 @@ class ObstacleMap:
         measured = functools.reduce(Box.enclosing, (track.measured for track in tracks))
         error_m = max(track.position_error_m for track in tracks)
         region = self._region_around(measured, error_m)
-        down_m = _down_union(track.down_m for track in tracks)
-        return Obstacle("+".join(members), members, measured, error_m, region, down_m)
+        down_m = down_union(track.down_m for track in tracks)
+        tops_m, bottoms_m = zip(*(track.filled_m for track in tracks), strict=True)
+        filled_m = (min(tops_m), max(bottoms_m))
+        name = "+".join(members)
+        return Obstacle(name, members, measured, error_m, region, down_m, filled_m)
 
     def _forget(self, obstacle: Obstacle) -> tuple[str, ...]:
         """Take an obstacle out of the map; return its members."""
@@ -385,13 +371,3 @@ class ObstacleMap:
         x_m = (box.x_min_m, box.x_max_m, box.x_max_m, box.x_min_m)
         y_m = (box.y_min_m, box.y_min_m, box.y_max_m, box.y_max_m)
         return [self._leg.position_ned((x, y, 0.0))[:2] for x, y in zip(x_m, y_m, strict=True)]
-
-
-def _down_union(ranges_m: Iterable[DownRange | None]) -> DownRange | None:
-    """Return the least range around some; None, any height, if one of them is unknown."""
-    known_m = []
-    for range_m in ranges_m:
-        if range_m is None:
-            return None
-        known_m.append(range_m)
-    return min(top_m for top_m, _ in known_m), max(bottom_m for _, bottom_m in known_m)

@@ -13,6 +13,7 @@ from typing import Final, NamedTuple
 from onboard.geometry.frames import heading_displacement_m
 from onboard.mavlink.endpoint import TELEMETRY_RATE_HZ
 from onboard.perception.detection import (
+    ANY_HEIGHT,
     Corners,
     Detection,
     DetectionFrame,
@@ -41,6 +42,7 @@ class PlacedBox(NamedTuple):
         blur_m: how far off a turning body may have placed it.
         in_full: whether the sensor had it in full view.
         partial: whether the sensor says that it is a part of something.
+        filled_m: heights that it may fill, errors included (`onboard.perception.heights`).
     """
 
     track_id: str
@@ -52,6 +54,7 @@ class PlacedBox(NamedTuple):
     blur_m: float
     in_full: bool
     partial: bool
+    filled_m: DownRange = ANY_HEIGHT
 
     def displacement_m(self, heading_error_rad: float) -> float:
         """Return how far a wrong heading displaces the farthest corner.
@@ -101,7 +104,10 @@ def blurs_m(
 
 
 def place(
-    frame: DetectionFrame, pose: Pose | None, blur_by_track_m: Mapping[str, float] | None
+    frame: DetectionFrame,
+    pose: Pose | None,
+    blur_by_track_m: Mapping[str, float] | None,
+    filled_m: Callable[[Detection, Corners], DownRange] = lambda *_: ANY_HEIGHT,
 ) -> list[PlacedBox]:
     """Place the boxes of a frame.
 
@@ -111,6 +117,7 @@ def place(
             have.
         blur_by_track_m: for a frame from the body, the boxes to take and their `blurs_m`; None for
             one in local NED, whose boxes are all taken.
+        filled_m: heights that a box with these corners in local NED may fill, errors included.
     """
     placed_by = pose if frame.frame == "body_frd" else None
     boxes_ned_m = [corners_ned(detection, placed_by) for detection in frame.obstacles]
@@ -134,6 +141,7 @@ def place(
                     blur_m,
                     full and not detection.partial,
                     detection.partial,
+                    filled_m(detection, corners_ned_m),
                 )
             )
     return placed

@@ -49,6 +49,7 @@ class SeenFree:
 
     Attributes:
         version: changes whenever the set does.
+        level_m: how far above or below the leg it still holds.
     """
 
     def __init__(
@@ -72,6 +73,7 @@ class SeenFree:
         self._fresh: list[tuple[IndexArray, IndexArray]] = []
         self._size: int | None = 0
         self.version = 0
+        self.level_m = math.inf
 
     @property
     def centre_leg_m(self) -> tuple[float, float]:
@@ -229,7 +231,7 @@ class SeenFree:
         if radius_m > 0.0:
             new._rest_disc = (0.0, 0.0, radius_m)
             new.confirm(0.0, 0.0, radius_m)
-        new.version = self.version + 1
+        new.version, new.level_m = self.version + 1, self.level_m
         return new
 
     def free_radius_m(self, x_m: float, y_m: float) -> float:
@@ -271,7 +273,7 @@ class SeenFree:
             # Nothing is free beyond the corridor.
             inside_m = min(disc[2], half_width_m - abs(disc[1]), self._fence_clearance_m(*disc[:2]))
             disc = (disc[0], disc[1], inside_m) if inside_m > 0.0 else None
-        return FreeGrid(corner_m, self._cell_m, table, disc)
+        return FreeGrid(corner_m, self._cell_m, table, disc, self.level_m)
 
     def _grid_with_fresh(self, base: FreeGrid) -> FreeGrid:
         """Return a snapshot by what has been freed since another; a fifth of the work."""

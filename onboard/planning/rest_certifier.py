@@ -202,6 +202,9 @@ def _motion_points(trajectory: Trajectory) -> FloatArray:
 
 
 def _space_failures(trajectory: Trajectory, limits: RestLimits, grid: FreeGrid) -> list[str]:
+    off_m = max(map(abs, trajectory.position_range_m(Z)))
+    if off_m > grid.level_m + POSITION_TOLERANCE_M:
+        return [f"flown {off_m:.3g} m off the height that was seen free"]
     points = _motion_points(trajectory)
     grown_m = limits.body_radius_m + 2.0 * GRID_TOLERANCE_M
     pieces = np.arange(points.shape[1])

@@ -78,6 +78,23 @@ def face_errors(
     return FaceErrors(*(4 * (outwards * size_m,)))
 
 
+def height_errors(
+    config: DetectorErrorConfig,
+    size_m: float,
+    sequence: int,
+    distance_m: float,
+    noise: random.Random,
+) -> tuple[float, float]:
+    """Return how far top and bottom of a box are reported down, in metres.
+
+    The arguments are those of `face_errors`.
+    """
+    if config.faces == "random":
+        return noise.uniform(-size_m, size_m), noise.uniform(-size_m, size_m)
+    errors = face_errors(config, size_m, sequence, distance_m, noise)
+    return -errors.front_m, errors.back_m
+
+
 class Confirmation:
     """Withholds obstacles until they have been in view for enough frames.
 

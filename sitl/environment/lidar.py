@@ -70,12 +70,16 @@ class View(NamedTuple):
 
 
 class SeenBox(NamedTuple):
-    """One detection in local NED: centre (north, east), extents before rotation, rotation."""
+    """One detection in local NED: centre (north, east), extents before rotation, rotation.
+
+    With its top and bottom, where the sensor reports them.
+    """
 
     id: str
     center_ned_m: Point
     size_m: Point
     yaw_rad: float
+    down_m: Point | None = None
 
 
 class RangeScanner:

@@ -10,110 +10,37 @@ from __future__ import annotations
 import math
 import random
 from collections import deque
-from typing import Annotated, Any, Final, Literal, NamedTuple
+from typing import Any, NamedTuple
 
-from pydantic import Field, model_validator
 from pydantic_core import to_json
 
 from onboard.files.obstacle_field import ObstacleField
-from onboard.files.sensor_sources import SensorPose
-from onboard.files.yaml_file import FileModel
 from sitl.environment.detector_errors import (
-    EXACT,
     Confirmation,
-    DetectorErrorConfig,
     face_errors,
+    height_errors,
 )
-from sitl.environment.formats.ros2_topics import Ros2Topic
-from sitl.environment.lidar import RangeScanner, ScannerConfig, SeenBox, View
-from sitl.environment.world import Neighbourhood
+from sitl.environment.lidar import RangeScanner, SeenBox, View
+from sitl.environment.sensor_config import (
+    OVER_MAVLINK,
+    Format,
+    SensorConfig,
+    SensorFault,
+)
+from sitl.environment.vertical_view import VerticalView
+from sitl.environment.world import Neighbourhood, distance_to_box_m
 from sitl.plant.truth import VehicleTruth
 
-Point = tuple[float, float]
-Format = Literal[
-    "json", "laserscan", "pointcloud2", "range", "obstacle_distance", "distance_sensor"
+__all__ = [
+    "OVER_MAVLINK",
+    "Format",
+    "ObstacleSensor",
+    "SensorConfig",
+    "SensorFault",
+    "distance_in_view_m",
 ]
-OVER_MAVLINK: Final[frozenset[Format]] = frozenset(("obstacle_distance", "distance_sensor"))
 
-
-class SensorFault(FileModel):
-    """One fault and its time.
-
-    Attributes:
-        kind: ``silent``: no frames; ``stuck``: the last frame repeats unchanged;
-            ``range``: the range falls to ``range_m``, and frames say so.
-        start_s, end_s: seconds after start; never ends when ``end_s`` is null.
-        range_m: remaining range of a ``range`` fault.
-    """
-
-    kind: Literal["silent", "stuck", "range"]
-    start_s: Annotated[float, Field(ge=0.0)] = 0.0
-    end_s: float | None = None
-    range_m: Annotated[float, Field(gt=0.0)] = 1.0
-
-    def active(self, now_s: float) -> bool:
-        """Whether the fault is present at ``now_s``."""
-        return self.start_s <= now_s and (self.end_s is None or now_s < self.end_s)
-
-
-class SensorConfig(FileModel):
-    """One detector.
-
-    Attributes:
-        source: name of the sensor in its frames.
-        publishes: ``json``: boxes; ``laserscan``, ``pointcloud2``, ``range``: what its rays meet,
-            as ROS 2; ``obstacle_distance``, ``distance_sensor``: over MAVLink, by the autopilot.
-            These come from a ``scanner``, by default one without errors.
-        ros2: where a sensor that speaks ROS 2 publishes.
-        mounting: of a sensor that speaks another format than ``json``, which is levelled.
-        scanner: configuration of a scanning range finder; null for the ideal detector.
-        yaw_deg: direction of its axis in the body, clockwise from forward.
-        noise_m: greatest error of centres along each axis (uniform); ideal model only.
-        face_noise_m: greatest error of each face, independently (uniform); ideal model only.
-            Null: under ``realism: field`` the rest of uncertainty_m beyond noise_m, otherwise 0.
-        uncertainty_m: declared for each face.
-        latency_s: from measurement to publication.
-        frame: frame of the reported boxes; ``body_frd`` is levelled, turned by yaw only.
-        placed_by: what of the autopilot's estimate places boxes in ``local_ned``: its ``pose``, as
-            a bridge on the vehicle does, or its ``position``, where bearings are known otherwise.
-        errors: how faces err by face_noise_m, and which boxes are missing; ideal model only.
-    """
-
-    source: Annotated[str, Field(pattern=r"^[A-Za-z0-9_-]+$")] = "front"
-    publishes: Format = "json"
-    ros2: Ros2Topic = Ros2Topic()
-    mounting: SensorPose = SensorPose()
-    range_m: Annotated[float, Field(gt=0.0)] = 12.0
-    field_of_view_deg: Annotated[float, Field(gt=0.0, le=360.0)] = 120.0
-    yaw_deg: float = 0.0
-    rate_hz: Annotated[float, Field(gt=0.0, le=200.0)] = 20.0
-    latency_s: Annotated[float, Field(ge=0.0, le=10.0)] = 0.03
-    noise_m: Annotated[float, Field(ge=0.0)] = 0.0
-    face_noise_m: Annotated[float, Field(ge=0.0)] | None = None
-    uncertainty_m: Annotated[float, Field(ge=0.0)] = 0.05
-    frame: Literal["local_ned", "body_frd"] = "local_ned"
-    placed_by: Literal["pose", "position"] = "pose"
-    errors: DetectorErrorConfig = EXACT
-    scanner: ScannerConfig | None = None
-    faults: Annotated[tuple[SensorFault, ...], Field(strict=False)] = ()
-
-    @model_validator(mode="after")
-    def _mounted_one_way(self) -> SensorConfig:
-        if self.publishes == "json" and self.mounting != SensorPose():
-            raise ValueError("mounting is for other formats than publishes: json; see yaw_deg")
-        if self.publishes != "json" and self.yaw_deg:
-            raise ValueError(f"publishes: {self.publishes} is turned by mounting.yaw_deg")
-        if self.publishes in ("range", "distance_sensor") and self.field_of_view_deg >= 180.0:
-            raise ValueError(
-                f"field_of_view_deg [deg] = {self.field_of_view_deg:g} of publishes: "
-                f"{self.publishes} must be less than 180: it is one cone"
-            )
-        return self
-
-    @property
-    def beams(self) -> ScannerConfig:
-        """Its rays, where it does not publish boxes."""
-        return self.scanner or ScannerConfig()
+Point = tuple[float, float]
 
 
 class _Known(NamedTuple):
@@ -122,6 +49,7 @@ class _Known(NamedTuple):
     box: SeenBox
     corners_ned_m: list[Point]
     reach_m: float
+    heights_m: tuple[float, float]
 
     def is_seen(
         self, here_ned_m: Point, axis_rad: float, half_view_rad: float, range_m: float
@@ -227,6 +155,7 @@ class ObstacleSensor:
                 "frame": self.config.frame,
                 "range_m": range_m,
                 "field_of_view_deg": self.config.field_of_view_deg,
+                **self._stated_view,
                 "obstacles": [
                     self._reported(box, truth, estimate) for box in self._boxes(truth, range_m)
                 ],
@@ -234,6 +163,11 @@ class ObstacleSensor:
         )
         self._sequence += 1
         return self._last_payload
+
+    @property
+    def _stated_view(self) -> dict[str, Any]:
+        view_deg = self.config.vertical_field_of_view_deg
+        return {} if view_deg is None else {"vertical_field_of_view_deg": list(view_deg)}
 
     def _boxes(self, truth: VehicleTruth, range_m: float) -> list[SeenBox]:
         """What is seen now, in local NED."""
@@ -258,7 +192,26 @@ class ObstacleSensor:
             index
             for index in self._neighbourhood.within(here_ned_m, range_m).tolist()
             if self._of_field(index).is_seen(here_ned_m, axis_rad, half_view_rad, range_m)
+            and self._seen_heights_m(index, truth) is not None
         ]
+
+    def _seen_heights_m(self, index: int, truth: VehicleTruth) -> tuple[float, float] | None:
+        """Return top and bottom of what is in view, local NED; None if nothing is."""
+        known, view_deg = self._of_field(index), self.config.vertical_field_of_view_deg
+        if view_deg is None:
+            return known.heights_m
+        north_m, east_m, _ = truth.position_ned_m
+        middle_m = (known.box.center_ned_m[0] - north_m, known.box.center_ned_m[1] - east_m)
+        view = VerticalView.of(view_deg, truth, math.atan2(middle_m[1], middle_m[0]))
+        field = self._field
+        nearest_m = distance_to_box_m(
+            (north_m, east_m),
+            field.center_ned_m[index : index + 1],
+            field.half_size_m[index : index + 1],
+            field.yaw_rad[index : index + 1],
+        )
+        farthest_m = max(math.dist((north_m, east_m), corner) for corner in known.corners_ned_m)
+        return view.seen_m(*known.heights_m, float(nearest_m[0]), farthest_m)
 
     def _of_field(self, index: int) -> _Known:
         """Return an obstacle of the field, which never moves, as plain numbers."""
@@ -270,7 +223,11 @@ class ObstacleSensor:
                 tuple((2.0 * field.half_size_m[index]).tolist()),
                 float(field.yaw_rad[index]),
             )
-            self._known[index] = _Known(box, _corners_ned_m(box), math.hypot(*box.size_m) / 2.0)
+            heights_m = (-math.inf, math.inf)
+            if field.down_m is not None:
+                heights_m = (float(field.down_m[index, 0]), float(field.down_m[index, 1]))
+            reach_m = math.hypot(*box.size_m) / 2.0
+            self._known[index] = _Known(box, _corners_ned_m(box), reach_m, heights_m)
         return self._known[index]
 
     def _ideal(self, index: int, truth: VehicleTruth) -> SeenBox:
@@ -279,10 +236,18 @@ class ObstacleSensor:
             coordinate_m + self._noise.uniform(-noise_m, noise_m)
             for coordinate_m in box.center_ned_m
         )
-        if not self._face_noise_m:
-            return SeenBox(box.id, (north_m, east_m), box.size_m, box.yaw_rad)
         distance_m = math.dist(box.center_ned_m, truth.position_ned_m[:2])
-        return self._with_faces_off(box, (north_m, east_m), distance_m)
+        if self._face_noise_m:
+            found = self._with_faces_off(box, (north_m, east_m), distance_m)
+        else:
+            found = SeenBox(box.id, (north_m, east_m), box.size_m, box.yaw_rad)
+        seen_m = self._seen_heights_m(index, truth)
+        if self.config.vertical_field_of_view_deg is None or seen_m is None:
+            return found
+        size_m, errors = self.config.height_noise_m, self.config.errors
+        off_m = height_errors(errors, size_m, self._sequence, distance_m, self._noise)
+        top_m, bottom_m = (each + by for each, by in zip(seen_m, off_m, strict=True))
+        return found._replace(down_m=(min(top_m, bottom_m), max(top_m, bottom_m)))
 
     def _with_faces_off(self, box: SeenBox, center_ned_m: Point, distance_m: float) -> SeenBox:
         """Move each of the four faces outwards or inwards."""
@@ -314,12 +279,20 @@ class ObstacleSensor:
             north_m, east_m = _turned(center_m, heading_rad)
             center_m = (estimate.position_ned_m[0] + north_m, estimate.position_ned_m[1] + east_m)
             yaw_rad += heading_rad
-        return {
+        reported = {
             "id": box.id,
             "center_m": list(center_m),
             "size_m": list(box.size_m),
             "yaw_deg": math.degrees(yaw_rad),
             "uncertainty_m": self.config.uncertainty_m,
+        }
+        if box.down_m is None:
+            return reported
+        placed_by_m = 0.0 if self.config.frame == "body_frd" else estimate.position_ned_m[2]
+        from_m = placed_by_m - truth.position_ned_m[2]
+        return reported | {
+            "down_m": [each + from_m for each in box.down_m],
+            "down_uncertainty_m": self.config.height_uncertainty_m,
         }
 
 

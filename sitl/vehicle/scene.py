@@ -6,6 +6,7 @@ import math
 
 from onboard.files.obstacle_field import ObstacleField
 from onboard.files.truth_record import TruthRecord
+from onboard.files.yaml_file import FileError
 from sitl.autopilot.modes import Mode
 from sitl.config import SitlConfig
 from sitl.environment.formats.ros2_topics import Ros2Publisher
@@ -44,9 +45,11 @@ class Scene:
         Raises:
             ParameterError: a configured autopilot parameter does not exist or is out of range.
         """
+        _check_rays(config, field)
         self.start_unix_s = start_unix_s
         self.vehicle = SimulatedVehicle(config, config.seed, start_unix_s, ticks_per_decision)
-        self.world = World(field, config.multirotor.radius_m)
+        body = config.multirotor
+        self.world = World(field, body.radius_m, body.half_height_m)
         ideal = config.realism == "ideal"
         self.detectors = [
             ObstacleSensor(sensor, field, config.seed, start_unix_s, ideal=ideal)
@@ -135,7 +138,7 @@ class Scene:
 
     def _observe(self) -> None:
         truth, estimate = self.vehicle.truth, self.vehicle.estimate
-        self.world.observe(truth.position_ned_m)
+        self.world.observe(truth.position_ned_m, truth.tilt_rad)
         for detector in self.detectors:
             for payload in detector.sense(truth.time_s, truth, estimate):
                 self._detections.append(ZenohMessage(detector.config.source, payload))
@@ -147,3 +150,16 @@ class Scene:
                     self._detections.append(message)
         due_s = [one.due_s for one in self.detectors] + [one.due_s for one in self._ranging]
         self._due_s = min(due_s, default=math.inf)
+
+
+def _check_rays(config: SitlConfig, field: ObstacleField) -> None:
+    """Refuse sensors of rays among obstacles of limited height, which they do not meet so."""
+    if field.down_m is None:
+        return
+    for sensor in config.sensors:
+        if not sensor.is_ideal:
+            raise FileError(
+                f"sensors: {sensor.source} is a {sensor.publishes} of rays, which take every "
+                "obstacle for a pillar, but the field states down_m [m] (expected publishes: json, "
+                "without scanner)"
+            )

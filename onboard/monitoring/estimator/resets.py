@@ -199,3 +199,10 @@ class ResetLedger:
             (sum(m[0] for m in shifts_m[first:]), sum(m[1] for m in shifts_m[first:]))
             for first in range(heard, perhaps + 1)
         ]
+
+    def are_all_heard(self, stamp_s: float) -> bool:
+        """Tell whether boxes stated in the local frame at a time are in the present one.
+
+        Where that is open, their heights are: `placements_m` moves them horizontally only.
+        """
+        return all(reset.after_s + SENSOR_FRAME_TOLERANCE_S < stamp_s for reset in self._past)

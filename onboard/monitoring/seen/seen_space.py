@@ -8,8 +8,8 @@ A1-sensor).  A frame that does not count also breaks its sensor's row of success
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from typing import Final, NamedTuple
+from collections.abc import Callable, Sequence
+from typing import Final
 
 import numpy as np
 
@@ -18,13 +18,22 @@ from onboard.geometry.fence import Fence
 from onboard.geometry.frames import FloatArray, LegFrame, Vector, wrap_angle
 from onboard.geometry.free_grid import FreeGrid
 from onboard.monitoring.assumptions import Assumption, Violation
+from onboard.monitoring.seen.heights_seen import HeightsSeen
 from onboard.monitoring.seen.looks_around import LooksAround
 from onboard.monitoring.seen.operators_word import OperatorsWord
 from onboard.monitoring.seen.scan_limits import resolved_m, scan_of
+from onboard.monitoring.seen.sight import Sight, placed_corners_ned
 from onboard.monitoring.seen.sight_queue import SightQueue
 from onboard.monitoring.supervised_flight import SupervisedFlight
-from onboard.perception.detection import Corners, DetectionFrame, corners_ned, shifted_corners
+from onboard.perception.detection import (
+    ANY_HEIGHT,
+    Corners,
+    Detection,
+    DetectionFrame,
+    DownRange,
+)
 from onboard.perception.face_strips import enclosing_boxes, strip_around
+from onboard.perception.heights import shown_heights
 from onboard.perception.line_of_sight import BOXES_MAX, View
 from onboard.perception.placement import POSE_TIMING_S
 from onboard.perception.pose_history import PoseHistory
@@ -50,15 +59,6 @@ DOUBTS: Final = frozenset(
 )
 
 
-class _Sight(NamedTuple):
-    """One frame that counts: its pose, and the boxes in local NED with their yaw there."""
-
-    frame: DetectionFrame
-    pose: Pose
-    turn_radps: float
-    corners_ned_m: list[Corners]
-
-
 class SeenSpace:
     """The seen-free set in the frame of the leg that is flown, and what is known beside it.
 
@@ -80,8 +80,10 @@ class SeenSpace:
         self._flight, self._poses = flight, poses
         self._set = SeenFree(frames_needed=frames_needed)
         self._leg = flight.leg
+        self._heights = HeightsSeen(flight)
+        self._set.level_m = self._heights.level_m
         self._half_width_m = math.inf
-        self._pending = SightQueue[_Sight](self._break_row)
+        self._pending = SightQueue[Sight](self._break_row)
         self._stamps_s: dict[str, float] = {}
         self._looks = LooksAround()
         self.relied_on = False
@@ -180,6 +182,8 @@ class SeenSpace:
     def begin_leg(self, leg: LegFrame) -> None:
         """State the set in the frame of another leg; one at another height has not been seen."""
         before = self._leg
+        if self._heights.have_grown():
+            self.void("the heights flown at have grown", frame_stands=True)
         if leg == before:
             return
         self._leg = leg
@@ -190,7 +194,7 @@ class SeenSpace:
         self._set.limit(self._half_width_m)
         if self._fence is not None:
             self._set.keep_in(self._fence, leg)
-        if abs(origin_m[2]) > self._flight.assessment.terms.tracking_error_z_m:
+        if abs(origin_m[2]) > self._heights.shift_max_m:
             self.void("the leg is at another height", frame_stands=True)
 
     def shift(self, shift_ned_m: Vector) -> None:
@@ -200,7 +204,7 @@ class SeenSpace:
         self._pending.clear()
         self._looks.shift(shift_ned_m[0], shift_ned_m[1])
         self._word.shift(shift_ned_m[0], shift_ned_m[1])
-        if abs(z_m) > self._flight.assessment.terms.tracking_error_z_m:
+        if abs(z_m) > self._heights.shift_max_m:
             self.void("the estimate of the height was reset")
         else:
             self._set.shift(x_m, y_m)
@@ -226,6 +230,7 @@ class SeenSpace:
         stamp_s: float,
         now_s: float,
         shifts_m: Sequence[Sequence[float]],
+        filled_m: Callable[[Detection, Corners], DownRange] = lambda *_: ANY_HEIGHT,
     ) -> None:
         """Take a frame that nothing speaks against, to be counted in one of the next ticks.
 
@@ -235,6 +240,7 @@ class SeenSpace:
             now_s: the time.
             shifts_m: what moves boxes from local NED at that time into the present frame;
                 several if it is ambiguous.
+            filled_m: heights that a box may fill, as for `onboard.perception.placement.place`.
         """
         terms = self._flight.assessment.terms
         pose = self._poses.at(stamp_s, _POSE_APART_S)
@@ -251,15 +257,9 @@ class SeenSpace:
             self.skip(frame)
             return
         self._stamps_s[frame.source] = stamp_s
-        if frame.frame == "body_frd":
-            placed_ned_m = [corners_ned(seen, pose) for seen in frame.obstacles]
-        else:
-            north_m, east_m = shifts_m[0]
-            placed_ned_m = [
-                shifted_corners(corners_ned(seen, None), (north_m, east_m))
-                for seen in frame.obstacles
-            ]
-        self._pending.add(frame.source, _Sight(frame, pose, turn_radps, placed_ned_m))
+        placed_ned_m = placed_corners_ned(frame, pose, shifts_m[0])
+        in_way = self._heights.in_way(frame, placed_ned_m, filled_m)
+        self._pending.add(frame.source, Sight(frame, pose, turn_radps, *in_way))
 
     def skip(self, frame: DetectionFrame) -> None:
         """Take note of a frame that does not count: its sensor's row of frames begins again."""
@@ -292,7 +292,7 @@ class SeenSpace:
                 return violation
         return None
 
-    def _see(self, sight: _Sight) -> Violation | None:
+    def _see(self, sight: Sight) -> Violation | None:
         frame, pose, terms = sight.frame, sight.pose, self._flight.assessment.terms
         x_m, y_m, _ = self._leg.position_leg(pose.position_ned_m)
         # What stamp and pose may be apart displaces and turns the frame besides.
@@ -307,16 +307,18 @@ class SeenSpace:
             farthest_m = math.sqrt(2.0) * float(margins_m.max())
             contradicting = self._word.contradicted_by(sight.corners_ned_m, farthest_m)
         if contradicting is not None:
-            track_id = frame.track_id(frame.obstacles[contradicting])
+            track_id = frame.track_id(sight.detections[contradicting])
             self.void(f"{track_id} is reported where all was seen free")
             return _contradiction(track_id)
         # A scan is placed by the pose as a whole; boxes carry that error in their faces already.
         scan, view_rad = scan_of(frame, terms), math.radians(frame.field_of_view_deg)
+        shown = shown_heights(frame, pose, self._leg.origin_ned_m[2], terms)
+        range_m = min(frame.range_m, terms.detection_range_m, resolved_m(frame, terms))
         view = View(
             position_leg_m=(x_m, y_m),
             heading_leg_rad=wrap_angle(pose.yaw_rad - self._leg.heading_rad),
-            half_view_rad=min(view_rad, terms.field_of_view_rad) / 2.0,
-            range_m=min(frame.range_m, terms.detection_range_m, resolved_m(frame, terms)),
+            half_view_rad=shown.half_view_rad(min(view_rad, terms.field_of_view_rad) / 2.0),
+            range_m=shown.level_range_m(range_m),
             boxes=[
                 *enclosing_boxes(seen_leg_m, e),
                 *self._known_boxes(x_m, y_m, terms.detection_range_m),
@@ -328,11 +330,13 @@ class SeenSpace:
             heading_error_rad=heading_error_rad,
             free_range_m=scan,
             scan_half_view_rad=view_rad / 2.0,
+            blind_m=shown.blind_m,
         )
         self._set.centre_on(x_m, y_m)
         self._set.see(view, frame.source)
         self._counted[frame.source] = self._counted.get(frame.source, 0) + 1
-        if view.range_m >= self._start_radius_m + math.sqrt(2.0) * terms.map_error_m:
+        start_m = self._start_radius_m + math.sqrt(2.0) * terms.map_error_m
+        if view.range_m >= start_m and view.blind_m == 0.0:
             here_ned_m = pose.position_ned_m[:2]
             self._looks.note(view, here_ned_m, pose.yaw_rad, frame.source, self._same_place_m)
         return None

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 
@@ -24,6 +24,16 @@ _NO_RANGE_M: Final = 0.01
 
 # A sensor of which more than this share of the view returns no measurement does not look.
 _BLIND_SHARE_MAX: Final = 0.5
+
+
+class VerticalView(NamedTuple):
+    """What a frame says of heights, as in `DetectionFrame`."""
+
+    vertical_field_of_view_deg: tuple[float, float]
+    reported_height_m: tuple[float, float] | None = None
+
+
+NO_HEIGHTS: Final = VerticalView((0.0, 0.0))
 
 
 class BlindAheadError(DecodeError):
@@ -87,8 +97,13 @@ class ScanFrames:
         range_m: float,
         field_of_view_deg: float,
         free_range_m: tuple[float, ...],
+        vertical_view: VerticalView = NO_HEIGHTS,
     ) -> DetectionFrame:
-        """Return the next frame with given content."""
+        """Return the next frame with given content.
+
+        A scan takes everything within its band of heights for pillars, so that by itself it shows
+        none of the heights between its beams.
+        """
         self._sequence += 1
         return DetectionFrame.model_validate(
             {
@@ -101,6 +116,7 @@ class ScanFrames:
                 "field_of_view_deg": field_of_view_deg,
                 "obstacles": obstacles,
                 "free_range_m": free_range_m,
+                **vertical_view._asdict(),
             }
         )
 

@@ -25,7 +25,7 @@ from onboard.perception.scan.levelling import (
     mounting_offset_m,
     mounting_rotation,
 )
-from onboard.perception.scan.scan_frames import ScanFrames
+from onboard.perception.scan.scan_frames import ScanFrames, VerticalView
 from onboard.perception.sources.sensor_input import OneFrameId, PastPoses, SensorInput
 from onboard.vehicle_state import Pose
 
@@ -40,6 +40,7 @@ class _Footprint(NamedTuple):
     size_m: tuple[float, float]
     yaw_rad: float
     bounds_ned_m: FloatArray
+    down_m: tuple[float, float]
 
 
 class DetectionsInput(SensorInput):
@@ -67,7 +68,8 @@ class DetectionsInput(SensorInput):
         stamp_unix_s = message.header.stamp_unix_s
         pose = self._poses.at(stamp_unix_s)
         level = BodyMotion.of([pose], None).levelled(np.eye(3))
-        from_sensor = level @ mounting_rotation(config.mounting)
+        mounted = mounting_rotation(config.mounting)
+        from_sensor = level @ mounted
         sensor_m = (level @ mounting_offset_m(config.mounting))[:, 0]
         band_m = band_above_ground_m(config, pose.position_ned_m[2], float(sensor_m[2]))
         view = free_view(
@@ -79,6 +81,9 @@ class DetectionsInput(SensorInput):
         if view is None:
             raise DecodeError("does not look ahead")
         turn = from_sensor @ FRD_FROM[config.axes]
+        # Of the body: a sensor that is mounted at an angle sees less either way.
+        mounted_deg = math.degrees(math.acos(min(max(mounted[2, 2], -1.0), 1.0)))
+        vertical_deg = min(max(config.view_deg[1] / 2.0 - mounted_deg, 0.0), 89.0)
         found = [
             (box.id, self._footprint(box, turn, sensor_m, band_m, pose)) for box in message.boxes
         ]
@@ -90,6 +95,7 @@ class DetectionsInput(SensorInput):
                 range_m=view.range_m,
                 field_of_view_deg=min(math.degrees(2.0 * view.half_view_rad), 360.0),
                 free_range_m=tuple(view.free_m.tolist()),
+                vertical_view=VerticalView((vertical_deg, vertical_deg), band_m),
             ),
         )
 
@@ -133,13 +139,14 @@ class DetectionsInput(SensorInput):
         frame = LegFrame((0.0, 0.0, 0.0), yaw_rad)
         turned_m = frame.vector_leg_from_ned(corners_m)
         low_m, high_m = turned_m.min(axis=0), turned_m.max(axis=0)
+        down_m = (float(low_m[2]), float(high_m[2]))
         center_m = frame.vector_ned(tuple(((low_m + high_m) / 2.0).tolist()))
         size_m = (float(high_m[0] - low_m[0]), float(high_m[1] - low_m[1]))
         body = LegFrame(pose.position_ned_m, pose.yaw_rad)
         ned_m = body.position_ned_from_leg(corners_m)
         low_m, high_m = ned_m.min(axis=0), ned_m.max(axis=0)
         bounds_ned_m = np.array((low_m[0], high_m[0], low_m[1], high_m[1]))
-        return _Footprint(center_m[:2], size_m, yaw_rad, bounds_ned_m)
+        return _Footprint(center_m[:2], size_m, yaw_rad, bounds_ned_m, down_m)
 
     def _obstacles(self, found: list[tuple[str, _Footprint]]) -> list[dict[str, Any]]:
         if self._generation != self._poses.generation:
@@ -163,6 +170,8 @@ class DetectionsInput(SensorInput):
                 "size_m": each.size_m,
                 "yaw_deg": math.degrees(each.yaw_rad),
                 "uncertainty_m": self._config.uncertainty_m,
+                "down_m": each.down_m,
+                "down_uncertainty_m": self._config.uncertainty_m,
             }
             for name, (_, each) in zip(names, found, strict=True)
         ]

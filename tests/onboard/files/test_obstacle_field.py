@@ -145,4 +145,5 @@ def test_schema_describes_the_keys() -> None:
         "center_ned_m",
         "size_m",
         "yaw_deg",
+        "down_m",
     }

@@ -56,7 +56,7 @@ def test_without_optional_fields_nothing_is_known_of_height_or_free_space() -> N
     assert down_range_ned(seen.obstacles[0], None) is None
 
 
-@pytest.mark.parametrize("down_m", [[-3.0, 0.0], [-2, -2], [0, 1.5]])
+@pytest.mark.parametrize("down_m", [[-3.0, 0.0], [-2, -2], [0, 1.5], [None, 0.0], [-3.0, None]])
 def test_top_and_bottom_are_read(down_m: list[float]) -> None:
     assert detection(down_m=down_m).down_m == tuple(down_m)
 
@@ -73,7 +73,6 @@ def test_top_and_bottom_are_read(down_m: list[float]) -> None:
         [-math.inf, 0.0],
         [-1e9, 0.0],
         ["-3.0", "0.0"],
-        [None, 0.0],
         [True, False],
         "tall",
         -3.0,
