@@ -78,7 +78,7 @@ def test_it_avoids_what_is_not_there_and_says_so_everywhere(tmp_path: Path) -> N
 
     assert ("sees", "VIRTUAL OBSTACLES: real ones are not seen") in _status_lines("v", states[-1])
     screen = Console(width=120, record=True, file=io.StringIO())
-    screen.print(_state(states[-1], None, states[-1].time_s))
+    screen.print(_state(states[-1], None, None, states[-1].time_s))
     assert "VIRTUAL OBSTACLES" in screen.export_text()
     report = document_of(Flight("virtual", log_of(records), Log(), None))
     assert report["problems"][0].startswith("VIRTUAL OBSTACLES")

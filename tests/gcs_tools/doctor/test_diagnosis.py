@@ -55,7 +55,7 @@ def test_a_daemon_that_is_well() -> None:
 
 
 def test_what_was_read_from_the_vehicle_and_where_a_flight_was_left_are_said() -> None:
-    read = {"mission": "2 legs, 24 m", "resumable": "leg 2 of 3"}
+    read: dict[str, Any] = {"mission": "2 legs, 24 m", "resumable": "leg 2 of 3"}
     texts = {each.name: each.text for each in diagnose(seen_with(**read), CONTRACT)}
     assert texts["mission"] == "read from the vehicle: 2 legs, 24 m"
     assert texts["flight left"].startswith("at leg 2 of 3: clearway resume")

@@ -26,15 +26,8 @@ from prometheus_client.parser import text_string_to_metric_families
 from gcs_tools.console.interruption import Interruption, interruptible
 from gcs_tools.console.processes import Children, free_ports
 from gcs_tools.fly.command import best_effort
-from gcs_tools.fly.live_flight import (
-    READY_TIMEOUT_S,
-    START_TIMEOUT_S,
-    VEHICLE_NAME,
-    Endpoints,
-    Operator,
-    Status,
-    write_configuration,
-)
+from gcs_tools.fly.live_configuration import VEHICLE_NAME, Endpoints, write_configuration
+from gcs_tools.fly.live_flight import READY_TIMEOUT_S, START_TIMEOUT_S, Operator, Status
 from gcs_tools.resume.command import ask
 from gcs_tools.scenario import Scenario, load_scenario
 from gcs_tools.vehicle.connection import connected_vehicle
