@@ -52,6 +52,5 @@ class HeldWays:
         self._last = held
         if held is not None:
             times_s = np.append(np.arange(now_s, held.end_s, _STEP_S), max(now_s, held.end_s))
-            points_m = [held.sample(time_s).position_leg_m for time_s in times_s.tolist()]
-            points_ned_m = navigator.leg.position_ned_from_leg(np.array(points_m))
+            points_ned_m = navigator.leg.position_ned_from_leg(held.positions_leg_m(times_s))
             self.ways.append(HeldWay(now_s, points_ned_m[:, :2]))

@@ -99,8 +99,10 @@ def _concerning(clause: Clause[Q], terms: Terms[Q]) -> Clause[Q]:
     """Return a clause with what it concerns (`PROGRESS_CLAUSES`)."""
     if not terms.stop or clause.name not in PROGRESS_CLAUSES:
         return clause
-    text = (clause.unit, clause.reason)
-    return Clause(clause.name, clause.required, clause.declared, *text, concerns="progress")
+    # As `replace`, in a third of the time.
+    changed = object.__new__(type(clause))
+    vars(changed).update(vars(clause), concerns="progress")
+    return changed
 
 
 def _agility_clauses(terms: Terms[Q], ops: Arithmetic[Q]) -> tuple[Clause[Q], ...]:

@@ -101,9 +101,12 @@ def dimensions(e: Encounter[Q], ops: Arithmetic[Q]) -> Dimensions[Q]:
     t_m = ops.minimum(stopping_time_s, clearing_time_s)
     depth_m = least_advance(e.speed_mps, e.brake_mps2, t_m, ops)
     late_m = e.speed_mps * (e.reaction_time_s + e.attitude_lag_s)
-    drift_left_m, drift_right_m = _drift(e.left_mps2, e), _drift(e.right_mps2, e)
-    left_m, left_peak_mps = _overhang(e.left_mps2, e.right_mps2, t_m, e, ops)
-    right_m, right_peak_mps = _overhang(e.right_mps2, e.left_mps2, t_m, e, ops)
+    drift_left_m = drift_right_m = _drift(e.left_mps2, e)
+    left = right = _overhang(e.left_mps2, e.right_mps2, t_m, e, ops)
+    if e.left_mps2 is not e.right_mps2:  # a contract has one limit for both
+        drift_right_m = _drift(e.right_mps2, e)
+        right = _overhang(e.right_mps2, e.left_mps2, t_m, e, ops)
+    (left_m, left_peak_mps), (right_m, right_peak_mps) = left, right
     recovery_m = recovery_distance(e, t_m, ops)
     return Dimensions(
         flat=stopping_time_s <= clearing_time_s,
@@ -135,9 +138,11 @@ def time_to_clear(e: Encounter[Q], ops: Arithmetic[Q]) -> Q:
     17 % in a band of speeds; tests/onboard/contract/test_region.py::test_printed_eq_9_is_unsafe.
     """
     t = ops.sqrt(2.0 * e.size_across_m / (e.right_mps2 + e.left_mps2))
+    rightwards_s = _time_to_clear_against_drift(e.right_mps2, e.left_mps2, t, e, ops)
+    if e.left_mps2 is e.right_mps2:
+        return rightwards_s
     return ops.maximum(
-        _time_to_clear_against_drift(e.right_mps2, e.left_mps2, t, e, ops),
-        _time_to_clear_against_drift(e.left_mps2, e.right_mps2, t, e, ops),
+        rightwards_s, _time_to_clear_against_drift(e.left_mps2, e.right_mps2, t, e, ops)
     )
 
 

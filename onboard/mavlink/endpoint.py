@@ -168,7 +168,7 @@ class MavlinkEndpoint:
         for message in self._reader.read(data):
             of_vehicle = self._is_vehicle(message)
             if self.security.admits(message, now_s, of_vehicle=of_vehicle):
-                self._handle(message, now_s)
+                self._handle(message, now_s, of_vehicle=of_vehicle)
         self.counters.garbage_bytes = self._reader.bytes_dropped
 
     def bytes_to_send(self) -> bytes:
@@ -206,19 +206,20 @@ class MavlinkEndpoint:
         sender = (message.get_srcSystem(), message.get_srcComponent())
         return bool(sender == (self._system_id, mavlink.MAV_COMP_ID_AUTOPILOT1))
 
-    def _handle(self, message: Any, now_s: float) -> None:
-        if message.get_msgId() in _RANGE_MESSAGES:
+    def _handle(self, message: Any, now_s: float, *, of_vehicle: bool) -> None:
+        message_id = message.get_msgId()
+        if message_id in _RANGE_MESSAGES:
             sender = (message.get_srcSystem(), message.get_srcComponent())
             if sender == (self._system_id, COMPONENT_ID):
                 self.counters.foreign_messages += 1  # our own, routed back to us
-            elif sender[0] == self._system_id and message.get_msgId() in self.range_messages:
-                self._requests.heard(message.get_msgId())
-                self._ranges.append((message.get_msgId(), bytes(message.get_msgbuf())))
-        elif not self._is_vehicle(message):
+            elif sender[0] == self._system_id and message_id in self.range_messages:
+                self._requests.heard(message_id)
+                self._ranges.append((message_id, bytes(message.get_msgbuf())))
+        elif not of_vehicle:
             self.counters.foreign_messages += 1
             self._note_second_commander(message, now_s)
-        elif (handler := self._handlers.get(message.get_msgId())) is not None:
-            self._requests.heard(message.get_msgId())
+        elif (handler := self._handlers.get(message_id)) is not None:
+            self._requests.heard(message_id)
             handler(message, now_s)
 
     def _note_second_commander(self, message: Any, now_s: float) -> None:

@@ -9,6 +9,7 @@ from __future__ import annotations
 from bisect import bisect_left, bisect_right
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import accumulate
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -98,7 +99,7 @@ class Trajectory:
             ValueError: all profiles are empty, so that the trajectory has no duration.
         """
         profiles = (x, y, z)
-        knots_s = np.unique([knot[0] for profile in profiles for knot in profile.knots])
+        knots_s = np.array(sorted({knot[0] for profile in profiles for knot in profile.knots}))
         durations_s = np.diff(knots_s)
         axes = [_resample(profile, knots_s) for profile in profiles]
         position, velocity, acceleration, jerk = (
@@ -155,15 +156,13 @@ class Trajectory:
 
     def coasting_for(self, duration_s: float) -> Trajectory:
         """Return this trajectory with its final coast made explicit for a duration above zero."""
-        final, still = self.final, (0.0, 0.0, 0.0)
-        coast = (final.position_leg_m, final.velocity_leg_mps, still, still)
-        motion = (np.vstack(pair) for pair in zip(self.motion, coast, strict=True))
-        return Trajectory(self.start_s, np.append(self.durations_s, duration_s), *motion)
+        return Trajectory(self.start_s, np.append(self.durations_s, duration_s), *self._with_coast)
 
     @cached_property
     def knots_s(self) -> tuple[float, ...]:
         """Absolute times of the n + 1 knots."""
-        return tuple((self.start_s + np.concatenate(([0.0], np.cumsum(self.durations_s)))).tolist())
+        elapsed_s = accumulate(self.durations_s.tolist(), initial=0.0)
+        return tuple([self.start_s + each_s for each_s in elapsed_s])
 
     @property
     def end_s(self) -> float:
@@ -185,10 +184,23 @@ class Trajectory:
 
     def sample(self, time_s: float) -> State:
         """State at an absolute time; at rest in acceleration outside [start_s, end_s)."""
+        # Most ask for the time of the tick, as others have done in it.
+        before_s, state = self._sampled
+        if time_s == before_s and state is not None:
+            return state
         piece = bisect_right(self.knots_s, time_s) - 1
-        if piece < 0:
-            return _advanced(self._pieces[0], 0.0)
-        return _advanced(self._pieces[piece], time_s - self.knots_s[piece])
+        after_s = 0.0 if piece < 0 else time_s - self.knots_s[piece]
+        state = _advanced(self._pieces[max(piece, 0)], after_s)
+        self.__dict__["_sampled"] = time_s, state
+        return state
+
+    def positions_leg_m(self, times_s: FloatArray) -> FloatArray:
+        """Positions (k, 3) at absolute times (k,), to the last bit those of `sample`."""
+        pieces = np.searchsorted(self.knots_s, times_s, side="right") - 1
+        after_s = np.where(pieces < 0, 0.0, times_s - np.array(self.knots_s)[pieces])[:, None]
+        p, v, a, j = (array[np.maximum(pieces, 0)] for array in self._with_coast)
+        positions_m: FloatArray = p + after_s * (v + after_s * (a / 2.0 + after_s * j / 6.0))
+        return positions_m
 
     @cached_property
     def control_points_m(self) -> FloatArray:
@@ -291,6 +303,18 @@ class Trajectory:
     @property
     def _arrays(self) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]:
         return (self.durations_s, *self.motion)
+
+    @property
+    def _with_coast(self) -> tuple[FloatArray, ...]:
+        """The motion of each piece, and of the coast after the last."""
+        final, still = self.final, (0.0, 0.0, 0.0)
+        coast = (final.position_leg_m, final.velocity_leg_mps, still, still)
+        return tuple(np.vstack(pair) for pair in zip(self.motion, coast, strict=True))
+
+    @cached_property
+    def _sampled(self) -> tuple[float, State | None]:
+        """The time that was asked for last, and the state then; None before the first."""
+        return 0.0, None
 
     @cached_property
     def _pieces(self) -> list[tuple[Vector, Vector, Vector, Vector]]:

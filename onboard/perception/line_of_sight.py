@@ -108,8 +108,8 @@ def seen_free(view: View, x_m: FloatArray, y_m: FloatArray, cell_m: float) -> Bo
         shy_rad = astray_m / np.sqrt((distance_m - radius_m - astray_m) * (distance_m - radius_m))
         limit_rad = view.half_view_rad - view.heading_error_rad - shy_rad
         inside &= np.abs(angle_rad) + width_rad <= limit_rad
-    profile = _depth_profile(view)
-    inside &= beyond_m <= profile.least(angle_rad - width_rad, angle_rad + width_rad)
+    if (profile := _depth_profile(view)) is not None:
+        inside &= beyond_m <= profile.least(angle_rad - width_rad, angle_rad + width_rad)
     seen[picked] = inside
     return seen
 
@@ -146,8 +146,13 @@ class _Profile:
         return least
 
 
-def _depth_profile(view: View) -> _Profile:
-    """How far the line of sight is open at least, per bin of bearing from the sensor's axis."""
+def _depth_profile(view: View) -> _Profile | None:
+    """How far the line of sight is open at least, per bin of bearing from the sensor's axis.
+
+    None if nothing is said to be in its way.
+    """
+    if not view.boxes and not view.free_range_m:
+        return None
     depth_m = np.full(_BINS, math.inf)
     if view.boxes:
         _shade(depth_m, _EDGES_RAD, view)

@@ -10,23 +10,21 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from typing import TYPE_CHECKING, Final, TypeVar
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from onboard.geometry.free_grid import FreeGrid
+from onboard.perception.cells import FrameRow, IndexArray, eroded, indices, shifted
 from onboard.perception.line_of_sight import BoolArray, View, seen_free
-from onboard.perception.view_sector import in_sector
+from onboard.perception.view_sector import in_sector, of_whole_cells
 
 if TYPE_CHECKING:
     from onboard.geometry.fence import Fence
     from onboard.geometry.frames import FloatArray, LegFrame
 
-Counts = NDArray[np.uint8]
 IntArray = NDArray[np.int32]
-IndexArray = NDArray[np.int64]
-Cell = TypeVar("Cell", np.bool_, np.uint8)
 
 CELL_M: Final = 0.1
 # The grid reaches this far from the vehicle on each side, at least.
@@ -59,8 +57,7 @@ class SeenFree:
         self._half = math.ceil(reach_m / cell_m) + _STEP_CELLS
         self._corner = (-self._half, -self._half)
         self._free = np.zeros((2 * self._half, 2 * self._half), np.bool_)
-        # By sensor: how many successive frames of it have shown a cell free so far.
-        self._rows: dict[str, Counts] = {}
+        self._rows: dict[str, FrameRow] = {}  # by sensor
         self._half_width_m = math.inf
         self._fence: tuple[Fence, LegFrame] | None = None
         # By where the grid is: the cells within the fence; None if all are.
@@ -128,8 +125,9 @@ class SeenFree:
         ]
         di, dj = wanted[0] - self._corner[0], wanted[1] - self._corner[1]
         if di or dj:
-            self._free = _shifted(self._free, di, dj)
-            self._rows = {source: _shifted(row, di, dj) for source, row in self._rows.items()}
+            self._free = shifted(self._free, di, dj)
+            for row in self._rows.values():
+                row.shift(di, dj)
             self._corner = (wanted[0], wanted[1])
             self._has_changed()
 
@@ -143,7 +141,7 @@ class SeenFree:
     def shift(self, x_m: float, y_m: float) -> None:
         """Shift the set with the map after a declared reset: by whole cells, then eroded by one."""
         cells = (round(x_m / self._cell_m), round(y_m / self._cell_m))
-        self._free = _eroded(_shifted(self._free, -cells[0], -cells[1]))
+        self._free = eroded(shifted(self._free, -cells[0], -cells[1]))
         if self._rest_disc is not None:
             disc_x_m, disc_y_m, radius_m = self._rest_disc
             self._rest_disc = (disc_x_m + x_m, disc_y_m + y_m, radius_m)
@@ -152,18 +150,19 @@ class SeenFree:
 
     def see(self, view: View, source: str = "") -> None:
         """Count a frame of a sensor for each cell that it shows to be free."""
-        row = np.zeros(self._free.shape, np.uint8)
-        before, self._rows[source] = self._rows.get(source), row
-        window = self._window(view)
-        if window is None:
+        whole = of_whole_cells(view, self._cell_m)
+        window = None if whole is None else self._window(whole)
+        if whole is None or window is None:
+            self.break_row(source)
             return
         rows, columns = window
         xs_m, ys_m = self._centres(rows, columns)
-        i, j = _indices(in_sector(view, xs_m, ys_m) > self._free[rows, columns])
+        i, j = indices(in_sector(whole, xs_m, ys_m) > self._free[rows, columns])
         seen = seen_free(view, xs_m[i], ys_m[j], self._cell_m)
         i, j = i[seen] + rows.start, j[seen] + columns.start
-        row[i, j] = 1 if before is None else before[i, j] + 1
-        new = row[i, j] >= self._needed
+        if source not in self._rows:
+            self._rows[source] = FrameRow(self._free.shape)
+        new = self._rows[source].count(i, j) >= self._needed
         if new.any():
             i, j = i[new], j[new]
             self._free[i, j] = True
@@ -354,29 +353,3 @@ class SeenFree:
                 return None
             slices.append(slice(first, last))
         return slices[0], slices[1]
-
-
-def _indices(cells: BoolArray) -> tuple[IndexArray, IndexArray]:
-    """Return row and column of each true cell, as `np.nonzero`, in an eighth of the time."""
-    flat = np.flatnonzero(cells)
-    rows = flat // cells.shape[1]
-    return rows, flat - rows * cells.shape[1]
-
-
-def _shifted(cells: NDArray[Cell], di: int, dj: int) -> NDArray[Cell]:
-    """Return the window moved by whole cells; new cells are unknown."""
-    moved = np.zeros_like(cells)
-    size = cells.shape[0]
-    if abs(di) >= size or abs(dj) >= size:
-        return moved
-    source = cells[max(di, 0) : size + min(di, 0), max(dj, 0) : size + min(dj, 0)]
-    moved[max(-di, 0) : size + min(-di, 0), max(-dj, 0) : size + min(-dj, 0)] = source
-    return moved
-
-
-def _eroded(free: BoolArray) -> BoolArray:
-    """Return the cells that are free along with all eight neighbours."""
-    padded = np.pad(free, 1)
-    rows = padded[:-2] & padded[1:-1] & padded[2:]
-    eroded: BoolArray = rows[:, :-2] & rows[:, 1:-1] & rows[:, 2:]
-    return eroded

@@ -9,11 +9,46 @@ enough for every frame, so that nothing is kept, and no larger than what is aske
 from __future__ import annotations
 
 import math
+from dataclasses import replace
+from typing import Final
 
 import numpy as np
 
 from onboard.geometry.frames import FloatArray
 from onboard.perception.line_of_sight import BoolArray, View
+
+# More than what single precision leaves open in `seen_free`, in metres and in radians.
+_SLACK: Final = 1e-4
+
+
+def of_whole_cells(view: View, cell_m: float) -> View | None:
+    """Return a smaller view that holds the centre of every cell that a view shows as a whole.
+
+    `seen_free` asks for a disc about the centre that errors make larger, and wants it within range
+    and view less errors: no centre is farther, or nearer to an edge, than the disc allows there.
+
+    Args:
+        view: the frame.
+        cell_m: edge of a cell.
+
+    Returns:
+        None if no cell can be within.
+    """
+    eps, root = view.heading_error_rad, math.sqrt(2.0)
+    # The radius of the disc is root * (grown + eps * distance), without its round-off.
+    grown_m = cell_m / 2.0 * (1.0 + root * eps) + view.pose_error_m
+    within_m = view.range_m - max(view.face_error_m, view.placing_error_m)
+    range_m = (within_m - root * grown_m) / (1.0 + root * eps) + _SLACK
+    if not range_m > _SLACK:
+        return None
+    half_rad = view.half_view_rad
+    if half_rad < math.pi:
+        astray_m = view.pose_error_m + view.placing_error_m
+        # What a disc takes of the view is more than its radius over its distance.
+        half_rad -= eps * (1.0 + root) + (root * grown_m + astray_m) / range_m - _SLACK
+        if not half_rad > 0.0:
+            return None
+    return replace(view, range_m=range_m, half_view_rad=half_rad)
 
 
 def in_sector(view: View, xs_m: FloatArray, ys_m: FloatArray) -> BoolArray:

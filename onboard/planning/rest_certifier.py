@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
@@ -119,10 +120,10 @@ def _start_failures(
         ("m", "m/s", "m/s²"),
         strict=True,
     ):
-        gap = float(np.abs(have - want).max())
+        gaps = [abs(one - other) for one, other in zip(have.tolist(), want, strict=True)]
         may_jump = name == "acceleration" and math.isinf(limits.jerk_max_mps3)
-        if not (gap <= tolerance or may_jump):
-            failures.append(f"start: {name} jumps by {gap:.3g} {unit}")
+        if not (all(gap <= tolerance for gap in gaps) or may_jump):
+            failures.append(f"start: {name} jumps by {max(gaps):.3g} {unit}")
     return failures
 
 
@@ -142,30 +143,29 @@ def _motion_failures(trajectory: Trajectory, limits: RestLimits) -> list[str]:
             failures.append(f"{name} jumps by {gap:.3g} between two pieces")
     brake, forward, left, right = limits.acceleration_max_mps2
     acceleration = np.concatenate((trajectory.acceleration_leg_mps2, trajectory.ends[2]))
-    ax, ay = acceleration[:, X], acceleration[:, Y]
-    jerk = np.abs(trajectory.jerk_leg_mps3[:, :2])
-    speed = np.hypot(*velocity_points_mps(trajectory)[:, :, :2].reshape(-1, 2).T)
+    low, high = acceleration.min(axis=0).tolist(), acceleration.max(axis=0).tolist()
+    tilted = 0.0  # by W, where no disc bounds it
+    if limits.acceleration_disc_mps2 < math.inf:
+        tilted = float(np.hypot(acceleration[:, X], acceleration[:, Y]).max())
+    jerk = np.abs(trajectory.jerk_leg_mps3[:, :2]).max(axis=0) - limits.jerk_xy_max_mps3
+    speed = np.hypot(*velocity_points_mps(trajectory)[:, :, :2].reshape(-1, 2).T).max()
+    height = np.abs(trajectory.control_points_m[:, :, Z] - trajectory.position_leg_m[0, Z]).max()
     for clause, excess, tolerance, unit in (
-        ("braking limit exceeded", -ax - brake, ACCELERATION_TOLERANCE_MPS2, "m/s²"),
-        ("forward limit exceeded", ax - forward, ACCELERATION_TOLERANCE_MPS2, "m/s²"),
-        ("leftward limit exceeded", -ay - left, ACCELERATION_TOLERANCE_MPS2, "m/s²"),
-        ("rightward limit exceeded", ay - right, ACCELERATION_TOLERANCE_MPS2, "m/s²"),
+        ("braking limit exceeded", -low[X] - brake, ACCELERATION_TOLERANCE_MPS2, "m/s²"),
+        ("forward limit exceeded", high[X] - forward, ACCELERATION_TOLERANCE_MPS2, "m/s²"),
+        ("leftward limit exceeded", -low[Y] - left, ACCELERATION_TOLERANCE_MPS2, "m/s²"),
+        ("rightward limit exceeded", high[Y] - right, ACCELERATION_TOLERANCE_MPS2, "m/s²"),
         (
             "tilt limit exceeded",
-            np.hypot(ax, ay) - limits.acceleration_disc_mps2,
+            tilted - limits.acceleration_disc_mps2,
             ACCELERATION_TOLERANCE_MPS2,
             "m/s²",
         ),
-        ("jerk limit exceeded", jerk - limits.jerk_xy_max_mps3, JERK_TOLERANCE_MPS3, "m/s³"),
+        ("jerk limit exceeded", jerk.max(), JERK_TOLERANCE_MPS3, "m/s³"),
         ("speed limit exceeded", speed - limits.speed_max_mps, VELOCITY_TOLERANCE_MPS, "m/s"),
-        (
-            "height changes",
-            np.abs(trajectory.control_points_m[:, :, Z] - trajectory.position_leg_m[0, Z]),
-            POSITION_TOLERANCE_M,
-            "m",
-        ),
+        ("height changes", height, POSITION_TOLERANCE_M, "m"),
     ):
-        worst = float(excess.max())
+        worst = float(excess)
         if not worst <= tolerance:
             failures.append(f"{clause} by {worst:.3g} {unit}")
     return failures
@@ -230,7 +230,7 @@ def _are_free(
     """Tell for each piece whether the box of its points, grown by a disc, is seen free."""
     # The points of a piece come first, along with the gains, so that one axis is reduced.
     position, velocity, acceleration = points.transpose(0, 2, 1, 3)[:, None]
-    kappa, c = np.array(gains).T[:, :, None, None, None]
+    kappa, c = _as_columns(tuple(gains))
     swept = (position + kappa * velocity + c * acceleration).reshape(-1, *position.shape[2:])
     low, high = swept.min(axis=0), swept.max(axis=0)
     free = grid.are_free(
@@ -241,6 +241,13 @@ def _are_free(
     if left.size:
         free[left] = _discs_are_free(low[left], high[left], grown_m, grid)
     return free
+
+
+@lru_cache(maxsize=256)
+def _as_columns(gains: tuple[tuple[float, float], ...]) -> FloatArray:
+    """Return gains (2, n, 1, 1, 1): a contract has the same ones, as long as its speed lasts."""
+    columns: FloatArray = np.array(gains).T[:, :, None, None, None]
+    return columns
 
 
 def _discs_are_free(

@@ -62,7 +62,7 @@ class Journal:
         self.autonomy = autonomy
         self._timed = timed
         self._slow_due_s = -math.inf if shown else math.inf
-        self._shown, self._seen_space = shown, SeenSpaceJournal()
+        self._seen_space = SeenSpaceJournal(shown=shown)
         self._obstacles_revision = 0
         self._assessment: Assessment | None = None
         # Obstacles are replaced, never changed: what was derived from one stays valid.
@@ -80,7 +80,7 @@ class Journal:
             records += self._slow(now_s, state)
         navigator = self.autonomy.navigator
         seen = self._seen_space.collect(navigator.shield, navigator.leg, state.time_s, now_s)
-        if self._shown and seen is not None:
+        if seen is not None:
             records.append(seen)
         for step in navigator.take_planned():
             records.append(self._plan(step, state.time_s))
@@ -250,8 +250,8 @@ def path_of(trajectory: Trajectory, leg: LegFrame) -> list[tuple[float, float, f
     times_s = trajectory.start_s + np.minimum(
         np.arange(count) * max(PATH_STEP_S, duration_s / (count - 1)), duration_s
     )
-    points = [trajectory.sample(time_s).position_leg_m for time_s in times_s.tolist()]
-    return [(x, y, z) for x, y, z in leg.position_ned_from_leg(np.array(points)).tolist()]
+    points_ned_m = leg.position_ned_from_leg(trajectory.positions_leg_m(times_s))
+    return [(x, y, z) for x, y, z in points_ned_m.tolist()]
 
 
 def _seen_from_above(points_leg_m: FloatArray, leg: LegFrame) -> Outline:

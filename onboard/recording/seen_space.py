@@ -43,9 +43,15 @@ class SeenSpaceSource(Protocol):
 
 
 class SeenSpaceJournal:
-    """Records the seen-free set where it has changed, at most every `PERIOD_S`."""
+    """Records the seen-free set where it has changed, at most every `PERIOD_S`.
 
-    def __init__(self) -> None:
+    Args:
+        shown: make the records; else only ask for what would be in them, as the flight is the same
+            whether it is shown or not.
+    """
+
+    def __init__(self, *, shown: bool = True) -> None:
+        self._shown = shown
         self._due_s = -np.inf
         self._last: tuple[object, ...] = ()
 
@@ -68,7 +74,7 @@ class SeenSpaceJournal:
         if grid is None or (known and all(a is b for a, b in zip(news, self._last, strict=True))):
             return None
         self._due_s, self._last = now_s + PERIOD_S, news
-        return seen_space(source, grid, leg, time_s)
+        return seen_space(source, grid, leg, time_s) if self._shown else None
 
 
 def seen_space(source: SeenSpaceSource, grid: FreeGrid, leg: LegFrame, time_s: float) -> SeenSpace:

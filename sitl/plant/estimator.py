@@ -201,19 +201,23 @@ class Estimator:
         north_mps, east_mps, down_mps = truth.velocity_ned_mps
         w, x, y, z = truth.attitude_quaternion
         cosine, sine = math.cos(error.yaw_rad / 2.0), math.sin(error.yaw_rad / 2.0)
-        return truth._replace(
-            position_ned_m=(north_m + error.north_m, east_m + error.east_m, down_m + error.down_m),
-            velocity_ned_mps=(
+        return VehicleTruth(
+            truth.time_s,
+            (north_m + error.north_m, east_m + error.east_m, down_m + error.down_m),
+            (
                 north_mps + error.velocity_north_mps,
                 east_mps + error.velocity_east_mps,
                 down_mps + error.velocity_down_mps,
             ),
-            attitude_quaternion=(
+            truth.acceleration_ned_mps2,
+            (
                 cosine * w - sine * z,
                 cosine * x - sine * y,
                 cosine * y + sine * x,
                 cosine * z + sine * w,
             ),
+            truth.body_rates_radps,
+            truth.rotor_speeds_rpm,
         )
 
     def _grow(self, truth: VehicleTruth) -> None:

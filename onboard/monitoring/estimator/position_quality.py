@@ -95,6 +95,9 @@ class PositionQualityMonitor:
         self._estimator_relied = False
         self._health_bits = 0
         self._accuracy_max_m = math.inf
+        # What the signs of the estimator were read from last, and what they were.
+        self._asked: tuple[object, ...] = (None,) * 4
+        self._answered: list[Sign] = []
 
     def departure_failures(self, now_s: float) -> list[str]:
         """Return why the position is not good enough to depart on; empty if it is."""
@@ -179,7 +182,7 @@ class PositionQualityMonitor:
         if self._by_gps:
             yield from self._gps_signs(now_s)
         if self._estimator_relied:
-            yield from self._estimator_signs(self._accuracy_max_m, absolute=self._by_gps)
+            yield from self._reported_signs()
             assert reports.estimator.report is not None  # noqa: S101  it was heard
             silence = self._silence(reports.estimator.report.name, reports.estimator, now_s)
             if silence is not None:
@@ -214,6 +217,16 @@ class PositionQualityMonitor:
                 gps.silence_limit_s,
                 "s",
             )
+
+    def _reported_signs(self) -> list[Sign]:
+        """Return what the newest report of the estimator says; read again only with the next."""
+        reports = self._reports
+        asked = reports.estimator.report, reports.facts, self._accuracy_max_m, self._by_gps
+        if any(one is not other for one, other in zip(asked, self._asked, strict=True)):
+            self._asked = asked
+            signs = self._estimator_signs(self._accuracy_max_m, absolute=self._by_gps)
+            self._answered = list(signs)
+        return self._answered
 
     def _estimator_signs(self, accuracy_max_m: float, *, absolute: bool) -> Iterator[Sign]:
         report, facts = self._reports.estimator.report, self._reports.facts

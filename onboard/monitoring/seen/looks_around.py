@@ -13,6 +13,7 @@ if TYPE_CHECKING:
 
 # A place has been looked at all round when frames have shown every one of these sectors.
 _SECTORS: Final = 72
+_MIDDLES_RAD: Final = 2.0 * math.pi * np.arange(_SECTORS) / _SECTORS
 
 
 class LooksAround:
@@ -53,8 +54,7 @@ class LooksAround:
         """
         if not self._shown or math.dist(here_ned_m, self._from_ned_m) > same_place_m:
             self._shown, self._from_ned_m = {}, here_ned_m
-        middles_rad = 2.0 * math.pi * np.arange(_SECTORS) / _SECTORS
-        aside_rad = (middles_rad - yaw_rad + math.pi) % (2.0 * math.pi) - math.pi
+        aside_rad = (_MIDDLES_RAD - yaw_rad + math.pi) % (2.0 * math.pi) - math.pi
         half_rad = math.pi / _SECTORS
         shown = np.abs(aside_rad) + half_rad <= view.half_view_rad
         shown |= view.half_view_rad >= math.pi - half_rad

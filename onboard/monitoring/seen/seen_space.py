@@ -47,6 +47,7 @@ _TURN_AROUND_S: Final = 0.1
 _POSE_APART_S: Final = 0.05
 # A vehicle that drifts at rest stays on the disc where it began, by this.
 START_MARGIN_M: Final = 0.3
+_NEXT_CORNER: Final = (1, 2, 3, 0)
 # What makes a frame that shows it, and what has been seen with it, unfit to say what is free.
 DOUBTS: Final = frozenset(
     {
@@ -356,9 +357,13 @@ class SeenSpace:
         A face is within the strip ``face +- margin``, its ends within ``+- margin`` of theirs, and
         touches its obstacle: a strip that is wholly free cannot hold it.
         """
-        begins_m, ends_m = seen_leg_m, np.roll(seen_leg_m, -1, axis=1)
+        if not len(seen_leg_m):
+            return None
+        begins_m, ends_m = seen_leg_m, seen_leg_m[:, _NEXT_CORNER]
         middles_m = (begins_m + ends_m) / 2.0
         suspects = self._set.holds(middles_m[..., 0], middles_m[..., 1])
+        if not suspects.any():
+            return None
         for box, side in np.argwhere(suspects).tolist():
             begin_m, end_m = begins_m[box, side], ends_m[box, side]
             pieces = strip_around(begin_m, end_m, float(margins_m[box]))

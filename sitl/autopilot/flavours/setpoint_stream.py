@@ -76,10 +76,12 @@ def _with_jerk(setpoint: Setpoint, previous: Setpoint, period_s: float) -> Setpo
     def rate(new_mps2: float, old_mps2: float) -> float:
         return min(max((new_mps2 - old_mps2) / period_s, -_JERK_MAX_MPS3), _JERK_MAX_MPS3)
 
-    return setpoint._replace(
-        jerk_north_mps3=rate(setpoint.acceleration_north_mps2, previous.acceleration_north_mps2),
-        jerk_east_mps3=rate(setpoint.acceleration_east_mps2, previous.acceleration_east_mps2),
-        jerk_down_mps3=rate(setpoint.acceleration_down_mps2, previous.acceleration_down_mps2),
+    return Setpoint(
+        *setpoint[:9],
+        rate(setpoint.acceleration_north_mps2, previous.acceleration_north_mps2),
+        rate(setpoint.acceleration_east_mps2, previous.acceleration_east_mps2),
+        rate(setpoint.acceleration_down_mps2, previous.acceleration_down_mps2),
+        *setpoint[12:],
     )
 
 

@@ -58,6 +58,8 @@ class DetectionFaults:
             sent: what the sensors have sent.
             position_ned_m: of the vehicle.
         """
+        if not sent and not self._delayed:
+            return sent
         changed = [one for message in sent for one in self._changed(message, position_ned_m)]
         ordered = [one for frame in changed for one in self._in_order(frame)]
         return self._in_time(ordered)
@@ -68,6 +70,9 @@ class DetectionFaults:
         self._frames += 1
         if self._latest is None or not self._schedule.present("detections_stuck"):
             self._latest = message
+        if not self._schedule.any_present:
+            self._editing_since_s = {}
+            return [message]
         for kind, replace in self.REPLACEMENTS.items():
             amount = self._schedule.amount(kind)
             if amount is not None and (frames := replace(self, message, amount)) is not None:

@@ -62,6 +62,9 @@ class MavlinkFaults:
 
     def telemetry(self, data: bytes) -> bytes:
         """Return what the service receives of what the vehicle sent; called once a tick."""
+        if self._is_idle("down"):
+            self._advanced_s = self._schedule.now_s
+            return data
         data = self._carried("down", data)
         self._drift()
         if self._is_silent("down"):
@@ -77,6 +80,8 @@ class MavlinkFaults:
 
     def setpoints(self, data: bytes) -> bytes:
         """Return what the vehicle receives of what the service sent."""
+        if self._is_idle("up"):
+            return data
         data = self._carried("up", data)
         if self._is_silent("up"):
             return b""
@@ -87,6 +92,11 @@ class MavlinkFaults:
         """Return what a second commander sends to the vehicle now."""
         present = self._schedule.present("second_commander")
         return self._codec.rival_setpoint() if present else b""
+
+    def _is_idle(self, way: Way) -> bool:
+        """Tell whether nothing is present, and nothing is left of what was: as in most ticks."""
+        left = self._links[way] or self._misreported_m != 0.0
+        return not (left or self._schedule.any_present)
 
     def _is_silent(self, way: Way) -> bool:
         return any(way in ways and self._schedule.present(kind) for kind, ways in SILENCED.items())

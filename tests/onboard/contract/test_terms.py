@@ -92,3 +92,13 @@ def test_a_drift_of_the_frame_counts_with_the_body_and_with_the_map() -> None:
     assert TERMS.stops
     assert not replace(TERMS, stop=False).stops
     assert not replace(TERMS, input_set="paper").stops
+
+
+def test_terms_made_from_fields_are_those_that_the_constructor_makes(contract: Contract) -> None:
+    for terms in (Terms.of(contract), Terms.of(contract, "paper", 4.0), TERMS.idealised()):
+        assert Terms(**vars(terms)) == terms
+        assert {field.name: getattr(terms, field.name) for field in fields(Terms)} == vars(
+            replace(terms)
+        )
+        with pytest.raises(AttributeError):
+            terms.radius_m = 1.0  # type: ignore[misc]

@@ -129,6 +129,16 @@ def test_accelerations_are_followed_by_a_coast_to_a_border() -> None:
         Trajectory.from_accelerations(4.0, backwards, durations_s, nodes_mps2, end_m)
 
 
+@given(TRAJECTORIES)
+def test_positions_at_several_times_are_those_of_single_samples(trajectory: Trajectory) -> None:
+    times_s = np.linspace(trajectory.start_s - 0.5, trajectory.end_s + 0.5, 23)
+    times_s[3], times_s[20] = trajectory.start_s, trajectory.end_s
+    singly_m = [trajectory.sample(time_s).position_leg_m for time_s in times_s.tolist()]
+    assert trajectory.positions_leg_m(times_s).tolist() == [list(each) for each in singly_m]
+    again_m = [trajectory.sample(time_s).position_leg_m for time_s in times_s.tolist() * 2]
+    assert again_m == singly_m * 2
+
+
 def test_waits_before_and_coasts_after() -> None:
     speeding_up = Profile(1.0, 2.0, (Segment(2.0, 0.0, 1.0),))
     trajectory = Trajectory.from_profiles(10.0, speeding_up, Profile(0.0, 0.0), Profile(0.0, 0.0))

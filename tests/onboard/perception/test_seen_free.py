@@ -11,8 +11,9 @@ from hypothesis import strategies as st
 from onboard.geometry.box import Box
 from onboard.geometry.fence import Fence, FenceArea
 from onboard.geometry.frames import LegFrame
+from onboard.perception.cells import eroded, shifted
 from onboard.perception.line_of_sight import View, seen_free
-from onboard.perception.seen_free import SeenFree, _eroded, _shifted
+from onboard.perception.seen_free import SeenFree
 
 ALL_ROUND = View((0.0, 0.0), 0.0, math.pi, 5.0, (), 0.05)
 FOUR_STEPS_M = 4.0
@@ -255,7 +256,7 @@ def test_the_middle_and_the_reach_of_the_grid() -> None:
 @pytest.mark.parametrize(("di", "dj"), [(0, 0), (2, -1), (-3, 2), (0, 6), (-7, 0), (7, 7)])
 def test_cells_are_moved_one_by_one(di: int, dj: int) -> None:
     cells = np.random.default_rng(7).random((7, 7)) < 0.5
-    moved = _shifted(cells, di, dj)
+    moved = shifted(cells, di, dj)
     for i in range(7):
         for j in range(7):
             inside = 0 <= i + di < 7 and 0 <= j + dj < 7
@@ -264,11 +265,11 @@ def test_cells_are_moved_one_by_one(di: int, dj: int) -> None:
 
 def test_a_cell_with_an_unknown_neighbour_is_eroded() -> None:
     cells = np.random.default_rng(8).random((9, 9)) < 0.95
-    eroded = _eroded(cells)
+    core = eroded(cells)
     for i in range(9):
         for j in range(9):
             inner = 0 < i < 8 and 0 < j < 8
-            assert eroded[i, j] == (inner and cells[i - 1 : i + 2, j - 1 : j + 2].all())
+            assert core[i, j] == (inner and cells[i - 1 : i + 2, j - 1 : j + 2].all())
 
 
 def test_a_set_is_the_same_asked_for_points_rectangles_and_snapshots() -> None:
@@ -320,7 +321,7 @@ def test_a_quarter_turn_keeps_what_is_free_with_its_neighbours(quarters: int) ->
     space, turn_rad = speckled(free=0.97), quarters * math.pi / 2.0
     turned = space.turned((1.0, -0.5), turn_rad)
     cosine, sine = round(math.cos(turn_rad)), round(math.sin(turn_rad))
-    sure = _eroded(space._free)
+    sure = eroded(space._free)
     corner, size = space._corner[0], space._free.shape[0]
     kept = 0
     for i in range(0, turned._free.shape[0], 3):

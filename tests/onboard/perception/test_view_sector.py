@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from onboard.geometry.frames import FloatArray
 from onboard.perception.line_of_sight import View, seen_free
 from onboard.perception.seen_free import SeenFree
-from onboard.perception.view_sector import in_sector
+from onboard.perception.view_sector import in_sector, of_whole_cells
 
 CELL_M = 0.1
 HALF_PI = math.pi / 2.0
@@ -47,6 +47,48 @@ def test_no_cell_that_is_shown_is_left_out(
     # And of the circle it takes about the share that the view does.
     share = half_view_rad / math.pi * math.pi * range_m**2 / CELL_M**2
     assert abs(np.count_nonzero(sector) - share) <= 8.0 + 6.0 * range_m / CELL_M
+
+
+@given(
+    heading_rad=st.floats(-7.0, 7.0),
+    half_view_rad=st.one_of(st.floats(0.2, 3.14), st.sampled_from((HALF_PI, math.pi))),
+    range_m=st.floats(0.5, 2.7),
+    face_error_m=st.floats(0.0, 0.4),
+    pose_error_m=st.floats(0.0, 0.1),
+    placing_error_m=st.floats(0.0, 0.4),
+    heading_error_rad=st.floats(0.0, 0.1),
+)
+@example(0.3, 1.0, 2.7, 0.0, 0.0, 0.0, 0.0)
+def test_whole_cells_lie_in_a_smaller_view(
+    heading_rad: float,
+    half_view_rad: float,
+    range_m: float,
+    face_error_m: float,
+    pose_error_m: float,
+    placing_error_m: float,
+    heading_error_rad: float,
+) -> None:
+    view = View(
+        (0.03, -0.02),
+        heading_rad,
+        half_view_rad,
+        range_m,
+        (),
+        face_error_m,
+        pose_error_m,
+        placing_error_m,
+        heading_error_rad,
+    )
+    xs_m = ys_m = centres_m(0.0)
+    i, j = np.indices((xs_m.size, ys_m.size)).reshape(2, -1)
+    shown = seen_free(view, xs_m[i], ys_m[j], CELL_M)
+    smaller = of_whole_cells(view, CELL_M)
+    if smaller is None:
+        assert not shown.any()
+        return
+    sector = in_sector(smaller, xs_m, ys_m)
+    assert sector[i[shown], j[shown]].all()
+    assert np.count_nonzero(sector) < np.count_nonzero(in_sector(view, xs_m, ys_m))
 
 
 @pytest.mark.parametrize("degrees", [30.0, 60.0, 100.0, 150.0])

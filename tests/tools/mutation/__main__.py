@@ -72,7 +72,7 @@ PARTS: Final = {
     ),
     "seen-free": Part(
         (
-            *_files("onboard/perception", "seen_free", "line_of_sight"),
+            *_files("onboard/perception", "cells", "seen_free", "line_of_sight"),
             *_files("onboard/geometry", "free_grid"),
             *_files(
                 "onboard/monitoring/seen",
