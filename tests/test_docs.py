@@ -102,7 +102,13 @@ def test_the_shipped_vehicles_are_set_up_for_the_contract_that_they_name(
     assert sensor.range_m >= terms.sensor.detection_range_m
     assert sensor.field_of_view_deg >= terms.sensor.field_of_view_deg
     assert sensor.uncertainty_m <= terms.sensor.position_error_m
-    parameters = SimulatedVehicle(vehicle).autopilot.parameters
+    autopilot = SimulatedVehicle(vehicle).autopilot
+    # Boxes of the body are placed by the estimate, which wanders by as much on either axis.
+    wander_m = autopilot.flavour.field.estimator.position_m
+    assert wander_m + math.sqrt(2.0) * sensor.noise_m < terms.sensor.position_error_m
+    assert math.sqrt(2.0) * wander_m < terms.vehicle.tracking_error_m
+    assert autopilot.flavour.field.estimator.heading_rad <= assess(terms).terms.heading_error_rad
+    parameters = autopilot.parameters
     reported = ReportedParameters({name: parameters[name] for name in parameters.names()})
     facts = profile_named(vehicle.flavour).parameters
     assert facts is not None

@@ -8,9 +8,11 @@ from dataclasses import replace
 from typing import Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from onboard.contract.region import RegionOfInfluence
 from onboard.contract.stop_region import OVERHANG_M, PASSIVE_OVERHANG_M
+from onboard.geometry.frames import FloatArray
 from onboard.geometry.free_grid import FreeGrid
 from onboard.guidance.situation import Avoidance, Situation
 from onboard.motion.trajectory import State, Y
@@ -21,6 +23,8 @@ from onboard.planning.problem import AvoidanceProblem, exit_speeds_mps
 # Steps, and how far to either side at most, in which the space seen free is measured.
 _ASIDE_STEP_M: Final = 0.2
 _ASIDE_MAX_M: Final = 16.0
+# As far ahead, of the detection range, the sides matter: farther on they are out of range as yet.
+_AHEAD_SHARE: Final = 0.7
 
 
 class InductionPlanner:
@@ -96,22 +100,25 @@ class InductionPlanner:
     def _seen_lanes_m(
         self, grid: FreeGrid, region: RegionOfInfluence, start: State
     ) -> tuple[float, float]:
-        """Return between which y the vehicle may fly, up to the obstacle, where it was seen free.
+        """Return between which y the vehicle may fly where it was seen free.
 
-        The body and the overhang of a sidestep have room beside that.
+        Up to the obstacle, and beside it as far as is well within range.  The body and the overhang
+        of a sidestep have room beside that.
         """
-        terms = self._situation.assessment.terms
+        terms, obstacle = self._situation.assessment.terms, region.obstacle
         x_m, y_m, _ = start.position_leg_m
-        aside_m = np.arange(_ASIDE_STEP_M, _ASIDE_MAX_M, _ASIDE_STEP_M)
-        at_m = np.ones_like(aside_m)
-        front_m = max(region.obstacle.x_min_m, x_m) * at_m
+        front_m = max(obstacle.x_min_m, x_m)
+        rear_m = max(front_m, min(obstacle.x_max_m, x_m + _AHEAD_SHARE * terms.detection_range_m))
         beside_m = terms.body_m + (PASSIVE_OVERHANG_M if terms.passive_safety else OVERHANG_M)
-        reach_m = []
-        for low_m, high_m in ((y_m - aside_m, y_m * at_m), (y_m * at_m, y_m + aside_m)):
-            free = grid.are_free(x_m * at_m, front_m, low_m, high_m)
-            count = int(np.logical_and.accumulate(free).sum())
-            reach_m.append(_ASIDE_STEP_M * count - beside_m)
-        return y_m - reach_m[0], y_m + reach_m[1]
+        lanes_m = []
+        for sign, face_m in ((-1.0, obstacle.y_min_m), (1.0, obstacle.y_max_m)):
+            edges_m = y_m + sign * np.arange(_ASIDE_STEP_M, _ASIDE_MAX_M, _ASIDE_STEP_M)
+            before = _are_free(grid, (x_m, front_m), y_m, edges_m)
+            beyond = sign * (edges_m - face_m) > 0.0
+            beside = _are_free(grid, (front_m, rear_m), np.where(beyond, face_m, edges_m), edges_m)
+            count = int(np.logical_and.accumulate(before & (beside | ~beyond)).sum())
+            lanes_m.append(y_m + sign * (_ASIDE_STEP_M * count - beside_m))
+        return lanes_m[0], lanes_m[1]
 
     def _problem(
         self, region: RegionOfInfluence, start: State, start_s: float, exit_speed_mps: float
@@ -137,3 +144,12 @@ def _within(region: RegionOfInfluence, left_m: float, right_m: float) -> RegionO
         lane_left_m=max(region.lane_left_m, left_m),
         lane_right_m=min(region.lane_right_m, right_m),
     )
+
+
+def _are_free(
+    grid: FreeGrid, x_m: tuple[float, float], from_y_m: FloatArray | float, to_y_m: FloatArray
+) -> NDArray[np.bool_]:
+    """Tell of rectangles, between two x and from a y to another, whether each was seen free."""
+    ones = np.ones_like(to_y_m)
+    low_m, high_m = np.minimum(from_y_m, to_y_m), np.maximum(from_y_m, to_y_m)
+    return grid.are_free(x_m[0] * ones, x_m[1] * ones, low_m, high_m)

@@ -109,7 +109,7 @@ class Standstill:
 
 
 def looks_aside_rad(
-    half_view_rad: float, radius_m: float, tracking_error_m: float, *, edge_rad: float
+    shown_half_rad: float, radius_m: float, tracking_error_m: float
 ) -> tuple[float, ...]:
     """Return headings whose views show all that a sidestep to either side needs.
 
@@ -117,18 +117,16 @@ def looks_aside_rad(
     plus E: what lies nearer is the place where the vehicle rests (P iii).
 
     Args:
-        half_view_rad: half of the field of view.
+        shown_half_rad: how far off the nose a look shows cells as a whole.
         radius_m: of the vehicle.
         tracking_error_m: E.
-        edge_rad: at the edge of a view, cells are not seen as a whole.
     """
     widest_rad = math.pi / 4.0 + math.atan2(radius_m + 2.0 * tracking_error_m, radius_m)
-    reach_rad = max(half_view_rad - edge_rad, edge_rad / 2.0)
-    count = math.ceil(widest_rad / reach_rad)
-    step_rad = 2.0 * (widest_rad - reach_rad) / max(count - 1, 1)
+    count = math.ceil(widest_rad / shown_half_rad)
+    step_rad = 2.0 * (widest_rad - shown_half_rad) / max(count - 1, 1)
     if count == 1:
         return (0.0,)
-    return tuple(widest_rad - reach_rad - k * step_rad for k in range(count))
+    return tuple(widest_rad - shown_half_rad - k * step_rad for k in range(count))
 
 
 def go_ahead(at: Standstill) -> Iterator[Horizon]:

@@ -6,12 +6,19 @@ import math
 from typing import TYPE_CHECKING, Final
 
 from onboard.contract.run_on import RunOn, contract_run_on
+from onboard.perception.seen_free import CELL_M
 from onboard.planning.corridor.look import TURN_FAST_RADPS
 from onboard.planning.rest_certifier import RestLimits
 
 if TYPE_CHECKING:
     from onboard.contract.assessment import Assessment
 
+# At the edge of a view, cells are not seen as a whole: so much of it counts as edge at least.
+_EDGE_RAD: Final = math.radians(12.0)
+# Of lengths near the vehicle.
+_ROUND_OFF_M: Final = 1e-3
+# A look shows at least this share of what the view holds.
+_SHOWN_SHARE: Final = 1.0 / 3.0
 # A vehicle without lag still has no use for more jerk than this allows for.
 _LAG_MIN_S: Final = 0.05
 # Of the jerk that the attitude can follow, turning the nose in flight takes no more than this.
@@ -61,3 +68,24 @@ def run_on_of(assessment: Assessment, speed_max_mps: float | None = None) -> Run
             speed along the leg.
     """
     return contract_run_on(assessment.terms, speed_max_mps)
+
+
+def shown_half_view_rad(assessment: Assessment) -> float:
+    """Return how far off the nose a look at rest shows cells near the vehicle, errors included.
+
+    Of cells at twice the body's radius; nearer ones belong to where it rests, mostly.  The sensor
+    may be off by as much as boxes, and a cell grows by what an error of the heading displaces
+    (`onboard.perception.line_of_sight`): the nearer it is, the more of the view that takes.
+    """
+    terms, error_rad = assessment.terms, assessment.terms.heading_error_rad
+    distance_m, astray_m = 2.0 * terms.body_m, math.sqrt(2.0) * terms.map_error_m
+    cell_m = CELL_M / 2.0 * (1.0 + math.sqrt(2.0) * error_rad)
+    radius_m = math.sqrt(2.0) * (cell_m + error_rad * distance_m) + _ROUND_OFF_M
+    clear_m = distance_m - radius_m
+    edge_rad = math.pi
+    if clear_m > astray_m:
+        width_rad = radius_m / math.sqrt(clear_m * (distance_m + radius_m))
+        shy_rad = astray_m / math.sqrt((clear_m - astray_m) * clear_m)
+        edge_rad = max(width_rad + shy_rad, _EDGE_RAD)
+    half_rad = terms.sure_view_rad / 2.0
+    return max(half_rad - edge_rad, _SHOWN_SHARE * half_rad)

@@ -36,8 +36,6 @@ _CANDIDATES_MAX: Final = 4
 _FARTHER_M: Final = 0.3
 # A go that avoids nothing is flown for so long before another plan may replace it.
 _UNDISTURBED_M: Final = 1.0
-# At the edge of a view, cells are not seen as a whole.
-_EDGE_RAD: Final = math.radians(12.0)
 
 
 @unique
@@ -258,8 +256,7 @@ class StopAndSidestep:
 
 
 def looks_before_sidestep_rad(
-    half_view_rad: float, radius_m: float, tracking_error_m: float
+    shown_half_rad: float, radius_m: float, tracking_error_m: float
 ) -> tuple[float, ...]:
     """Return where to look before a sidestep, the nose back along the leg at the end."""
-    aside = looks_aside_rad(half_view_rad, radius_m, tracking_error_m, edge_rad=_EDGE_RAD)
-    return (*aside, 0.0)
+    return (*looks_aside_rad(shown_half_rad, radius_m, tracking_error_m), 0.0)

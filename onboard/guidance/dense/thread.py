@@ -17,7 +17,7 @@ import numpy as np
 
 from onboard.geometry.frames import wrap_angle
 from onboard.guidance.dense.level import Level
-from onboard.guidance.dense.limits import turn_max_radps
+from onboard.guidance.dense.limits import shown_half_view_rad, turn_max_radps
 from onboard.guidance.dense.look_round import points_at
 from onboard.guidance.dense.nose import Nose
 from onboard.guidance.dense.pause import PAUSES_MAX
@@ -368,4 +368,5 @@ class Thread(ThreadRecord):
             path_leg_m=self._path_leg_m,
             grid=self._seen.grid(),
             body_radius_m=self._leg.limits.body_radius_m,
+            shown_half_rad=shown_half_view_rad(situation.assessment),
         )

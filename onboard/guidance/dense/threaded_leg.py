@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
 
-from onboard.guidance.dense.limits import rest_limits_of
+from onboard.guidance.dense.limits import rest_limits_of, shown_half_view_rad
 from onboard.guidance.dense.pause import Pause
 from onboard.guidance.dense.sliced_planning import SlicedPlanning
 from onboard.guidance.dense.stop_and_sidestep import StopAndSidestep, looks_before_sidestep_rad
@@ -94,7 +94,7 @@ def leg_to(
         margin_m=margin_m,
         goal_leg_m=end_leg_m,
         looks_rad=looks_before_sidestep_rad(
-            terms.sure_view_rad / 2.0, terms.radius_m, terms.tracking_error_m
+            shown_half_view_rad(assessment), terms.radius_m, terms.tracking_error_m
         ),
         frames_needed=frames_needed,
     )

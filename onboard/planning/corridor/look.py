@@ -34,6 +34,8 @@ _STEP_M: Final = 0.2
 _EDGE_RAD: Final = math.radians(12.0)
 # Neighbouring views overlap by this, for what is lost at their edges.
 _OVERLAP_RAD: Final = math.radians(20.0)
+# All round takes as many looks at least.
+_LOOKS_MIN: Final = 5
 
 
 @dataclass(frozen=True)
@@ -47,6 +49,7 @@ class Outlook:
         path_leg_m: the guide's path from there, (k, 2); None where no way leads on.
         grid: the seen-free set.
         body_radius_m: radius of the vehicle plus its tracking error.
+        shown_half_rad: how far off the nose a look at rest shows what is near, errors included.
     """
 
     position_leg_m: tuple[float, float]
@@ -55,6 +58,7 @@ class Outlook:
     path_leg_m: FloatArray | None
     grid: FreeGrid
     body_radius_m: float
+    shown_half_rad: float = math.pi
 
 
 def heading_in_flight_rad(outlook: Outlook, period_s: float) -> float:
@@ -100,8 +104,10 @@ def looks_at_rest_rad(outlook: Outlook, *, all_round: bool) -> tuple[float, ...]
     base_rad = outlook.heading_rad
     looks = _covering_rad(outlook, _unseen_bearings_rad(outlook))
     if all_round:
-        step_rad = _step_rad(outlook.half_view_rad)
-        looks = [*looks, *(base_rad + k * step_rad for k in (1, 2, -2, -1))]
+        step_rad = min(_step_rad(outlook.half_view_rad), 2.0 * outlook.shown_half_rad)
+        others = max(math.ceil(2.0 * math.pi / step_rad), _LOOKS_MIN) - 1
+        turns = (*range(1, (others + 1) // 2 + 1), *range(-(others // 2), 0))
+        looks = [*looks, *(base_rad + k * step_rad for k in turns)]
     if outlook.path_leg_m is not None:
         ahead_rad = _bearing_rad(outlook, along(outlook.path_leg_m, (_AHEAD_M,))[0])
         base_rad += wrapped_rad(ahead_rad - base_rad)

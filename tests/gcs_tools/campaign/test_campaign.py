@@ -430,7 +430,7 @@ def test_a_stem_map_is_flown_through_a_path(tmp_path: Path, clearway: Clearway) 
     rows = [f"{30.0 * x},{30.0 * y},{20 + x}" for x in range(5) for y in range(5)]
     stems.write_text("\n".join(["x_m,y_m,dbh_cm", *rows]) + "\n", encoding="utf-8")
     out = tmp_path / "out"
-    ran = clearway("campaign", stems, "--flights", 3, "--jobs", 1, "--out", out)
+    ran = clearway("campaign", stems, "--flights", 4, "--jobs", 1, "--out", out)
     assert ran.code == 0, ran
     flown = read_table(out / "flights.parquet")
     assert {row.variant for row in flown} <= {"mapped", "unmapped"}

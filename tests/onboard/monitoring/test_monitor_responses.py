@@ -399,6 +399,7 @@ def test_it_departs_from_what_stops_within_the_tracking_error(
 
 
 def test_a_leg_starts_although_the_estimate_wanders(mission: Mission) -> None:
+    mission = mission.model_copy(update={"start_clear_m": 4.0})
     rig = rig_of(load_contract(CONFIG / "px4_contract.yaml"), mission)
     rig.drift_ned_mps = (0.0, 0.6, 0.0)
     rig.run(3.0)

@@ -363,7 +363,7 @@ def test_a_turned_set_reaches_as_far_and_keeps_off_what_its_cells_touch() -> Non
     turned = space.turned((0.0, 0.0), 0.0)
     assert turned.reach_m == space.reach_m
     # Turned by nothing, its cells are the same: one that touches an unknown cell may lie in it.
-    np.testing.assert_array_equal(turned._free, _eroded(space._free))
+    np.testing.assert_array_equal(turned._free, eroded(space._free))
 
 
 def test_a_fence_is_where_it_is_whatever_way_the_leg_points() -> None:

@@ -216,9 +216,9 @@ def test_at_the_end_of_the_leg_it_goes_aside_to_the_end() -> None:
 def test_the_looks_show_every_bearing_that_a_sidestep_needs(
     view_deg: float, radius_m: float, error_m: float
 ) -> None:
-    half_rad, edge_rad = math.radians(view_deg) / 2.0, math.radians(12.0)
-    looks = looks_aside_rad(half_rad, radius_m, error_m, edge_rad=edge_rad)
+    shown_rad = math.radians(view_deg) / 2.0 - math.radians(12.0)
+    looks = looks_aside_rad(shown_rad, radius_m, error_m)
     body_m = radius_m + error_m
     widest_rad = math.pi / 2.0 + math.atan((body_m + error_m) / (body_m - error_m)) - math.pi / 4.0
     for bearing_rad in np.linspace(-widest_rad, widest_rad, 400).tolist():
-        assert min(abs(bearing_rad - look) for look in looks) <= half_rad - edge_rad + 1e-9
+        assert min(abs(bearing_rad - look) for look in looks) <= shown_rad + 1e-9

@@ -1,11 +1,19 @@
 import math
 
+import numpy as np
 import pytest
 
 from onboard.contract.assessment import assess
 from onboard.contract.run_on import NO_RUN_ON
 from onboard.files.contract_file import Contract
-from onboard.guidance.dense.limits import rest_limits_of, run_on_of, turn_max_radps
+from onboard.guidance.dense.limits import (
+    rest_limits_of,
+    run_on_of,
+    shown_half_view_rad,
+    turn_max_radps,
+)
+from onboard.perception.line_of_sight import View, seen_free
+from onboard.perception.seen_free import CELL_M
 
 
 def test_along_the_leg_the_box_of_accelerations_holds(best_effort: Contract) -> None:
@@ -104,3 +112,31 @@ def test_the_run_is_that_of_the_direction_which_brakes_least(best_effort: Contra
         assessment = assess(best_effort.model_copy(update={"vehicle": vehicle}))
         kappas.append(run_on_of(assessment).reach_m(1.0))
     assert kappas[1] > kappas[0]
+
+
+@pytest.mark.parametrize(("position_error_m", "heading_error_deg"), [(0.02, 0.0), (0.1, 2.0)])
+@pytest.mark.parametrize("view_deg", [90.0, 110.0, 160.0])
+def test_a_look_shows_what_is_near_as_far_off_the_nose_as_stated(
+    best_effort: Contract, position_error_m: float, heading_error_deg: float, view_deg: float
+) -> None:
+    """Against what counts as seen free: each cell at twice the body's radius, near that edge."""
+    vehicle = best_effort.vehicle.model_copy(update={"heading_error_deg": heading_error_deg})
+    declared = {"position_error_m": position_error_m, "field_of_view_deg": view_deg}
+    sensor = best_effort.sensor.model_copy(update=declared)
+    assessment = assess(best_effort.model_copy(update={"vehicle": vehicle, "sensor": sensor}))
+    terms, shown_rad = assessment.terms, shown_half_view_rad(assessment)
+    view = View(
+        position_leg_m=(0.0, 0.0),
+        heading_leg_rad=0.0,
+        half_view_rad=terms.field_of_view_rad / 2.0,
+        range_m=12.0,
+        boxes=(),
+        face_error_m=position_error_m,
+        placing_error_m=math.sqrt(2.0) * position_error_m,
+        heading_error_rad=terms.heading_error_rad,
+    )
+    bearings_rad = np.linspace(-shown_rad, shown_rad, 41)
+    near_m = 2.0 * terms.body_m
+    x_m, y_m = near_m * np.cos(bearings_rad), near_m * np.sin(bearings_rad)
+    assert seen_free(view, x_m, y_m, CELL_M).all()
+    assert shown_rad > math.radians(view_deg) / 6.0 - terms.heading_error_rad

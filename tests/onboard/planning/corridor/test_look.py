@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -82,6 +83,16 @@ def test_a_look_all_round_shows_every_bearing(
     for bearing in np.linspace(-math.pi, math.pi, 73).tolist():
         nearest = min(abs(wrapped_rad(bearing - look)) for look in (heading_rad, *looks))
         assert nearest < HALF_VIEW_RAD
+
+
+@pytest.mark.parametrize("shown_deg", [16.0, 24.5, 44.0])
+def test_a_look_all_round_shows_what_is_near_at_every_bearing(shown_deg: float) -> None:
+    """The nearer a cell is, the more of the view the errors of pose and heading take from it."""
+    near = replace(outlook(0.2), shown_half_rad=math.radians(shown_deg))
+    looks = looks_at_rest_rad(near, all_round=True)
+    for bearing in np.linspace(-math.pi, math.pi, 721).tolist():
+        nearest = min(abs(wrapped_rad(bearing - look)) for look in (0.0, *looks))
+        assert nearest <= min(math.radians(shown_deg), HALF_VIEW_RAD) + 1e-9
 
 
 def test_a_pause_looks_at_what_is_unseen_beside_the_guide_then_along_it() -> None:
