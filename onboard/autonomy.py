@@ -75,6 +75,7 @@ class Autonomy:
         detection_source: decodes detection messages; JSON, version 1, by default.
         sensors: that the vehicle has besides; the flight relies on each.
         signing: of MAVLink messages; None while it is off.
+        instance: a number of this process that no other daemon has; 0 where there is no other.
 
     Attributes:
         sensors: what has arrived from them.
@@ -110,9 +111,10 @@ class Autonomy:
         detection_source: DetectionSource | None = None,
         sensors: Sequence[AnySource] = (),
         signing: LinkSigning | None = None,
+        instance: int = 0,
     ) -> None:
         self.epoch_unix_s, self._command_limiter = epoch_unix_s, EventLimiter()
-        self.link = MavlinkEndpoint(system_id, signing)
+        self.link = MavlinkEndpoint(system_id, signing, instance)
         assessment = assess(contract, input_set, mission_altitude_m=mission.altitude_m)
         planner, adaptive = planner or Planner(), not fly_outside_contract
         self.navigator = Navigator(assessment, mission, planner, stopwatch, adaptive=adaptive)
@@ -125,7 +127,7 @@ class Autonomy:
             telemetry_timeout_s=telemetry_timeout_s,
             counters=self._intake.counters,
         )
-        self.sensors = self._channels(sensors)
+        self.sensors, self.progress = self._channels(sensors), self._progress(contract)
         self.navigator.see_by(self.supervisor.seen)
         self.authority = ControlAuthority(
             self.link,
@@ -135,7 +137,6 @@ class Autonomy:
             self.emit,
             fly_outside_contract=fly_outside_contract,
         )
-        self.progress = self._progress(contract)
         self._pending_commands: list[tuple[Command, AnswerResume]] = []
         self._news: list[Event] = []  # of this tick
         self._events: deque[Event] = deque(maxlen=MAX_EVENTS)  # not fetched yet

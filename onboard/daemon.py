@@ -9,6 +9,7 @@ import asyncio
 import contextlib
 import logging
 import os
+import secrets
 import signal
 import time
 from collections.abc import Callable
@@ -135,6 +136,7 @@ def _service(
         stopwatch=time.perf_counter,
         sensors=config.sources,
         signing=keys.signing,
+        instance=secrets.randbits(32),
     )
     if geofence is not None:
         autonomy.keep_in(geofence)

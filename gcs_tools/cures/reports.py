@@ -52,6 +52,10 @@ REFUSAL_CURES: Final[Mapping[RefusalKind, Cure]] = MappingProxyType(
         RefusalKind.GEOFENCE: Cure(
             "the legs with their avoidances leave the geofence", "move the legs, or widen the fence"
         ),
+        RefusalKind.OTHER_DAEMON: Cure(
+            "a second daemon of the same system id and component 196 is on the vehicle's link",
+            "stop one of both; one daemon flies one vehicle (docs/connecting.md)",
+        ),
         RefusalKind.MISSION: Cure(
             "the mission is read from the vehicle, and what is on board was not read, or cannot be "
             "flown",

@@ -250,6 +250,9 @@ class ControlAuthority:
         if self._hold_stands:
             text = "holding: the pilot has to take over first"
             found.append(Refusal(RefusalKind.HOLDING, text))
+        if self._link.hears_other_daemon(now_s):
+            text = "another Clearway daemon is on the vehicle's link: stop one of both"
+            found.append(Refusal(RefusalKind.OTHER_DAEMON, text))
         broken = broken_clauses(assessment)
         if broken and not self._fly_outside_contract:
             text = f"the contract does not comply ({', '.join(broken)})"
@@ -312,6 +315,9 @@ class ControlAuthority:
         On the ground nothing is commanded, or ArduPilot would not take off.
         """
         if self._link.status.airborne is not True or self._is_left_to_autopilot(now_s):
+            return None
+        # Two that hold the vehicle in two places would both command it.
+        if self._navigator.phase is Phase.STANDBY and self._link.hears_other_daemon(now_s):
             return None
         return self._navigator.setpoint(now_s) or self._standby_setpoint
 

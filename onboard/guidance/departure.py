@@ -51,6 +51,7 @@ class RefusalKind(StrEnum):
     NO_WAY_BACK = "no_way_back"
     ENERGY = "energy"
     GEOFENCE = "geofence"
+    OTHER_DAEMON = "other_daemon"
     MISSION = "mission"
     LEFT_FLIGHT = "left_flight"
     NO_PROGRESS = "no_progress"

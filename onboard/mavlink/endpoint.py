@@ -41,6 +41,8 @@ from onboard.mavlink.transmitter import COMPONENT_ID, Transmitter
 from onboard.vehicle_state import Pose, Setpoint, Target, VehicleStatus
 
 TELEMETRY_RATE_HZ: Final = POSITION_RATE_HZ
+# Another daemon that has not been heard for so long has gone; a few heartbeats may be lost.
+OTHER_DAEMON_SILENCE_S: Final = 5.0
 # A position makes a pose only with an attitude this recent.
 ATTITUDE_AGE_MAX_S: Final = 0.2
 # Beyond these a position is garbage, and what would follow from it fits no message.
@@ -105,6 +107,7 @@ class MavlinkEndpoint:
     Args:
         system_id: MAVLink id of the vehicle, and ours.
         signing: signs what is sent, and refuses what is not signed alike; None for neither.
+        instance: a number of this process that no other daemon has, below 2**32.
 
     Attributes:
         profile: of the autopilot whose heartbeat came last; `OTHER` before the first.
@@ -125,7 +128,9 @@ class MavlinkEndpoint:
         range_messages: ids of the messages of ranges that are wanted, to be taken by `take_ranges`.
     """
 
-    def __init__(self, system_id: int, signing: LinkSigning | None = None) -> None:
+    def __init__(
+        self, system_id: int, signing: LinkSigning | None = None, instance: int = 0
+    ) -> None:
         self.profile: AutopilotProfile = OTHER
         self.status = VehicleStatus()
         self.pose: Pose | None = None
@@ -145,7 +150,8 @@ class MavlinkEndpoint:
         self._attitude_rad: tuple[float, float, float] | None = None
         self._attitude_s = -math.inf
         self.security = LinkSecurity(signing)
-        self.transmitter = Transmitter(system_id, signing)
+        self.transmitter = Transmitter(system_id, signing, instance)
+        self._instance, self._other_daemon_s = instance, -math.inf
         self._requests = MessageRequests()
         self._handlers: dict[int, Callable[[Any, float], None]] = {
             mavlink.MAVLINK_MSG_ID_HEARTBEAT: self._on_heartbeat,
@@ -218,6 +224,7 @@ class MavlinkEndpoint:
         elif not of_vehicle:
             self.counters.foreign_messages += 1
             self._note_second_commander(message, now_s)
+            self._note_other_daemon(message, now_s)
         elif (handler := self._handlers.get(message_id)) is not None:
             self._requests.heard(message_id)
             handler(message, now_s)
@@ -227,6 +234,18 @@ class MavlinkEndpoint:
         if tells_where_to_go and message.target_system in (0, self._system_id):
             self.second_commander_heard_s = now_s
             self.second_commander = f"{message.get_srcSystem()}/{message.get_srcComponent()}"
+
+    def _note_other_daemon(self, message: Any, now_s: float) -> None:
+        """Tell another daemon from ourselves, whose messages a router may send back."""
+        sender = (message.get_srcSystem(), message.get_srcComponent())
+        beats = message.get_msgId() == mavlink.MAVLINK_MSG_ID_HEARTBEAT
+        as_we_are = sender == (self._system_id, COMPONENT_ID)
+        if beats and as_we_are and message.custom_mode != self._instance:
+            self._other_daemon_s = now_s
+
+    def hears_other_daemon(self, now_s: float) -> bool:
+        """Whether another daemon of the same ids is on the link."""
+        return now_s - self._other_daemon_s <= OTHER_DAEMON_SILENCE_S
 
     def _on_heartbeat(self, message: Any, now_s: float) -> None:
         self.profile = profile_of(message.autopilot)

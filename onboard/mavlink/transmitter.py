@@ -37,10 +37,13 @@ class Transmitter:
     Args:
         system_id: MAVLink id of the vehicle, and ours.
         signing: signs every message; None for none.
+        instance: of this process, by which others tell it from another daemon of the same ids.
     """
 
-    def __init__(self, system_id: int, signing: LinkSigning | None = None) -> None:
-        self._system_id = system_id
+    def __init__(
+        self, system_id: int, signing: LinkSigning | None = None, instance: int = 0
+    ) -> None:
+        self._system_id, self._instance = system_id, instance
         self._outgoing: deque[bytes] = deque(maxlen=_MESSAGES_MAX)
         self._mavlink = FrameWriter(_Sink(self._outgoing, signing), system_id, COMPONENT_ID)
         self._heartbeat_due_s = -math.inf
@@ -65,9 +68,9 @@ class Transmitter:
         if now_s >= self._heartbeat_due_s:
             self._heartbeat_due_s = now_s + HEARTBEAT_PERIOD_S
             state = mavlink.MAV_STATE_ACTIVE if active else mavlink.MAV_STATE_STANDBY
-            self._mavlink.heartbeat_send(
-                mavlink.MAV_TYPE_ONBOARD_CONTROLLER, mavlink.MAV_AUTOPILOT_INVALID, 0, 0, state
-            )
+            kind, autopilot = mavlink.MAV_TYPE_ONBOARD_CONTROLLER, mavlink.MAV_AUTOPILOT_INVALID
+            # What is no autopilot has no mode: the field is free (HEARTBEAT.custom_mode).
+            self._mavlink.heartbeat_send(kind, autopilot, 0, self._instance, state)
         if self._texts and now_s >= self._text_due_s:
             self._text_due_s = now_s + _TEXT_PERIOD_S
             self._mavlink.statustext_send(*self._texts.popleft())

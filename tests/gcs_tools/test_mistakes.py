@@ -408,6 +408,36 @@ MISTAKES = [
         ("onboard.yaml", "log_quota_mb: 4096", "log_quota_mb: 10"),
     ),
     Mistake(
+        "metrics without a port", "clearway-onboard --config onboard.yaml",
+        ("metrics.listen", "'localhost'", "HOST:PORT"),
+        ("onboard.yaml", "require_preflight: false", "metrics: {listen: localhost}"),
+    ),
+    Mistake(
+        "metrics on a port that is none", "clearway-onboard --config onboard.yaml", ("'127.0.0.1:94640'",),
+        ("onboard.yaml", "require_preflight: false", "metrics: {listen: '127.0.0.1:94640'}"),
+    ),
+    Mistake(
+        "a mission on board, beside a file", "clearway-onboard --config onboard.yaml",
+        ("vehicle_mission", "mission: from_vehicle", "mission.yaml"),
+        ("onboard.yaml", "require_preflight: false", "vehicle_mission: {altitude_m: 5.0}"),
+    ),
+    Mistake(
+        "a mission on board below the ground", "doctor --daemon-config onboard.yaml",
+        ("vehicle_mission.altitude_m [m] = -5",),
+        (
+            "onboard.yaml", "mission: mission.yaml",
+            "mission: from_vehicle\nvehicle_mission: {altitude_m: -5.0}",
+        ),
+    ),
+    Mistake(
+        "what a mission on board cannot state", "service install --daemon-config onboard.yaml",
+        ("vehicle_mission.legs", "not a known key"),
+        (
+            "onboard.yaml", "mission: mission.yaml",
+            "mission: from_vehicle\nvehicle_mission: {legs: []}",
+        ),
+    ),
+    Mistake(
         "a contract that is lost", "clearway-onboard --config onboard.yaml", ("mine.yaml",),
         ("onboard.yaml", "contract: contract.yaml", "contract: mine.yaml"),
     ),

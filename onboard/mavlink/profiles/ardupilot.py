@@ -17,6 +17,7 @@ from onboard.mavlink.profiles.parameter_rules import (
     BEFORE_FAILSAFE,
     FENCE_BREACHED,
     GROUND_STATION_LOSS,
+    POSITION_LOST,
     RADIO_LOSS,
     SETPOINT_LOSS,
     WITHIN_FENCE,
@@ -76,6 +77,7 @@ _POSITION_JERK: Final = (
     ParameterName("PSC_NE_JERK", "m/s³", 1.0, (4, 7), (4, 7)),
     ParameterName("PSC_JERK_NE", "m/s³", 1.0, (4, 7), (4, 7)),
 )
+_DEAD_RECKONING: Final = "FS_DR_ENABLE"
 # Of each battery; those after the first are numbered.
 _BATTERY_ACTION: Final = re.compile(r"BATT[0-9A-F]?_FS_(?:LOW|CRT)_ACT")
 _CHECKS_RUN: Final = (ParameterName("ARMING_CHECK", "", 1.0, (4, 5), (4, 7)),)
@@ -115,8 +117,19 @@ def _rules(demands: ContractDemands, reported: ReportedParameters) -> list[Param
         ParameterRule(RADIO_LOSS, (one_of("FS_THR_ENABLE", 0, 3, 7), bit_set("FS_OPTIONS", 2))),
         ParameterRule(GROUND_STATION_LOSS, (one_of("FS_GCS_ENABLE", 0, 5, 7),)),
         *_battery_rules(reported),
+        *_dead_reckoning_rules(reported),
         _arming_rule(reported),
     ]
+
+
+def _dead_reckoning_rules(reported: ReportedParameters) -> list[ParameterRule]:
+    """Demand that it lands or does nothing where only wind and airspeed tell the position.
+
+    Copter has this failsafe since 4.3; by default it returns.
+    """
+    if reported.complete and _DEAD_RECKONING not in reported.values:
+        return []
+    return [ParameterRule(POSITION_LOST, (one_of(_DEAD_RECKONING, 0, 1),))]
 
 
 def _battery_rules(reported: ReportedParameters) -> list[ParameterRule]:
@@ -228,6 +241,8 @@ _FAILSAFES: Final = (
         ),
     ),
     Failsafe("ground station lost", "FS_GCS_ENABLE", _LINK_REACTIONS),
+    # Its 1 lands; the others are the battery's.
+    Failsafe("position by dead reckoning only", _DEAD_RECKONING, _BATTERY_REACTIONS),
     Failsafe(
         "geofence left",
         "FENCE_ACTION",

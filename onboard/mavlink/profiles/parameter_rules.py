@@ -219,6 +219,11 @@ GROUND_STATION_LOSS: Final = (
 BATTERY_LOW: Final = "a low battery must not fly the vehicle home through obstacles"
 BEFORE_FAILSAFE: Final = "the vehicle returns at energy.reserve_fraction before the autopilot acts"
 FENCE_BREACHED: Final = "leaving the geofence must not fly the vehicle home through obstacles"
+FLIGHT_TIME_OVER: Final = "the end of a flight time must not fly the vehicle home through obstacles"
+WIND_TOO_STRONG: Final = "strong wind must not fly the vehicle home through obstacles"
+POSITION_LOST: Final = (
+    "the loss of the position must not fly the vehicle home by dead reckoning through obstacles"
+)
 SETPOINT_LOSS: Final = "the contract's setpoint_loss_timeout_s"
 WITHIN_FENCE: Final = "the mission must lie within the geofence"
 

@@ -15,9 +15,11 @@ from onboard.mavlink.profiles.parameter_rules import (
     BATTERY_LOW,
     BEFORE_FAILSAFE,
     FENCE_BREACHED,
+    FLIGHT_TIME_OVER,
     GROUND_STATION_LOSS,
     RADIO_LOSS,
     SETPOINT_LOSS,
+    WIND_TOO_STRONG,
     WITHIN_FENCE,
     Condition,
     ContractDemands,
@@ -106,7 +108,19 @@ def _link_rules(reported: ReportedParameters) -> list[ParameterRule]:
         ),
         ParameterRule(GROUND_STATION_LOSS, (one_of("NAV_DLL_ACT", 0, 1, 3), *ground_exception)),
         *_rule_if_known(BATTERY_LOW, one_of(_BATTERY_ACTION, 0, 2), reported),
+        # By default it returns when the charge just suffices for a straight way home.
+        *_rule_if_known(BATTERY_LOW, one_of("COM_FLTT_LOW_ACT", 0, 1), reported),
+        *_rule_if_known(FLIGHT_TIME_OVER, at_most("COM_FLT_TIME_MAX", 0.0, "s"), reported),
+        *_wind_rules(reported),
     ]
+
+
+def _wind_rules(reported: ReportedParameters) -> list[ParameterRule]:
+    action = "COM_WIND_MAX_ACT"
+    if action not in reported.values:
+        return _rule_if_known(WIND_TOO_STRONG, one_of(action, 0, 1, 2, 5), reported)
+    harmless = (one_of(action, 0, 1, 2, 5), at_most("COM_WIND_MAX", 0.0, "m/s"))
+    return [ParameterRule(WIND_TOO_STRONG, harmless)]
 
 
 def _rule_if_known(
@@ -143,6 +157,17 @@ _LINK_REACTIONS: Final = MappingProxyType(
         6: "disarm",
     }
 )
+# Of the geofence and of the wind's limit.
+_LIMIT_REACTIONS: Final = MappingProxyType(
+    {
+        0: "nothing",
+        1: "warn",
+        2: "hold",
+        3: "return in a straight line",
+        4: "terminate the flight",
+        5: "land",
+    }
+)
 _FAILSAFES: Final = (
     Failsafe(
         "low battery",
@@ -156,22 +181,15 @@ _FAILSAFES: Final = (
             }
         ),
     ),
+    Failsafe(
+        "charge for the way home only",
+        "COM_FLTT_LOW_ACT",
+        MappingProxyType({0: "nothing", 1: "warn", 3: "return in a straight line"}),
+    ),
     Failsafe("radio lost", "NAV_RCL_ACT", _LINK_REACTIONS),
     Failsafe("ground station lost", "NAV_DLL_ACT", _LINK_REACTIONS),
-    Failsafe(
-        "geofence left",
-        "GF_ACTION",
-        MappingProxyType(
-            {
-                0: "nothing",
-                1: "warn",
-                2: "hold",
-                3: "return in a straight line",
-                4: "terminate the flight",
-                5: "land",
-            }
-        ),
-    ),
+    Failsafe("geofence left", "GF_ACTION", _LIMIT_REACTIONS),
+    Failsafe("strong wind", "COM_WIND_MAX_ACT", _LIMIT_REACTIONS),
 )
 
 

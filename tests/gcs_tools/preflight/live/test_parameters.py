@@ -76,9 +76,10 @@ ARDUPILOT = {
 SETS = {"px4": PX4, "ardupilot": ARDUPILOT}
 # Of failsafes that a vehicle may lack, as its complete list shows.
 FAILSAFES = {
-    "px4": {"COM_LOW_BAT_ACT": 2.0, "BAT_CRIT_THR": 0.1},
+    "px4": {"COM_LOW_BAT_ACT": 2.0, "BAT_CRIT_THR": 0.1, "COM_FLTT_LOW_ACT": 1.0},
     "ardupilot": {
         "FENCE_ACTION": 4.0,
+        "FS_DR_ENABLE": 1.0,
         "BATT_FS_LOW_ACT": 0.0,
         "BATT_FS_CRT_ACT": 1.0,
         "BATT_LOW_MAH": 1000.0,
@@ -330,10 +331,15 @@ def recorded(flavour: str) -> dict[str, float]:
         return {row["name"]: float(row["value"]) for row in csv.DictReader(file)}
 
 
-# docs/vehicles.md asks for these, which the recorded PX4 flights went without.
+# docs/vehicles.md asks for these, which the recorded flights went without.
 DOCUMENTED = {
-    "px4": {"COM_OBL_RC_ACT": 5.0, "COM_RCL_EXCEPT": 4.0, "COM_LOW_BAT_ACT": 2.0},
-    "ardupilot": {},
+    "px4": {
+        "COM_OBL_RC_ACT": 5.0,
+        "COM_RCL_EXCEPT": 4.0,
+        "COM_LOW_BAT_ACT": 2.0,
+        "COM_FLTT_LOW_ACT": 1.0,
+    },
+    "ardupilot": {"FS_DR_ENABLE": 1.0},
 }
 OF_RECORDING = {
     "px4": ("vehicle.setpoint_loss_timeout_s=1.0",),
@@ -370,6 +376,9 @@ WRONG: dict[str, dict[str, dict[str, float]]] = {
         "COM_RC_IN_MODE": {"COM_RC_IN_MODE": 0.0, "NAV_RCL_ACT": 2.0, "COM_RCL_EXCEPT": 3.0},
         "NAV_DLL_ACT": {"NAV_DLL_ACT": 2.0, "COM_DLL_EXCEPT": 3.0},
         "COM_LOW_BAT_ACT": {"COM_LOW_BAT_ACT": 3.0},
+        "COM_FLTT_LOW_ACT": {"COM_FLTT_LOW_ACT": 3.0},
+        "COM_FLT_TIME_MAX": {"COM_FLT_TIME_MAX": 600.0},
+        "COM_WIND_MAX_ACT": {"COM_WIND_MAX_ACT": 3.0, "COM_WIND_MAX": 8.0},
         "GF_ACTION": {"GF_ACTION": 2.0, "GF_MAX_HOR_DIST": 20.0, "GF_MAX_VER_DIST": 3.0},
     },
     "ardupilot": {
@@ -381,6 +390,7 @@ WRONG: dict[str, dict[str, dict[str, float]]] = {
         "GUID_TIMEOUT": {"GUID_TIMEOUT": 0.6},
         "FS_THR_ENABLE": {"FS_THR_ENABLE": 1.0, "FS_OPTIONS": 0.0},
         "FS_GCS_ENABLE": {"FS_GCS_ENABLE": 1.0},
+        "FS_DR_ENABLE": {"FS_DR_ENABLE": 2.0},
         "ARMING_CHECK": {"ARMING_CHECK": 64.0},
         "FENCE_ENABLE": {
             "FENCE_ACTION": 4.0,
@@ -427,7 +437,14 @@ def test_demands_are_those_of_the_contract_and_the_mission() -> None:
 def test_what_the_recorded_px4_lacked_is_told() -> None:
     found = checked_as_recorded("px4", recorded("px4"))
     broken = {name for name, verdict in found.items() if verdict is not Verdict.HOLDS}
-    assert broken == {"COM_OBL_RC_ACT", "COM_RC_IN_MODE", "COM_LOW_BAT_ACT"}
+    assert broken == {"COM_OBL_RC_ACT", "COM_RC_IN_MODE", "COM_LOW_BAT_ACT", "COM_FLTT_LOW_ACT"}
+
+
+def test_what_the_recorded_ardupilot_lacked_is_told() -> None:
+    found = checked_as_recorded("ardupilot", recorded("ardupilot"))
+    assert {name for name, verdict in found.items() if verdict is not Verdict.HOLDS} == {
+        "FS_DR_ENABLE"
+    }
 
 
 @pytest.mark.parametrize(
@@ -534,6 +551,7 @@ def test_a_rule_is_told_with_value_and_demand(
                 "radio lost: return in a straight line (NAV_RCL_ACT = 2)",
                 "ground station lost: nothing (NAV_DLL_ACT = 0)",
                 "geofence left: hold (GF_ACTION = 2)",
+                "charge for the way home only: warn (COM_FLTT_LOW_ACT = 1)",
             ),
         ),
         (
@@ -543,6 +561,7 @@ def test_a_rule_is_told_with_value_and_demand(
                 "critical battery: land (BATT_FS_CRT_ACT = 1)",
                 "radio lost: return in a straight line (FS_THR_ENABLE = 1)",
                 "geofence left: brake, or land (FENCE_ACTION = 4)",
+                "position by dead reckoning only: land (FS_DR_ENABLE = 1)",
             ),
         ),
     ],

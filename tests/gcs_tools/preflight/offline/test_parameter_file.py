@@ -16,8 +16,13 @@ from tests.gcs_tools.running import CONFIG, Clearway
 RECORDED = Path(__file__).parents[1] / "live" / "recorded_parameters"
 # What docs/vehicles.md asks for and the recorded flights went without.
 DOCUMENTED = {
-    "px4": {"COM_OBL_RC_ACT": "5", "COM_RCL_EXCEPT": "4", "COM_LOW_BAT_ACT": "2"},
-    "ardupilot": {"BATT_MONITOR": "0"},
+    "px4": {
+        "COM_OBL_RC_ACT": "5",
+        "COM_RCL_EXCEPT": "4",
+        "COM_LOW_BAT_ACT": "2",
+        "COM_FLTT_LOW_ACT": "1",
+    },
+    "ardupilot": {"BATT_MONITOR": "0", "FS_DR_ENABLE": "1"},
 }
 TIMEOUT_S = {"px4": 1.0, "ardupilot": 0.5}
 
