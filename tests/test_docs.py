@@ -19,6 +19,7 @@ import zenoh
 from gcs_tools.__main__ import main
 from gcs_tools.preflight.finding import Verdict
 from gcs_tools.preflight.live.parameters import check_parameters
+from onboard.authentication.operator_command import CommandKind
 from onboard.contract.assessment import assess
 from onboard.files.contract_file import load_contract
 from onboard.files.daemon_config import DaemonConfig
@@ -32,6 +33,7 @@ from onboard.perception.ros2.keys import TYPE_HASHES
 from onboard.perception.sensor_channels import SensorChannels
 from onboard.perception.sources.json_v1 import parse_frame
 from onboard.perception.sources.registry import zenoh_key
+from onboard.recording.messages import ZENOH_KEYS
 from onboard.zenoh_session import open_session
 from sitl.config import load_sitl_config
 from sitl.vehicle.vehicle import SimulatedVehicle
@@ -331,3 +333,14 @@ def test_links_between_pages_lead_somewhere(page: Path) -> None:
 
 def test_the_readme_stays_an_entrance() -> None:
     assert len((ROOT / "README.md").read_text(encoding="utf-8").splitlines()) < 350
+
+
+def test_the_page_of_the_bus_names_every_key() -> None:
+    page = (ROOT / "docs" / "bus.md").read_text(encoding="utf-8")
+    for record_type, key in ZENOH_KEYS.items():
+        (row,) = re.findall(rf"^\| `{key}` \|.*$", page, re.MULTILINE)
+        assert record_type.__name__ in row
+    for kind in CommandKind:
+        assert f"`{kind.value}`" in page
+    for block in blocks(ROOT / "docs" / "bus.md", "python"):
+        ast.parse(block)

@@ -175,6 +175,10 @@ FINDING_CURES: Final[Mapping[str, Cure]] = MappingProxyType(
             "the position on the daemon's link is too old",
             "check mavlink.url and cable; raise the baud rate",
         ),
+        "VIRTUAL OBSTACLES": Cure(
+            "a sensor of kind field_file shows obstacles that are not there, and nothing that is",
+            "fly in open ground only; among real obstacles, state a real sensor in `sources`",
+        ),
         "flight authorization": Cure(
             "the check has not passed, or the daemon did not confirm it",
             "cure the other findings; let --zenoh-config reach the daemon",

@@ -114,14 +114,16 @@ def test_fly_passes_its_arguments_on(monkeypatch: pytest.MonkeyPatch) -> None:
     assert keywords == {
         "virtual": False, "seed": 1, "out": None, "fly_outside_contract": False,
         "accept_no_progress": False, "clearance_wish_m": None,
+        "mavlink_key_file": None,
     }  # fmt: skip
     line = ("fly", "s.yaml", "--virtual", "--seed", "7", "--out", "d", "--fly-outside-contract",
-        "--accept-no-progress", "--clearance-wish", "0.7")  # fmt: skip
+        "--accept-no-progress", "--clearance-wish", "0.7", "--mavlink-key", "k")  # fmt: skip
     code, positional, keywords = called(monkeypatch, target, *line, returns=False)
     assert (code, positional) == (1, (Path("s.yaml"),))
     assert keywords == {
         "virtual": True, "seed": 7, "out": Path("d"), "fly_outside_contract": True,
         "accept_no_progress": True, "clearance_wish_m": 0.7,
+        "mavlink_key_file": Path("k"),
     }  # fmt: skip
 
 

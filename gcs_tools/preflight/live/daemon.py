@@ -7,7 +7,7 @@ import math
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
-from gcs_tools.preflight.finding import NOT_SEEN, VIRTUAL, Finding, Verdict
+from gcs_tools.preflight.finding import NOT_SEEN, Finding, Verdict
 from onboard.contract.assessment import Terms
 from onboard.files.contract_file import Contract
 from onboard.monitoring.detections import CLOCK_TOLERANCE_S
@@ -112,7 +112,7 @@ def virtual_findings(statuses: Sequence[Status]) -> list[Finding]:
     """Return that the daemon flies among virtual obstacles, if it does."""
     if not any(each.document.get("virtual_obstacles") is True for each in statuses):
         return []
-    return [Finding("daemon", VIRTUAL, Verdict.HOLDS, NOT_SEEN)]
+    return [Finding("daemon", "VIRTUAL OBSTACLES", Verdict.HOLDS, NOT_SEEN)]
 
 
 def mission_findings(statuses: Sequence[Status]) -> list[Finding]:

@@ -25,6 +25,7 @@ NAMED_ELSEWHERE = {
     "parameter_file.py:check_parameter_file",
     "parameters.py:rule_finding",
     "sensors.py:check_sources",
+    "sensors.py:virtual_finding",
     "vehicle.py:_identity",
     "vehicle.py:_known",
     "vehicle.py:_rate",

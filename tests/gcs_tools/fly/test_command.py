@@ -87,7 +87,7 @@ def test_the_accepted_contract_is_the_one_that_is_flown(
 ) -> None:
     given = []
 
-    def stop_here(scenario: Scenario, *_: object) -> None:
+    def stop_here(_: object, scenario: Scenario, *__: object) -> None:
         given.append(scenario.contract)
         raise CommandError("far enough")
 

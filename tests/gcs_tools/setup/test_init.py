@@ -74,8 +74,9 @@ def test_the_processes_find_each_other(folder: Path) -> None:
 def test_a_first_flight_among_virtual_obstacles_passes_and_says_so(
     clearway: Clearway, folder: Path
 ) -> None:
-    files = ("--contract", "contract.yaml", "--field", "field.yaml", "--mission", "mission.yaml")
-    checked = clearway("preflight", *files, "--daemon-config", "onboard_virtual.yaml")
+    files = ("--contract", "contract.yaml", "--field", "field.yaml")
+    virtual = ("--mission", "mission_virtual.yaml", "--daemon-config", "onboard_virtual.yaml")
+    checked = clearway("preflight", *files, *virtual)
     assert checked.code == 0, checked.out
     assert "PROGRESS GUARANTEED" in checked.out
     assert "VIRTUAL OBSTACLES: real obstacles are not seen: fly in open ground only" in checked.out
@@ -104,7 +105,7 @@ def test_the_simulated_vehicle_has_the_parameters_that_the_contract_needs(folder
 
 def test_every_file_names_a_schema_that_is_there(folder: Path) -> None:
     written = sorted(folder.glob("*.yaml"))
-    assert len(written) == 8
+    assert len(written) == 9
     for path in written:
         first, *_ = path.read_text(encoding="utf-8").splitlines()
         schema = first.removeprefix("# yaml-language-server: $schema=")
