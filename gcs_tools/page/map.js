@@ -114,8 +114,9 @@ class FlightMap {
       if (name === "vehicle") group.append(svgElement("path", { class: "cone", d: this.coneShape ?? "" }));
       group.append(
         svgElement("circle", { class: kind, r, "fill-opacity": 0.35 }),
-        svgElement("path", { class: kind, d: `M${r} 0L${-0.7 * r} ${0.6 * r}L${-0.35 * r} 0L${-0.7 * r} ${-0.6 * r}Z` }));
+        svgElement("path", { class: `${kind} arrow`, d: `M${r} 0L${-0.7 * r} ${0.6 * r}L${-0.35 * r} 0L${-0.7 * r} ${-0.6 * r}Z` }));
       this.vehicles[name] = this.layers.vehicles.appendChild(group);
+      this.#sizeArrows();
     }
     const known = Number.isFinite(north) && Number.isFinite(east);
     this.vehicles[name].style.display = known ? "" : "none";
@@ -155,7 +156,14 @@ class FlightMap {
     this.svg.setAttribute("viewBox", this.view.join(" "));
     const metres = this.#metres();
     for (const [element, place] of this.sized) element.setAttribute("transform", `translate(${place[0]} ${place[1]}) scale(${metres})`);
+    this.#sizeArrows();
     this.#scaleBar(metres);
+  }
+
+  // The arrow is as large as the vehicle, and never too small to be seen.
+  #sizeArrows() {
+    const grown = Math.max(1, 8 * this.#metres() / this.radius);
+    for (const vehicle of Object.values(this.vehicles)) vehicle.querySelector(".arrow").setAttribute("transform", `scale(${grown})`);
   }
 
   // Metres of a pixel.

@@ -354,6 +354,9 @@ def test_the_page_says_what_is_missing_and_why_the_vehicle_holds(tmp_path: Path)
         assert "clearway preflight" in missing
         assert " more)" in text_of(page, "reason")
         assert page.evaluate("document.documentElement.scrollWidth") <= 390
+        # However far the goal is, the vehicle is to be seen.
+        arrow = "document.querySelector('#vehicle .arrow').getBoundingClientRect().width"
+        assert page.evaluate(arrow) >= 12.0
         holding = {"name": "phase", "severity": "error", "data": {"to": "hold"}, "time_s": 1.79e9}
         said(feed, "events", {**holding, "text": "holding: tracking_error: 0.4, limit 0.35 m"})
         said(feed, "status", {**waiting, "phase": "hold"})

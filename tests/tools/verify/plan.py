@@ -20,9 +20,9 @@ ROOT: Final = Path(__file__).parents[3]
 _SCENARIOS: Final = Path("config") / "scenarios"
 # By the name of a campaign: flights, and those of the search.
 _FULL: Final = {"adversary": (2000, 480), "nominal": (10_000, 0), "faults": (3000, 0)}
-_SHORT: Final = {"adversary": (12, 8), "nominal": (16, 0), "faults": (16, 0)}
+_SHORT: Final = {"adversary": (6, 8), "nominal": (8, 0), "faults": (8, 0)}
 # Of the scenario files, the short form flies every so many.
-_SCENARIO_STEP: Final = 10
+_SCENARIO_STEP: Final = 15
 # Share and seed of the mutants of each part, as docs/mutation.md states them.
 _MUTANTS: Final = {
     "region": (0.3, 1),
@@ -32,6 +32,8 @@ _MUTANTS: Final = {
     "certifier": (0.16, 1),
 }
 _MUTANTS_SHORT: Final = {"run-on": (0.03, 2)}
+# One scene of each benchmark that has several is enough to show that it runs.
+_SCENES_SHORT: Final = {"walls": "slalom", "forest": "500", "sando": "easy"}
 # The public benchmarks, and whether their scenes are files that are not part of the repository.
 _BENCHMARKS: Final = {
     "walls": False,
@@ -110,6 +112,7 @@ def _campaign(request: Request, name: str, sources: tuple[str, ...], size: tuple
 def _benchmarks(request: Request) -> Iterator[Step]:
     for name, needs_data in _BENCHMARKS.items():
         out = ("-o", str(request.folder / f"benchmark-{name}" / "legs.parquet"))
+        scene = (_SCENES_SHORT[name],) if request.short and name in _SCENES_SHORT else ()
         legs = ("--legs", "1") if request.short else ()
         data: tuple[str, ...] = ()
         skipped = ""
@@ -117,7 +120,7 @@ def _benchmarks(request: Request) -> Iterator[Step]:
             skipped = f"the scenes of {name} are not part of the repository: give DATA=FOLDER"
         elif needs_data:
             data = ("--data", str(request.data))
-        command = ("clearway", "benchmark", name, *data, *legs, *request._jobs, *out)
+        command = ("clearway", "benchmark", name, *scene, *data, *legs, *request._jobs, *out)
         yield Step(f"benchmark-{name}", command, judge_benchmark, skipped)
 
 
