@@ -20,6 +20,7 @@ from gcs_tools.preflight.field_check import check_field, legs_of
 from gcs_tools.preflight.field_placement import check_placement
 from gcs_tools.preflight.files import LiveTargets, PreflightFiles, check_options, daemon_key
 from gcs_tools.preflight.finding import VEHICLE_IDENTITY, VIRTUAL, Finding, Verdict
+from gcs_tools.preflight.heights import obstacles_in_way
 from gcs_tools.preflight.offline.sensors import check_sources
 from gcs_tools.preflight.remedy import Remedy, remedies
 from gcs_tools.preflight.rule import Rule
@@ -187,10 +188,11 @@ def check(
     """
     altitude_m = None if mission is None else mission.altitude_m
     assessment = assess(contract, input_set, mission_altitude_m=altitude_m)
-    rules = () if obstacles is None else check_field(assessment, obstacles, mission)
+    met = None if obstacles is None else obstacles_in_way(obstacles, contract, mission)
+    rules = () if met is None else check_field(assessment, met, mission)
     if obstacles is not None and mission is not None:
         rules += (check_placement(obstacles, mission, contract.sensor.detection_range_m),)
-    safety_rules = seen_free_rules(assessment, obstacles, mission)
+    safety_rules = seen_free_rules(assessment, met, mission)
     return Preflight(assessment, rules, safety_rules, accept_no_progress=accept_no_progress)
 
 
@@ -225,6 +227,7 @@ def run_preflight(
     result = check(contract, obstacles, mission, input_set, accept_no_progress=accept_no_progress)
     result = _with_files(result, mission, files)
     if obstacles is not None:
+        obstacles = obstacles_in_way(obstacles, contract, mission)
         fastest_mps = fastest_speed_mps(contract, obstacles, mission, input_set)
         rehearsal = _rehearsed(result, obstacles, mission)
         result = replace(result, fastest_mps=fastest_mps, rehearsal=rehearsal)

@@ -21,6 +21,7 @@ from onboard.contract.assessment import Assessment, assess_terms
 from onboard.files.mission_file import Mission
 from onboard.files.obstacle_field import ObstacleField
 from onboard.geometry.frames import FloatArray
+from onboard.perception.heights import level_blind_m
 
 # At this speed the vehicle still gets on.
 SLOW_MPS: Final = 0.5
@@ -38,8 +39,13 @@ class Tier(enum.Enum):
 
 
 def start_clear_radius_m(assessment: Assessment) -> float:
-    """Return the radius that must be free of obstacles around the place of the first hover."""
-    return assessment.terms.body_m * math.sqrt(2.0) + START_ROOM_M
+    """Return the radius that must be free of obstacles around the place of the first hover.
+
+    Where obstacles are no pillars, a level sensor sees all of the heights flown at only from
+    farther away on.
+    """
+    body_m = assessment.terms.body_m * math.sqrt(2.0)
+    return max(body_m, level_blind_m(assessment.terms)) + START_ROOM_M
 
 
 def seen_free_rules(
@@ -57,8 +63,10 @@ def seen_free_rules(
     if not assessment.terms.stop:
         return ()
     rules: tuple[Rule, ...] = (_range(assessment),)
-    if mission is not None and mission.start_clear_m is not None:
-        rules = (*rules, _start_word(assessment, mission.start_clear_m))
+    # A look all round tells less than the word where not all heights are in view nearby.
+    needed = assessment.terms.radius_z_m is not None
+    if mission is not None and (mission.start_clear_m is not None or needed):
+        rules = (*rules, _start_word(assessment, mission.start_clear_m or 0.0))
     if obstacles is None or mission is None:
         return rules
     return (*rules, _start_room(assessment, obstacles, mission))

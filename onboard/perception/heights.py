@@ -189,6 +189,16 @@ def shown_heights(
     )
 
 
+def level_blind_m(terms: Terms[float]) -> float:
+    """Return how near a level vehicle on its leg sees all heights flown at; 0 among pillars."""
+    if terms.radius_z_m is None:
+        return 0.0
+    up_rad, down_rad = terms.view_up_rad or 0.0, terms.view_down_rad or 0.0
+    view = VerticalView(up_rad - VIEW_EDGE_RAD, down_rad - VIEW_EDGE_RAD)
+    high_m = half_band_m(terms) + terms.radius_z_m
+    return view.blind_m(high_m, high_m)
+
+
 def azimuth_error_rad(elevation_rad: float, tilted_rad: float) -> float:
     """Return how far the bearing of a direction may be off in a body that is tilted.
 

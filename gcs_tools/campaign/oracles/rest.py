@@ -15,6 +15,7 @@ import numpy as np
 
 from gcs_tools.campaign.generator.faults import MISLEADING
 from gcs_tools.campaign.oracles.evidence import ROUND_OFF, Evidence
+from gcs_tools.preflight.heights import obstacles_in_way
 from onboard.files.obstacle_field import ObstacleField
 from onboard.geometry.frames import FloatArray
 from onboard.guidance.phases import FLYING_PHASES, FlightState
@@ -77,12 +78,13 @@ def _holds_way(state: StateRecord, evidence: Evidence, *, unseen: bool) -> bool:
 def _ways_into_obstacles(evidence: Evidence) -> Iterator[str]:
     scenario = evidence.case.scenario
     misled = any(fault.kind in MISLEADING for fault in scenario.faults)
-    if misled or not evidence.case.covered or not len(scenario.obstacles):
+    obstacles = obstacles_in_way(scenario.obstacles, scenario.contract, scenario.mission)
+    if misled or not evidence.case.covered or not len(obstacles):
         return
     vehicle = scenario.contract.vehicle
     body_m = vehicle.radius_m + vehicle.tracking_error_m
     for way in evidence.ways:
-        room_m = float(distances_m(way.points_ned_m, scenario.obstacles).min())
+        room_m = float(distances_m(way.points_ned_m, obstacles).min())
         if room_m < body_m - ROUND_OFF:
             yield (
                 f"the way to rest held at {way.time_s:.2f} s passes a true obstacle at "
