@@ -13,6 +13,7 @@ from onboard.files.contract_file import (
     InputSet,
     VehicleTerms,
 )
+from onboard.files.movers.mover_terms import MoverClass, MoversLevel
 from onboard.geometry.frames import Q
 
 
@@ -60,6 +61,12 @@ class Terms(Generic[Q]):
     thinnest_obstacle_m: Q | None = None
     no_return_is_free_to_m: Q | None = None
     mission_altitude_m: Q | None = None
+    all_round_range_m: Q | None = None
+    setpoint_loss_run_time_s: Q | None = None
+    rest_settle_s: float = 0.0
+    movers: tuple[MoverClass, ...] = ()
+    movers_level: MoversLevel = "none"
+    best_effort: bool = False
     stop: bool = True
     passive_safety: bool = True
     input_set: InputSet = "inner"
@@ -106,6 +113,7 @@ class Terms(Generic[Q]):
             stop=contract.requirements.stop,
             passive_safety=contract.requirements.passive_safety,
             mission_altitude_m=mission_altitude_m,
+            **_mover_terms(contract),
             input_set=input_set,
         )
 
@@ -186,6 +194,19 @@ def _setpoint_loss(vehicle: VehicleTerms) -> dict[str, Any]:
         "setpoint_loss_model": "frozen",
         "setpoint_gain_per_s": loss.gain_per_s,
         "setpoint_velocity_gain_per_s": loss.velocity_gain_per_s,
+    }
+
+
+def _mover_terms(contract: Contract) -> dict[str, Any]:
+    """Return the terms about what moves."""
+    vehicle, requirements = contract.vehicle, contract.requirements
+    return {
+        "all_round_range_m": contract.sensor.all_round_range_m,
+        "setpoint_loss_run_time_s": vehicle.setpoint_loss_run_time_s,
+        "rest_settle_s": vehicle.rest_settle_s,
+        "movers": contract.environment.movers,
+        "movers_level": requirements.movers,
+        "best_effort": requirements.progress == "best_effort",
     }
 
 

@@ -14,6 +14,13 @@ from typing import Annotated, Any, Final, Literal, Self
 
 from pydantic import Field, model_validator
 
+from onboard.files.movers.mover_terms import (
+    Declared,
+    MoverClass,
+    MoversLevel,
+    check_movers,
+    movers_objection,
+)
 from onboard.files.yaml_file import (
     FileError,
     FileModel,
@@ -44,10 +51,13 @@ LATER_KEYS: Final[dict[str, tuple[str, ...]]] = {
         "setpoint_loss",
         "position_drift_mps",
         "clearance_wish_m",
+        "rest_settle_s",
+        "rest_speed_mps",
+        "setpoint_loss_run_time_s",
     ),
-    "requirements": ("progress", "flight_time_max_s"),
-    "sensor": ("thinnest_obstacle_m", "no_return_is_free_to_m"),
-    "environment": ("wind_max_mps",),
+    "requirements": ("progress", "flight_time_max_s", "movers", "yield_max_s"),
+    "sensor": ("thinnest_obstacle_m", "no_return_is_free_to_m", "all_round_range_m"),
+    "environment": ("wind_max_mps", "movers"),
 }
 
 
@@ -150,6 +160,16 @@ class VehicleTerms(FileModel):
         description="preferred distance to obstacles with best effort, never required; 0: none",
     )
 
+    rest_settle_s: NonNegative = Field(
+        0.0, description="reference at rest to vehicle at rest, measured; needed against movers"
+    )
+    rest_speed_mps: Positive = Field(
+        0.2, description="a vehicle no faster than this is at rest; monitored against movers"
+    )
+    setpoint_loss_run_time_s: Positive | None = Field(
+        None, description="last setpoint to rest, measured; null: by the model, if that coasts"
+    )
+
     @model_validator(mode="before")
     @classmethod
     def _run_on_has_a_speed(cls, data: Any) -> Any:
@@ -171,6 +191,12 @@ class Requirements(FileModel):
     flight_time_max_s: Positive | None = Field(
         None, description="since take-off; then the vehicle holds, to be landed; null: no limit"
     )
+    movers: MoversLevel = Field(
+        "none", description="passive: at rest before any contact with what moves as declared"
+    )
+    yield_max_s: Positive | None = Field(
+        None, description="longest wait for movers at rest, then the vehicle holds; null: no limit"
+    )
 
 
 class SensorTerms(FileModel):
@@ -188,6 +214,9 @@ class SensorTerms(FileModel):
     no_return_is_free_to_m: Positive | None = Field(
         None, description="how far a null in free_range_m shows free space; null: it shows none"
     )
+    all_round_range_m: NonNegative = Field(
+        0.0, description="of a sensor with a view of 360 degrees besides; 0: there is none"
+    )
 
 
 class EnvironmentTerms(FileModel):
@@ -201,6 +230,14 @@ class EnvironmentTerms(FileModel):
     wind_max_mps: NonNegative | None = Field(
         None, description="steady wind, horizontally; null: not declared, and not monitored"
     )
+    movers: Annotated[tuple[MoverClass, ...], Field(strict=False)] = Field(
+        (), description="classes of what moves; empty: none is declared"
+    )
+
+    @model_validator(mode="after")
+    def _movers_are_consistent(self) -> Self:
+        check_movers(self.movers)
+        return self
 
     @model_validator(mode="after")
     def _sizes_are_ordered(self) -> Self:
@@ -256,6 +293,24 @@ class Contract(FileModel):
             )
         return self
 
+    @model_validator(mode="after")
+    def _movers_can_be_required(self) -> Self:
+        vehicle, requirements, sensor = self.vehicle, self.requirements, self.sensor
+        frozen = isinstance(vehicle.setpoint_loss, FrozenSetpoint)
+        declared = Declared(
+            movers=self.environment.movers,
+            stop=requirements.stop,
+            best_effort=requirements.progress == "best_effort",
+            rest_settle_s=vehicle.rest_settle_s,
+            sees_all_round=sensor.all_round_range_m > 0.0 or sensor.field_of_view_deg >= 360.0,
+            run_time_known=not (requirements.passive_safety and frozen)
+            or vehicle.setpoint_loss_run_time_s is not None,
+        )
+        objection = movers_objection(requirements.movers, declared)
+        if objection is not None:
+            raise ValueError(objection)
+        return self
+
     @property
     def sha256(self) -> str:
         """Hash of the terms themselves: comments, key order and notation do not change it.
@@ -267,7 +322,9 @@ class Contract(FileModel):
         for section, keys in LATER_KEYS.items():
             fields = type(getattr(self, section)).model_fields
             for key in keys:
-                if terms[section][key] == fields[key].default:
+                # JSON has lists only.
+                default = fields[key].default
+                if terms[section][key] == (list(default) if default == () else default):
                     del terms[section][key]
         # By default a run was measured at the cruise speed.
         vehicle = terms["vehicle"]

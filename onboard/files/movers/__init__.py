@@ -1,0 +1,1 @@
+"""What files state about things that move."""
