@@ -113,6 +113,7 @@ class Autonomy:
         )
         self.sensors = self._channels(sensors)
         self.navigator.see_by(self.supervisor.seen)
+        self.navigator.watch(self.supervisor.detections.movers)
         self.authority = ControlAuthority(
             self.link,
             self.navigator,

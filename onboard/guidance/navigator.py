@@ -22,6 +22,7 @@ from onboard.guidance.departure import Refusal, departure_refusals
 from onboard.guidance.fallback import Fallback
 from onboard.guidance.induction_planner import InductionPlanner
 from onboard.guidance.leg_progress import LegProgress
+from onboard.guidance.movers.mover_guard import KnownMovers
 from onboard.guidance.phases import FlightState, Phase
 from onboard.guidance.situation import Avoidance, Situation
 from onboard.monitoring.assumptions import Violation
@@ -145,6 +146,11 @@ class Navigator:
         """Fly, where a way to rest has to be held, in the space that this set says is free."""
         if self.shield is not None:
             self.shield.see_by(seen)
+
+    def watch(self, known: KnownMovers) -> None:
+        """Certify ways to rest against what is known of movers."""
+        if self.thread is not None:
+            self.thread.guard.known = known
 
     def departure_refusals(self, pose: Pose) -> list[Refusal]:
         """Return why the leg may not be started or resumed from here; empty if it may."""

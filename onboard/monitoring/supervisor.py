@@ -98,6 +98,7 @@ class MonitorSupervisor:
         self.position_sign = None
         self.response.begin_flight()
         self._heading_monitor = HeadingMonitor()
+        self.detections.movers.begin_flight()
         # The estimator may have aligned its heading since: in the climb, magnetometers recover.
         self.detections.bearings.forget()
 
@@ -257,6 +258,7 @@ class MonitorSupervisor:
             self.response.check_commander(pose, now_s),
             self.wind_violation,
             self.flight_time_violation,
+            self.detections.movers.check_ring(now_s),
             *heading,
             *self.environment_violations(now_s),
         )

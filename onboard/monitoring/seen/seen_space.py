@@ -8,8 +8,8 @@ A1-sensor).  A frame that does not count also breaks its sensor's row of success
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from typing import Final, NamedTuple
+from collections.abc import Callable, Sequence
+from typing import Final
 
 import numpy as np
 
@@ -18,12 +18,20 @@ from onboard.geometry.fence import Fence
 from onboard.geometry.frames import FloatArray, LegFrame, Vector, wrap_angle
 from onboard.geometry.free_grid import FreeGrid
 from onboard.monitoring.assumptions import Assumption, Violation
+from onboard.monitoring.seen.contradiction import contradiction
 from onboard.monitoring.seen.looks_around import LooksAround
 from onboard.monitoring.seen.operators_word import OperatorsWord
 from onboard.monitoring.seen.scan_limits import resolved_m, scan_of
+from onboard.monitoring.seen.sight import Sight
 from onboard.monitoring.seen.sight_queue import SightQueue
 from onboard.monitoring.supervised_flight import SupervisedFlight
-from onboard.perception.detection import Corners, DetectionFrame, corners_ned, shifted_corners
+from onboard.perception.detection import (
+    Corners,
+    Detection,
+    DetectionFrame,
+    corners_ned,
+    shifted_corners,
+)
 from onboard.perception.face_strips import enclosing_boxes, strip_around
 from onboard.perception.line_of_sight import BOXES_MAX, View
 from onboard.perception.placement import POSE_TIMING_S
@@ -50,15 +58,6 @@ DOUBTS: Final = frozenset(
 )
 
 
-class _Sight(NamedTuple):
-    """One frame that counts: its pose, and the boxes in local NED with their yaw there."""
-
-    frame: DetectionFrame
-    pose: Pose
-    turn_radps: float
-    corners_ned_m: list[Corners]
-
-
 class SeenSpace:
     """The seen-free set in the frame of the leg that is flown, and what is known beside it.
 
@@ -66,6 +65,8 @@ class SeenSpace:
         flight: whose leg, contract and map count.
         poses: where the body was.
         frames_needed: K, see `SeenFree`.
+        is_mover: tells what moves: it hides what is behind it, and contradicts nothing.
+        on_void: learns that nothing counts any more, and whether the local frame stands.
 
     Attributes:
         relied_on: whether what is flown was certified in the set, so that a contradiction is a
@@ -75,17 +76,23 @@ class SeenSpace:
     """
 
     def __init__(
-        self, flight: SupervisedFlight, poses: PoseHistory, *, frames_needed: int = 3
+        self,
+        flight: SupervisedFlight,
+        poses: PoseHistory,
+        *,
+        frames_needed: int = 3,
+        is_mover: Callable[[DetectionFrame, Detection], bool] = lambda _, __: False,
+        on_void: Callable[[bool], None] = lambda _: None,
     ) -> None:
-        self._flight, self._poses = flight, poses
+        self._flight, self._poses, self._is_mover = flight, poses, is_mover
         self._set = SeenFree(frames_needed=frames_needed)
         self._leg = flight.leg
         self._half_width_m = math.inf
-        self._pending = SightQueue[_Sight](self._break_row)
+        self._pending = SightQueue[Sight](self._break_row)
         self._stamps_s: dict[str, float] = {}
         self._looks = LooksAround()
         self.relied_on = False
-        self.void_reason = ""
+        self.void_reason, self.on_void = "", on_void
         self.frames_needed = frames_needed
         self._counted: dict[str, int] = {}
         self._word = OperatorsWord()
@@ -204,6 +211,7 @@ class SeenSpace:
             self.void("the estimate of the height was reset")
         else:
             self._set.shift(x_m, y_m)
+            self.on_void(False)
 
     def void(self, reason: str, *, frame_stands: bool = False) -> None:
         """Take nothing for free any more.
@@ -214,6 +222,7 @@ class SeenSpace:
         """
         self._pending.clear()
         self._word.forget(frame_stands=frame_stands)
+        self.on_void(frame_stands)
         self._looks.forget()
         self._set.void()
         self.void_reason = reason
@@ -226,7 +235,7 @@ class SeenSpace:
         stamp_s: float,
         now_s: float,
         shifts_m: Sequence[Sequence[float]],
-    ) -> None:
+    ) -> Sight | None:
         """Take a frame that nothing speaks against, to be counted in one of the next ticks.
 
         Args:
@@ -235,6 +244,9 @@ class SeenSpace:
             now_s: the time.
             shifts_m: what moves boxes from local NED at that time into the present frame;
                 several if it is ambiguous.
+
+        Returns:
+            What counts; None if the frame does not.
         """
         terms = self._flight.assessment.terms
         pose = self._poses.at(stamp_s, _POSE_APART_S)
@@ -249,7 +261,7 @@ class SeenSpace:
         )
         if pose is None or not counts or self._is_off_height(pose):
             self.skip(frame)
-            return
+            return None
         self._stamps_s[frame.source] = stamp_s
         if frame.frame == "body_frd":
             placed_ned_m = [corners_ned(seen, pose) for seen in frame.obstacles]
@@ -259,7 +271,9 @@ class SeenSpace:
                 shifted_corners(corners_ned(seen, None), (north_m, east_m))
                 for seen in frame.obstacles
             ]
-        self._pending.add(frame.source, _Sight(frame, pose, turn_radps, placed_ned_m))
+        sight = Sight(frame, pose, turn_radps, placed_ned_m, stamp_s)
+        self._pending.add(frame.source, sight)
+        return sight
 
     def skip(self, frame: DetectionFrame) -> None:
         """Take note of a frame that does not count: its sensor's row of frames begins again."""
@@ -292,7 +306,7 @@ class SeenSpace:
                 return violation
         return None
 
-    def _see(self, sight: _Sight) -> Violation | None:
+    def _see(self, sight: Sight) -> Violation | None:
         frame, pose, terms = sight.frame, sight.pose, self._flight.assessment.terms
         x_m, y_m, _ = self._leg.position_leg(pose.position_ned_m)
         # What stamp and pose may be apart displaces and turns the frame besides.
@@ -302,14 +316,16 @@ class SeenSpace:
         e = terms.map_error_m
         far_m = np.hypot(seen_leg_m[..., 0] - x_m, seen_leg_m[..., 1] - y_m).max(axis=1)
         margins_m = e + clock_error_m + heading_error_rad * far_m
-        contradicting = self._contradicting(seen_leg_m, margins_m)
-        if contradicting is None and len(margins_m):
-            farthest_m = math.sqrt(2.0) * float(margins_m.max())
-            contradicting = self._word.contradicted_by(sight.corners_ned_m, farthest_m)
+        still = [i for i, seen in enumerate(frame.obstacles) if not self._is_mover(frame, seen)]
+        contradicting = self._contradicting(seen_leg_m[still], margins_m[still])
+        if contradicting is None and still:
+            farthest_m = math.sqrt(2.0) * float(margins_m[still].max())
+            placed_ned_m = [sight.corners_ned_m[i] for i in still]
+            contradicting = self._word.contradicted_by(placed_ned_m, farthest_m)
         if contradicting is not None:
-            track_id = frame.track_id(frame.obstacles[contradicting])
+            track_id = frame.track_id(frame.obstacles[still[contradicting]])
             self.void(f"{track_id} is reported where all was seen free")
-            return _contradiction(track_id)
+            return contradiction(track_id)
         # A scan is placed by the pose as a whole; boxes carry that error in their faces already.
         scan, view_rad = scan_of(frame, terms), math.radians(frame.field_of_view_deg)
         view = View(
@@ -378,12 +394,5 @@ class SeenSpace:
         ]
 
     def _is_off_height(self, pose: Pose) -> bool:
-        off_m = abs(pose.position_ned_m[2] - self._leg.origin_ned_m[2])
-        return off_m > self._flight.assessment.terms.tracking_error_z_m
-
-
-def _contradiction(track_id: str) -> Violation:
-    sentence = f"{track_id} is reported where all was seen free"
-    return Violation(
-        Assumption.SENSOR_CONTRADICTION, 1.0, 0.0, "boxes", track_id, sentence=sentence
-    )
+        off_m = pose.position_ned_m[2] - self._leg.origin_ned_m[2]
+        return abs(off_m) > self._flight.assessment.terms.tracking_error_z_m

@@ -100,6 +100,10 @@ class MoverFree:
         self.dropped = self.version = 0
         self._clear(unvisited_until_s=math.inf)
 
+    def begin(self) -> None:
+        """Begin with a flight: no frame has counted, and none hides that was not seen to hide."""
+        self._clear(unvisited_until_s=math.inf)
+
     def void(self) -> None:
         """Forget everything, also that no mover is hidden: the local frame is in doubt."""
         self._clear(unvisited_until_s=-math.inf)

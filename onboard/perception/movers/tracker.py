@@ -168,7 +168,7 @@ class MoverTracker:
         bound, error_m = self.bound(sighting.kind), sighting.error_m
         told = sighting.measured.inflated(error_m)
         if not sighting.whole:
-            told = _with_hidden_part(told, bound.size_max_m)
+            told = with_hidden_part(told, bound.size_max_m)
         new = MoverTrack(
             sighting.track_id,
             sighting.kind,
@@ -217,7 +217,7 @@ class MoverTracker:
                     self._tracks[track_id] = replace(track, missed=track.missed + 1)
 
 
-def _with_hidden_part(told: Box, size_max_m: float) -> Box:
+def with_hidden_part(told: Box, size_max_m: float) -> Box:
     """Return what holds a mover of which only a part was seen, turned by any angle."""
     most_m = size_max_m * math.sqrt(2.0)
     return Box(
