@@ -224,8 +224,8 @@ class LegProgress:
             return False
         if not (thread.way.still and thread.yielding.has_settled and thread.resumes_cruise):
             return False
-        clear = self._shield.is_clear_from_rest(now_s)
-        return thread.yielding.is_clear(clear=clear, now_s=now_s)
+        shield = self._shield
+        return thread.yielding.has_been_clear(lambda: shield.is_clear_from_rest(now_s), now_s)
 
     def _begin_leg(self, state: State, pose: Pose, now_s: float) -> None:
         route = self._situation.route

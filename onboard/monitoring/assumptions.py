@@ -40,6 +40,7 @@ class Assumption(StrEnum):
     OBSTACLE_SIZE = "obstacle_size"
     ROI_INTERSECTION = "roi_intersection"
     LATE_FIRST_SIGHT = "late_first_sight"
+    MOVER_FIRST_SIGHT = "mover_first_sight"
     MOVER_SPEED = "mover_speed"
     MOVER_SIZE = "mover_size"
     STATIC_CLAIM = "static_claim"

@@ -6,6 +6,7 @@ failure of passive safety.  What leads on is flown as soon as it certifies.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
@@ -13,6 +14,8 @@ from onboard.guidance.phases import Trigger
 from onboard.monitoring.assumptions import Assumption, Violation
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from onboard.guidance.fallback import Fallback
     from onboard.guidance.movers.mover_guard import MoverGuard
     from onboard.guidance.situation import Situation
@@ -21,6 +24,8 @@ if TYPE_CHECKING:
 _OTHER_REASON_S: Final = 2.0
 # A cruise is taken up again once it has been clear for so long.
 CLEAR_S: Final = 1.0
+# Whether it is clear is asked this often.
+_LOOK_S: Final = 0.2
 # A way that leads nowhere but for movers has been refused within this: they are the reason.
 LATELY_S: Final = 1.0
 
@@ -30,6 +35,7 @@ class _Wait:
     since_s: float
     rest_since_s: float | None = None
     clear_since_s: float | None = None
+    looked_s: float = -math.inf
 
 
 class Yielding:
@@ -78,19 +84,23 @@ class Yielding:
             return False
         return True
 
-    def is_clear(self, *, clear: bool, now_s: float) -> bool:
+    def has_been_clear(self, is_clear: Callable[[], bool], now_s: float) -> bool:
         """Tell whether a way has been clear for long enough.
 
         Args:
-            clear: whether it is now.
+            is_clear: tells whether it is now; asked a few times a second.
             now_s: the time.
         """
-        if not clear:
-            self._wait.clear_since_s = None
-        elif self._wait.clear_since_s is None:
-            self._wait.clear_since_s = now_s
-        since_s = self._wait.clear_since_s
-        return since_s is not None and now_s - since_s >= CLEAR_S
+        wait = self._wait
+        if now_s < wait.looked_s + _LOOK_S:
+            return False
+        wait.looked_s = now_s
+        if not is_clear():
+            wait.clear_since_s = None
+            return False
+        if wait.clear_since_s is None:
+            wait.clear_since_s = now_s
+        return now_s - wait.clear_since_s >= CLEAR_S
 
     def resumes_cruise(self, x_m: float, y_m: float) -> bool:
         """Tell whether the cruise of the leg is taken up again from a place, outside all regions.

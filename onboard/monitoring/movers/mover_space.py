@@ -8,7 +8,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import Final
 
 import numpy as np
 
@@ -16,7 +15,7 @@ from onboard.contract.terms import Terms
 from onboard.files.movers.mover_terms import UNKNOWN, MoverClass
 from onboard.geometry.box import Box
 from onboard.geometry.frames import FloatArray
-from onboard.monitoring.assumptions import Assumption, Violation
+from onboard.monitoring.assumptions import ALL_ROUND_DEG, Assumption, Violation
 from onboard.monitoring.seen.scan_limits import resolved_m, scan_of
 from onboard.monitoring.seen.sight import Sight
 from onboard.monitoring.supervised_flight import SupervisedFlight
@@ -37,8 +36,7 @@ from onboard.perception.moving_detection import (
 from onboard.perception.placement import POSE_TIMING_S, PlacedBox
 from onboard.planning.mover_certifier import Movers
 
-_ALL_ROUND_RAD: Final = 2.0 * math.pi - 1e-6
-# A track of this sensor, and the size that it was measured with.
+# Corners of what stands still.
 KnownBoxes = Callable[[], Sequence[Corners]]
 
 
@@ -51,8 +49,7 @@ class MoverSpace:
         frames_needed: K, as of the seen-free set.
 
     Attributes:
-        all_round_s: stamp of the newest frame that counted and showed all round; minus infinity
-            before the first.
+        all_round_s: stamp of the newest frame of what sees all round; minus infinity before it.
     """
 
     def __init__(
@@ -128,6 +125,8 @@ class MoverSpace:
         """
         if not self.active:
             return []
+        if frame.field_of_view_deg >= ALL_ROUND_DEG:
+            self.all_round_s = max(self.all_round_s, stamp_s)
         by_id = {frame.track_id(seen): seen for seen in frame.obstacles}
         found: list[Violation] = []
         sightings = []
@@ -165,8 +164,6 @@ class MoverSpace:
         late = self._late_first_sights(sight)
         glance = self._glance(sight, terms)
         self._free.see(glance, sight.frame.source)
-        if sight.frame.field_of_view_deg >= math.degrees(_ALL_ROUND_RAD):
-            self.all_round_s = max(self.all_round_s, sight.stamp_s)
         self._new = frozenset()
         return late
 
@@ -245,7 +242,7 @@ class MoverSpace:
                 until_s = np.full(len(low), sight.stamp_s + POSE_TIMING_S)
                 if self._free.are_free(low, high, until_s):
                     sentence = f"mover {track_id} was first seen where none could be"
-                    late = Assumption.LATE_FIRST_SIGHT
+                    late = Assumption.MOVER_FIRST_SIGHT
                     found.append(Violation(late, 1.0, 0.0, "movers", track_id, sentence=sentence))
                     break
         return found
@@ -301,7 +298,7 @@ class MoverSpace:
     def _half_view_rad(self, frame: DetectionFrame, terms: Terms[float]) -> float:
         """Return half of what a frame shows: all round, or no more than the contract counts on."""
         view_rad = math.radians(frame.field_of_view_deg)
-        if view_rad >= _ALL_ROUND_RAD:
+        if frame.field_of_view_deg >= ALL_ROUND_DEG:
             return math.pi
         return min(view_rad, terms.field_of_view_rad) / 2.0
 
