@@ -24,6 +24,9 @@ from onboard.geometry.frames import Q
 STAMP_ERROR_S: Final = 0.01
 # The nose points along the leg within this (`guidance.envelope.HEADING_TOLERANCE_RAD`).
 NOSE_TOLERANCE_RAD: Final = math.radians(5.0)
+# What the cells of the mover-free set take of a range: at the edge of the view, between two cells,
+# in the frames that have to show a cell, and in rounding out what is asked about.
+RASTER_M: Final = 1.0
 # No view is as wide as this: what is required where no view suffices.
 NO_VIEW_RAD: Final = 4.0 * math.pi
 
@@ -93,9 +96,7 @@ def dead_daemon_range_m(terms: Terms[Q], derived: Derived[Q], stop: Stop[Q], mov
 
     The vehicle flies on for the reaction time, and then runs on until the autopilot has stopped it.
     """
-    run_s = terms.setpoint_loss_run_time_s
-    if run_s is None:
-        run_s = terms.setpoint_loss_timeout_s + stop.lag_s + stop.speed_mps / stop.brake_mps2
+    run_s = _run_s(terms, stop)
     # A reference that still accelerates runs on for longer, as it does where it brakes.
     ending_s = stop.lag_s * stop.accelerating
     flown_s = terms.reaction_time_s + ending_s
@@ -122,6 +123,8 @@ def all_round_m(
     kappa_s = terms.reaction_time_s + stop.lag_s * (1.0 + stop.accelerating)
     lateral_mps = derived.manoeuvre_encounter.lateral_speed_mps
     stopping_s = ops.maximum(stop.speed_mps, lateral_mps) / stop.brake_mps2
+    if terms.passive_safety:  # the daemon may die at any time
+        stopping_s = ops.maximum(stopping_s, _run_s(terms, stop))
     aside_m = lateral_mps * kappa_s + lateral_mps * lateral_mps / (2.0 * stop.brake_mps2)
     grown_m = mover_mps * (kappa_s + stop.rest_settle_s + stopping_s)
     stamp_m = (stop.speed_mps + mover_mps) * STAMP_ERROR_S
@@ -149,6 +152,13 @@ def in_view_rad(
     view_rad = 2.0 * (alpha_rad + beta_rad + NOSE_TOLERANCE_RAD + terms.heading_error_rad)
     fits = (slow_mps >= 2.0 * across_mps) & (reported_m > stop.fixed_m) & (reported_m > aside_m)
     return ops.where(fits, view_rad, view_rad * 0.0 + NO_VIEW_RAD)
+
+
+def _run_s(terms: Terms[Q], stop: Stop[Q]) -> Q:
+    """Return how long the vehicle runs on after the last setpoint at its greatest speed."""
+    if terms.setpoint_loss_run_time_s is not None:
+        return terms.setpoint_loss_run_time_s
+    return terms.setpoint_loss_timeout_s + stop.lag_s + stop.speed_mps / stop.brake_mps2
 
 
 def stoppable_m(terms: Terms[Q], stop: Stop[Q], tick_s: float) -> Q:
@@ -210,14 +220,14 @@ def class_clauses(
             )
         )
     found = [
-        Clause(name, required, terms.detection_range_m, "m", reason)
+        Clause(name, required + RASTER_M, terms.detection_range_m, "m", reason)
         for name, required, reason in front
     ]
     if terms.all_round_range_m is not None and ops.anywhere(terms.all_round_range_m > 0.0):
         found.append(
             Clause(
                 f"all_round.{kind}",
-                all_round_m(terms, derived, stop, v_mps, ops),
+                all_round_m(terms, derived, stop, v_mps, ops) + RASTER_M,
                 terms.all_round_range_m,
                 "m",
                 "who comes from beside or behind must be seen before the vehicle cannot rest",
@@ -282,7 +292,7 @@ def _level(terms: Terms[float], derived: Derived[float], tick_s: float, mover: M
     stop, v_mps = stop_of(terms, derived, SCALAR), mover.speed_max_mps
     found = class_clauses(terms, derived, SCALAR, tick_s, mover)
     front = [clause for clause in found if not clause.name.startswith("all_round")]
-    ring_m = all_round_m(terms, derived, stop, v_mps, SCALAR)
+    ring_m = all_round_m(terms, derived, stop, v_mps, SCALAR) + RASTER_M
     view_rad = in_view_rad(terms, derived, stop, v_mps, SCALAR)
     sees_all = terms.field_of_view_rad >= 2.0 * math.pi - 1e-9
     level: Literal["passive", "passive in view"] | None = None

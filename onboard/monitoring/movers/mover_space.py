@@ -95,6 +95,7 @@ class MoverSpace:
 
     def begin_flight(self) -> None:
         """Begin again: none hides at the start, unless the contract says that some may."""
+        self._claims.clear()
         if self._free is not None:
             self._free.begin()
 

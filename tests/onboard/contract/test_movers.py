@@ -46,8 +46,8 @@ def contract(**changes: Any) -> Contract:
         },
         "requirements": {"stop": True, "passive_safety": True, "movers": "passive"},
         "sensor": {
-            "detection_range_m": 14.0, "field_of_view_deg": 120.0, "frame_age_max_s": 0.3,
-            "position_error_m": 0.05, "all_round_range_m": 9.0,
+            "detection_range_m": 15.0, "field_of_view_deg": 120.0, "frame_age_max_s": 0.3,
+            "position_error_m": 0.05, "all_round_range_m": 11.0,
         },
         "environment": {
             "obstacle_size_max_m": 4.0, "obstacle_size_min_m": 0.0,
