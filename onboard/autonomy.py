@@ -112,8 +112,7 @@ class Autonomy:
             counters=self._intake.counters,
         )
         self.sensors = self._channels(sensors)
-        self.navigator.see_by(self.supervisor.seen)
-        self.navigator.watch(self.supervisor.detections.movers)
+        self.navigator.see_by(self.supervisor.seen, self.supervisor.detections.movers)
         self.authority = ControlAuthority(
             self.link,
             self.navigator,

@@ -142,15 +142,16 @@ class Navigator:
         """Return the reference at a time as a setpoint in NED; None in STANDBY."""
         return self.situation.reference.setpoint(time_s, self.leg)
 
-    def see_by(self, seen: SeenSpace) -> None:
-        """Fly, where a way to rest has to be held, in the space that this set says is free."""
-        if self.shield is not None:
-            self.shield.see_by(seen)
+    def see_by(self, seen: SeenSpace, movers: KnownMovers | None = None) -> None:
+        """Fly, where a way to rest has to be held, in the space that this set says is free.
 
-    def watch(self, known: KnownMovers) -> None:
-        """Certify ways to rest against what is known of movers."""
-        if self.thread is not None:
-            self.thread.guard.known = known
+        Args:
+            seen: the set.
+            movers: what is known of movers, against which ways are certified, too.
+        """
+        if self.shield is not None and self.thread is not None:
+            self.shield.see_by(seen)
+            self.thread.guard.known = movers or self.thread.guard.known
 
     def departure_refusals(self, pose: Pose) -> list[Refusal]:
         """Return why the leg may not be started or resumed from here; empty if it may."""

@@ -312,16 +312,15 @@ class SeenSpace:
         # What stamp and pose may be apart displaces and turns the frame besides.
         heading_error_rad = terms.heading_error_rad + sight.turn_radps * POSE_TIMING_S
         clock_error_m = math.hypot(*pose.velocity_ned_mps[:2]) * POSE_TIMING_S
-        seen_leg_m = self._in_leg_m(sight.corners_ned_m)
-        e = terms.map_error_m
+        seen_leg_m, e = self._in_leg_m(sight.corners_ned_m), terms.map_error_m
         far_m = np.hypot(seen_leg_m[..., 0] - x_m, seen_leg_m[..., 1] - y_m).max(axis=1)
         margins_m = e + clock_error_m + heading_error_rad * far_m
         still = [i for i, seen in enumerate(frame.obstacles) if not self._is_mover(frame, seen)]
         contradicting = self._contradicting(seen_leg_m[still], margins_m[still])
         if contradicting is None and still:
             farthest_m = math.sqrt(2.0) * float(margins_m[still].max())
-            placed_ned_m = [sight.corners_ned_m[i] for i in still]
-            contradicting = self._word.contradicted_by(placed_ned_m, farthest_m)
+            placed = [sight.corners_ned_m[i] for i in still]
+            contradicting = self._word.contradicted_by(placed, farthest_m)
         if contradicting is not None:
             track_id = frame.track_id(frame.obstacles[still[contradicting]])
             self.void(f"{track_id} is reported where all was seen free")

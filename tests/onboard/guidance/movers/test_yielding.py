@@ -68,7 +68,7 @@ def gated(contract: Contract, request: pytest.FixtureRequest) -> GatedFlight:
         mission = mission_to((45.0, 0.0)).model_copy(update={"start_clear_m": 3.0})
         seen = IdealSeenSpace(start_known=request.param == "best_effort")
         flight = FieldFlight(required, mission, stems, seen)
-        flight.navigator.watch(gate)
+        flight.navigator.see_by(seen, gate)
         return flight
 
     return make
