@@ -128,7 +128,7 @@ class Autonomy:
             counters=self._intake.counters,
         )
         self.sensors, self.progress = self._channels(sensors), self._progress(contract)
-        self.navigator.see_by(self.supervisor.seen)
+        self.navigator.see_by(self.supervisor.seen, self.supervisor.detections.movers)
         self.authority = ControlAuthority(
             self.link,
             self.navigator,

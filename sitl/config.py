@@ -12,6 +12,7 @@ from pydantic import Field, model_validator
 
 from onboard.files.yaml_file import FileError, FileModel, load_yaml
 from onboard.files.zenoh_endpoints import Endpoints, ZenohEndpoints
+from sitl.environment.movers.config import MoverConfig
 from sitl.environment.sensor import SensorConfig
 from sitl.plant.battery import BatteryConfig
 from sitl.plant.estimator import EstimatorProfile
@@ -140,6 +141,7 @@ class VehicleConfig(FileModel):
         realism: ``field`` as measured on real autopilots, or ``ideal``: exact estimates and echoes.
         estimator: how the autopilot's estimate deviates from the truth.
         tracking: how the plant deviates from its reference.
+        movers: what moves around it; sensors with message_version 2 report them.
         physics_rate_hz: integration steps per second, a multiple of the vehicle's 100 ticks.
     """
 
@@ -156,6 +158,7 @@ class VehicleConfig(FileModel):
     realism: Literal["field", "ideal"] = "field"
     estimator: EstimatorConfig = EstimatorConfig()
     tracking: TrackingConfig = TrackingConfig()
+    movers: Annotated[tuple[MoverConfig, ...], Field(strict=False)] = ()
     physics_rate_hz: Annotated[int, Field(ge=400, le=4000, multiple_of=100)] = 400
 
     @model_validator(mode="after")

@@ -192,14 +192,15 @@ def fly_case(case: FlightCase, meter: ErrorMeter | None = None) -> Evidence:
             time_limit_s=case.time_limit_s or _time_limit_s(scenario),
         )
     )
-    vehicle, world = simulation.scene.vehicle, simulation.scene.world
+    scene = simulation.scene
+    vehicle, world, movers = scene.vehicle, scene.world, scene.movers
     flown: list[Record] = []
     truths: list[TruthRecord] = []
     held = HeldWays()
     at_rest = False
     for records in ticks(simulation, shown=False):
         flown += [record for record in records if isinstance(record, _USED)]
-        truths.append(truth_record(vehicle.truth, world, EPOCH_UNIX_S))
+        truths.append(truth_record(vehicle.truth, world, EPOCH_UNIX_S, movers))
         held.follow(simulation.autonomy.navigator, simulation.now_s)
         if meter is not None:
             meter.observe(simulation)

@@ -57,6 +57,7 @@ def print_contract(assessment: Assessment, title: str, console: Console) -> None
     print_verdict(assessment, title, console)
     console.print(clause_table(assessment.clauses, binding=assessment.binding.name))
     console.print(_quantity_table(assessment))
+    print_movers(assessment, console)
     limits = assessment.limits
     console.print(
         f"accelerations ({assessment.terms.input_set} set): brake {limits.brake_mps2:.3f}, "
@@ -64,6 +65,16 @@ def print_contract(assessment: Assessment, title: str, console: Console) -> None
         f"right {limits.right_mps2:.3f} m/s²"
     )
     console.print(f"contract {assessment.contract.sha256}", style="dim")
+
+
+def print_movers(assessment: Assessment, console: Console) -> None:
+    """Print what is promised against each declared class of movers; nothing if none is."""
+    if not assessment.mover_levels:
+        return
+    required = assessment.terms.movers_level
+    console.print(f"movers (required: {required}, speeds as declared):")
+    for level in assessment.mover_levels:
+        console.print(f"  {level}", style="" if level.level else "red")
 
 
 def print_verdict(assessment: Assessment, title: str, console: Console) -> None:

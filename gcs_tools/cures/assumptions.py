@@ -68,6 +68,36 @@ ASSUMPTION_CURES: Final[Mapping[Assumption, Cure]] = MappingProxyType(
             "far than declared",
             "declare the range at which such an obstacle is seen (dark, thin or wet ones count)",
         ),
+        Assumption.MOVER_FIRST_SIGHT: Cure(
+            "a mover was first seen where none could be: the sensor missed it, or it came out of "
+            "hiding",
+            "declare hidden: true for its class, or a range at which the sensor misses none",
+        ),
+        Assumption.MOVER_SPEED: Cure(
+            "a mover was faster than speed_max_mps of its class",
+            "declare the speed that it has; `clearway contract show` says what that requires",
+        ),
+        Assumption.MOVER_SIZE: Cure(
+            "a mover was larger than size_max_m of its class",
+            "declare the larger size",
+        ),
+        Assumption.STATIC_CLAIM: Cure(
+            "what a sensor says stands still has moved by more than its errors",
+            "have the sensor state motion: unknown for what may move, such as parked cars",
+        ),
+        Assumption.RING_AGE: Cure(
+            "no frame of an all-round sensor has arrived for longer than frame_age_max_s",
+            "start the sensor again; `clearway sensor check` measures rate and delay",
+        ),
+        Assumption.REST_SPEED: Cure(
+            "the vehicle moved although its setpoint had rested for rest_settle_s",
+            "measure the time from a setpoint at rest to a vehicle at rest, and declare that; "
+            "tune the position controller",
+        ),
+        Assumption.YIELD_TIME: Cure(
+            "movers have kept the vehicle waiting for longer than yield_max_s",
+            "take over, or `clearway resume` once they are gone; lead the mission elsewhere",
+        ),
         Assumption.TRACKING_ERROR: Cure(
             "the vehicle was farther from its reference than tracking_error_m: wind, tuning, load, "
             "or a tilt limit of the autopilot",

@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 from typing import Any
 
-from onboard.contract.clauses import Concern
+from onboard.contract.clause import Concern
 
 # Sizes and distances that a file states as equal are sums of floats: equal to one in a billion.
 ROUND_OFF = 1e-9

@@ -21,6 +21,7 @@ from onboard.contract.derivation import (
     stop_region,
     worst_encounter,
 )
+from onboard.contract.movers import Level, levels
 from onboard.contract.recentring import Corridor
 from onboard.contract.region import RegionOfInfluence
 from onboard.contract.terms import Terms
@@ -83,6 +84,11 @@ class Assessment:
     def face_error_m(self) -> float:
         """Error of a face as the contract allows for it, heading included, in metres."""
         return face_error_m(self.terms, SCALAR)
+
+    @cached_property
+    def mover_levels(self) -> tuple[Level, ...]:
+        """What is promised against each declared class of movers."""
+        return levels(self.terms, self.inflated, TICK_S)
 
     @property
     def reserved_trim_mps2(self) -> float:

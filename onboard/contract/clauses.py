@@ -3,18 +3,19 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
-from typing import Any, Final, Generic, Literal
+from typing import Final
 
 from onboard.contract.agility import thrust_to_weight_at_corner, tilt_limits
 from onboard.contract.arithmetic import Arithmetic
+from onboard.contract.clause import Clause
 from onboard.contract.derivation import Derived
 from onboard.contract.heights import ground_below_m, view_needed_rad
+from onboard.contract.movers import mover_clauses
 from onboard.contract.recentring import Drift, drift_of, required_view
 from onboard.contract.terms import Terms
 from onboard.geometry.frames import Q
 
-Concern = Literal["safety", "progress"]
+__all__ = ["PROGRESS_CLAUSES", "TICK_S", "Clause", "clauses", "recentring_drift"]
 
 # Clauses that decide whether an obstacle is passed, not whether it is touched, wherever only what
 # was seen free is flown into (`requirements.stop`).
@@ -36,32 +37,6 @@ SEEN_FREE_VIEW_DEG: Final = 90.0 - 1e-6
 TICK_S = 0.02
 
 
-@dataclass(frozen=True)
-class Clause(Generic[Q]):
-    """One requirement; the declared value must exceed it strictly (erratum 13).
-
-    Attributes:
-        concerns: ``"safety"``, or ``"progress"`` where breaking it costs time, never a contact.
-    """
-
-    name: str
-    required: Q
-    declared: Q
-    unit: str
-    reason: str
-    concerns: Concern = "safety"
-
-    @property
-    def margin(self) -> Q:
-        """Declared less required, in the clause's unit; positive is safe."""
-        return self.declared - self.required
-
-    @property
-    def holds(self) -> Any:
-        """Whether the requirement is met, element by element for arrays."""
-        return self.margin > 0.0
-
-
 def clauses(terms: Terms[Q], derived: Derived[Q], ops: Arithmetic[Q]) -> tuple[Clause[Q], ...]:
     """Every requirement of the contract, in the order in which an operator reads them."""
     separation = Clause(
@@ -81,6 +56,7 @@ def clauses(terms: Terms[Q], derived: Derived[Q], ops: Arithmetic[Q]) -> tuple[C
         + _height_clauses(terms)
         + _view_of_heights_clauses(terms, derived, ops)
         + _seen_free_clauses(terms)
+        + mover_clauses(terms, derived, ops, TICK_S)
         + (separation,)
     )
     return tuple(_concerning(clause, terms) for clause in found)

@@ -13,6 +13,7 @@ from onboard.files.contract_file import (
     InputSet,
     VehicleTerms,
 )
+from onboard.files.contract_terms.mover_terms import MoverClass, MoversLevel
 from onboard.geometry.frames import Q
 
 
@@ -68,6 +69,12 @@ class Terms(Generic[Q]):
     position_error_z_m: Q | None = None
     view_up_rad: Q | None = None
     view_down_rad: Q | None = None
+    all_round_range_m: Q | None = None
+    setpoint_loss_run_time_s: Q | None = None
+    rest_settle_s: float = 0.0
+    movers: tuple[MoverClass, ...] = ()
+    movers_level: MoversLevel = "none"
+    best_effort: bool = False
     stop: bool = True
     passive_safety: bool = True
     input_set: InputSet = "inner"
@@ -116,6 +123,7 @@ class Terms(Generic[Q]):
             stop=contract.requirements.stop,
             passive_safety=contract.requirements.passive_safety,
             mission_altitude_m=mission_altitude_m,
+            **_mover_terms(contract),
             input_set=input_set,
         )
 
@@ -232,6 +240,19 @@ def _terrain(environment: EnvironmentTerms) -> dict[str, Any]:
     return {
         "terrain_max_m": environment.terrain_max_m,
         "terrain_error_m": environment.terrain_error_m,
+    }
+
+
+def _mover_terms(contract: Contract) -> dict[str, Any]:
+    """Return the terms about what moves."""
+    vehicle, requirements = contract.vehicle, contract.requirements
+    return {
+        "all_round_range_m": contract.sensor.all_round_range_m,
+        "setpoint_loss_run_time_s": vehicle.setpoint_loss_run_time_s,
+        "rest_settle_s": vehicle.rest_settle_s,
+        "movers": contract.environment.movers,
+        "movers_level": requirements.movers,
+        "best_effort": requirements.progress == "best_effort",
     }
 
 

@@ -10,11 +10,19 @@ import hashlib
 import json
 import math
 from pathlib import Path
-from typing import Annotated, Any, Final, Literal, Self
+from typing import Annotated, Any, Literal, Self
 
 from pydantic import Field, model_validator
 
-from onboard.files.height_terms import height_objection
+from onboard.files.contract_terms.height_terms import StatedHeights, height_objection
+from onboard.files.contract_terms.later_keys import LATER_KEYS
+from onboard.files.contract_terms.mover_terms import (
+    Declared,
+    MoverClass,
+    MoversLevel,
+    check_movers,
+    movers_objection,
+)
 from onboard.files.yaml_file import (
     FileError,
     FileModel,
@@ -33,31 +41,6 @@ AcuteAngles = Annotated[tuple[AcuteAngle, AcuteAngle], Field(strict=False)]
 # YAML has lists only; the numbers inside stay strict.
 NonNegativePair = Annotated[tuple[NonNegative, NonNegative], Field(strict=False)]
 PositivePair = Annotated[tuple[Positive, Positive], Field(strict=False)]
-
-
-# Keys added after the first version: absent from a contract's canonical form at their default.
-LATER_KEYS: Final[dict[str, tuple[str, ...]]] = {
-    "vehicle": (
-        "setpoint_loss_run_on_speed_mps",
-        "tracking_error_z_m",
-        "heading_error_deg",
-        "estimator_reset_max_m",
-        "drag_per_s",
-        "setpoint_loss",
-        "position_drift_mps",
-        "clearance_wish_m",
-        "radius_z_m",
-        "height_drift_m",
-    ),
-    "requirements": ("progress", "flight_time_max_s"),
-    "sensor": (
-        "thinnest_obstacle_m",
-        "no_return_is_free_to_m",
-        "position_error_z_m",
-        "vertical_field_of_view_deg",
-    ),
-    "environment": ("wind_max_mps", "terrain_max_m", "terrain_error_m"),
-}
 
 
 def pinned_run_on_speed(vehicle: dict[str, Any], speed_mps: Any) -> dict[str, Any]:
@@ -169,6 +152,16 @@ class VehicleTerms(FileModel):
         "null: obstacles count as pillars of any height",
     )
 
+    rest_settle_s: NonNegative = Field(
+        0.0, description="reference at rest to vehicle at rest, measured; needed against movers"
+    )
+    rest_speed_mps: Positive = Field(
+        0.2, description="a vehicle no faster than this is at rest; monitored against movers"
+    )
+    setpoint_loss_run_time_s: Positive | None = Field(
+        None, description="last setpoint to rest, measured; null: by the model, if that coasts"
+    )
+
     @model_validator(mode="before")
     @classmethod
     def _run_on_has_a_speed(cls, data: Any) -> Any:
@@ -189,6 +182,12 @@ class Requirements(FileModel):
     )
     flight_time_max_s: Positive | None = Field(
         None, description="since take-off; then the vehicle holds, to be landed; null: no limit"
+    )
+    movers: MoversLevel = Field(
+        "none", description="passive: at rest before any contact with what moves as declared"
+    )
+    yield_max_s: Positive | None = Field(
+        None, description="longest wait for movers at rest, then the vehicle holds; null: no limit"
     )
 
 
@@ -217,6 +216,9 @@ class SensorTerms(FileModel):
         description="[up, down] from the level of the body; null: obstacles count as pillars of "
         "any height",
     )
+    all_round_range_m: NonNegative = Field(
+        0.0, description="of a sensor with a view of 360 degrees besides; 0: there is none"
+    )
 
 
 class EnvironmentTerms(FileModel):
@@ -234,6 +236,14 @@ class EnvironmentTerms(FileModel):
         0.0, description="highest ground below the mission, above the local origin"
     )
     terrain_error_m: NonNegative = Field(0.0, description="of terrain_max_m")
+    movers: Annotated[tuple[MoverClass, ...], Field(strict=False)] = Field(
+        (), description="classes of what moves; empty: none is declared"
+    )
+
+    @model_validator(mode="after")
+    def _movers_are_consistent(self) -> Self:
+        check_movers(self.movers)
+        return self
 
     @model_validator(mode="after")
     def _sizes_are_ordered(self) -> Self:
@@ -291,7 +301,36 @@ class Contract(FileModel):
 
     @model_validator(mode="after")
     def _heights_are_whole(self) -> Self:
-        if (objection := height_objection(self)) is not None:
+        vehicle, sensor = self.vehicle, self.sensor
+        stated = StatedHeights(
+            radius_z_m=vehicle.radius_z_m,
+            height_drift_m=vehicle.height_drift_m,
+            position_error_z_m=sensor.position_error_z_m,
+            vertical_field_of_view_deg=sensor.vertical_field_of_view_deg,
+            radius_m=vehicle.radius_m,
+            roll_max_deg=vehicle.roll_max_deg,
+            pitch_max_deg=vehicle.pitch_max_deg,
+            stop=self.requirements.stop,
+        )
+        if (objection := height_objection(stated)) is not None:
+            raise ValueError(objection)
+        return self
+
+    @model_validator(mode="after")
+    def _movers_can_be_required(self) -> Self:
+        vehicle, requirements, sensor = self.vehicle, self.requirements, self.sensor
+        frozen = isinstance(vehicle.setpoint_loss, FrozenSetpoint)
+        declared = Declared(
+            movers=self.environment.movers,
+            stop=requirements.stop,
+            best_effort=requirements.progress == "best_effort",
+            rest_settle_s=vehicle.rest_settle_s,
+            sees_all_round=sensor.all_round_range_m > 0.0 or sensor.field_of_view_deg >= 360.0,
+            run_time_known=not (requirements.passive_safety and frozen)
+            or vehicle.setpoint_loss_run_time_s is not None,
+        )
+        objection = movers_objection(requirements.movers, declared)
+        if objection is not None:
             raise ValueError(objection)
         return self
 
@@ -306,7 +345,9 @@ class Contract(FileModel):
         for section, keys in LATER_KEYS.items():
             fields = type(getattr(self, section)).model_fields
             for key in keys:
-                if terms[section][key] == fields[key].default:
+                # JSON has lists only.
+                default = fields[key].default
+                if terms[section][key] == (list(default) if default == () else default):
                     del terms[section][key]
         # By default a run was measured at the cruise speed.
         vehicle = terms["vehicle"]

@@ -20,7 +20,8 @@ class TruthRecord:
         rpm: of each rotor.
         clearance_m: vehicle centre to the nearest face, less the radius; None in open space.
         clearance_min_m: smallest clearance so far; None in open space.
-        collisions: how often contact with an obstacle has begun.
+        collisions: how often contact with an obstacle has begun, or with a mover in motion.
+        contacts_at_rest: how often a mover has touched the vehicle at rest.
     """
 
     time_unix_s: UnixTime
@@ -32,3 +33,4 @@ class TruthRecord:
     clearance_m: Number | None = None
     clearance_min_m: Number | None = None
     collisions: int = 0
+    contacts_at_rest: int = 0

@@ -301,6 +301,10 @@ class ControlAuthority:
         if blind is not None:
             text = f"no fresh detection frames: {blind.note}"
             found.append(Refusal(RefusalKind.DETECTIONS, text, blind.key))
+        ring = detections.movers.check_ring(now_s)
+        if ring is not None:
+            text = "no fresh frames of a sensor that sees all round, which movers require"
+            found.append(Refusal(RefusalKind.DETECTIONS, text, ring.key))
         found += [
             Refusal(RefusalKind.CONTRADICTION, f"sightings of {track} contradict each other", track)
             for track in detections.consistency.contradicted(now_s)

@@ -213,6 +213,19 @@ class LegProgress:
         elif looked and situation.shielded and situation.state is FlightState.LOOKING:
             situation.fire(Trigger.START_SEEN, now_s)
             self._align(state, now_s)
+        elif self._cruises_again(thread, now_s):
+            situation.fire(Trigger.BACK_TO_CRUISE, now_s)
+            situation.rebuild_map()
+            self._align(state, now_s)
+
+    def _cruises_again(self, thread: Thread, now_s: float) -> bool:
+        """Tell whether the vehicle has waited for movers, and its cruise is clear of them again."""
+        if self._situation.state is not FlightState.YIELDING or self._shield is None:
+            return False
+        if not (thread.way.still and thread.yielding.has_settled and thread.resumes_cruise):
+            return False
+        shield = self._shield
+        return thread.yielding.has_been_clear(lambda: shield.is_clear_from_rest(now_s), now_s)
 
     def _begin_leg(self, state: State, pose: Pose, now_s: float) -> None:
         route = self._situation.route

@@ -22,6 +22,7 @@ from onboard.guidance.departure import Refusal, departure_refusals
 from onboard.guidance.fallback import Fallback
 from onboard.guidance.induction_planner import InductionPlanner
 from onboard.guidance.leg_progress import LegProgress
+from onboard.guidance.movers.mover_guard import KnownMovers
 from onboard.guidance.phases import FlightState, Phase
 from onboard.guidance.situation import Avoidance, Situation
 from onboard.monitoring.assumptions import Violation
@@ -142,11 +143,17 @@ class Navigator:
         """Return the reference at a time as a setpoint in NED; None in STANDBY."""
         return self.situation.reference.setpoint(time_s, self.leg)
 
-    def see_by(self, seen: SeenSpace) -> None:
-        """Fly, where a way to rest has to be held, in the space that this set says is free."""
-        if self.shield is not None:
+    def see_by(self, seen: SeenSpace, movers: KnownMovers | None = None) -> None:
+        """Fly, where a way to rest has to be held, in the space that this set says is free.
+
+        Args:
+            seen: the set.
+            movers: what is known of movers, against which ways are certified, too.
+        """
+        if self.shield is not None and self.thread is not None:
             self.shield.see_by(seen)
             self._induction_planner.see_by(seen.grid)
+            self.thread.guard.known = movers or self.thread.guard.known
 
     def departure_refusals(self, pose: Pose) -> list[Refusal]:
         """Return why the leg may not be started or resumed from here; empty if it may."""

@@ -28,6 +28,7 @@ class Phase(StrEnum):
     AVOID = "avoid"
     THREAD = "thread"
     PAUSE = "pause"
+    YIELD = "yield"
     ARRIVED = "arrived"
     HOLD = "hold"
 
@@ -46,6 +47,7 @@ class FlightState(StrEnum):
     AVOIDING_THEN_STOPPING = "avoiding_then_stopping"
     THREADING = "threading"
     LOOKING = "looking"
+    YIELDING = "yielding"
     RESTING = "resting"
     ARRIVED = "arrived"
     HOLDING = "holding"
@@ -58,12 +60,12 @@ class FlightState(StrEnum):
     @property
     def flying(self) -> bool:
         """Whether the vehicle flies its mission, so that the guarantee applies."""
-        return self.phase in (Phase.CRUISE, Phase.AVOID, Phase.THREAD, Phase.PAUSE)
+        return self.phase in (Phase.CRUISE, Phase.AVOID) or self.in_seen_space
 
     @property
     def in_seen_space(self) -> bool:
         """Whether the vehicle holds a way to rest in the space that was seen free."""
-        return self.phase in (Phase.THREAD, Phase.PAUSE)
+        return self.phase in (Phase.THREAD, Phase.PAUSE, Phase.YIELD)
 
     @property
     def cruising_freely(self) -> bool:
@@ -98,6 +100,8 @@ class Trigger(StrEnum):
     POST_CONDITION = "post-condition"
     WAY_FOUND = "way found"
     NO_WAY = "no way"
+    MOVER_NEAR = "mover near"
+    WAY_CLEAR = "way clear"
     START_UNSEEN = "start unseen"
     START_SEEN = "start seen"
     BACK_TO_CRUISE = "back to cruise"
@@ -136,6 +140,9 @@ STATES: Final = MappingProxyType(
         _S.LOOKING: StateFacts(
             _P.PAUSE, "stay on the way to rest, turn the nose and look until a better one certifies"
         ),
+        _S.YIELDING: StateFacts(
+            _P.YIELD, "rest, or come to rest, for a mover; go on once the way is clear"
+        ),
         _S.RESTING: StateFacts(_P.THREAD, "come to rest on the way held, for another mission"),
         _S.ARRIVED: StateFacts(_P.ARRIVED, "hover at the end of the mission"),
         _S.HOLDING: StateFacts(
@@ -161,9 +168,13 @@ TRIGGERS: Final = MappingProxyType(
         _T.WAY_FOUND: "a way to rest certifies that leads on from where the vehicle is",
         _T.NO_WAY: "nothing that leads on certifies: neither what cruise or avoidance intend, nor,"
         " at rest or for long without progress, a better way to rest",
+        _T.MOVER_NEAR: "what leads on is free but for movers, which may be there before the vehicle"
+        " could rest",
+        _T.WAY_CLEAR: "a way to rest that leads on certifies against movers again",
         _T.START_UNSEEN: "aligned, but the place where the vehicle hovers is not seen free",
         _T.START_SEEN: "it has been looked at all round, and a way to rest is held",
-        _T.BACK_TO_CRUISE: "a leg has been threaded to its end; the next one is cruised again",
+        _T.BACK_TO_CRUISE: "a leg has been threaded to its end, and the next one is cruised again;"
+        " or a cruise is clear of movers again",
         _T.MISSION_CHANGED: "the operator has sent another mission",
         _T.LEG_FLOWN: "at rest at the leg's end, or stopped for another mission; a leg follows",
         _T.MISSION_FLOWN: "the same, and no leg follows",
@@ -188,6 +199,7 @@ TRANSITIONS: Final = MappingProxyType(
         (_S.CRUISING, _T.CRUISE_REPLANNED): _S.CRUISING,
         (_S.CRUISING, _T.PRE_CONDITION): _S.AVOIDING,
         (_S.CRUISING, _T.NO_WAY): _S.LOOKING,
+        (_S.CRUISING, _T.MOVER_NEAR): _S.YIELDING,
         (_S.CRUISING, _T.MISSION_CHANGED): _S.STOPPING,
         (_S.CRUISING, _T.LEG_FLOWN): _S.ALIGNING,
         (_S.CRUISING, _T.MISSION_FLOWN): _S.ARRIVED,
@@ -197,6 +209,7 @@ TRANSITIONS: Final = MappingProxyType(
         (_S.RECENTRING, _T.CORRIDOR_BLOCKED): _S.CRUISING,
         (_S.RECENTRING, _T.CRUISE_REPLANNED): _S.CRUISING,
         (_S.RECENTRING, _T.NO_WAY): _S.LOOKING,
+        (_S.RECENTRING, _T.MOVER_NEAR): _S.YIELDING,
         (_S.RECENTRING, _T.PRE_CONDITION): _S.AVOIDING,
         (_S.RECENTRING, _T.MISSION_CHANGED): _S.STOPPING,
         (_S.RECENTRING, _T.LEG_FLOWN): _S.ALIGNING,
@@ -206,6 +219,7 @@ TRANSITIONS: Final = MappingProxyType(
 
         (_S.AVOIDING, _T.POST_CONDITION): _S.CRUISING,
         (_S.AVOIDING, _T.NO_WAY): _S.LOOKING,
+        (_S.AVOIDING, _T.MOVER_NEAR): _S.YIELDING,
         (_S.AVOIDING, _T.MISSION_CHANGED): _S.AVOIDING_THEN_STOPPING,
         (_S.AVOIDING, _T.ASSUMPTION_FAILED): _S.HOLDING,
         (_S.AVOIDING, _T.CONTROL_TAKEN): _S.STANDBY,
@@ -232,6 +246,7 @@ TRANSITIONS: Final = MappingProxyType(
         (_S.AVOIDING_THEN_STOPPING, _T.CONTROL_TAKEN): _S.STANDBY,
 
         (_S.THREADING, _T.NO_WAY): _S.LOOKING,
+        (_S.THREADING, _T.MOVER_NEAR): _S.YIELDING,
         (_S.THREADING, _T.MISSION_CHANGED): _S.RESTING,
         (_S.THREADING, _T.LEG_FLOWN): _S.LOOKING,
         (_S.THREADING, _T.BACK_TO_CRUISE): _S.ALIGNING,
@@ -241,10 +256,20 @@ TRANSITIONS: Final = MappingProxyType(
 
         (_S.LOOKING, _T.WAY_FOUND): _S.THREADING,
         (_S.LOOKING, _T.NO_WAY): _S.LOOKING,
+        (_S.LOOKING, _T.MOVER_NEAR): _S.YIELDING,
         (_S.LOOKING, _T.START_SEEN): _S.ALIGNING,
         (_S.LOOKING, _T.MISSION_CHANGED): _S.RESTING,
         (_S.LOOKING, _T.ASSUMPTION_FAILED): _S.HOLDING,
         (_S.LOOKING, _T.CONTROL_TAKEN): _S.STANDBY,
+
+        (_S.YIELDING, _T.WAY_CLEAR): _S.THREADING,
+        (_S.YIELDING, _T.BACK_TO_CRUISE): _S.ALIGNING,
+        (_S.YIELDING, _T.NO_WAY): _S.LOOKING,
+        (_S.YIELDING, _T.MISSION_CHANGED): _S.RESTING,
+        (_S.YIELDING, _T.LEG_FLOWN): _S.LOOKING,
+        (_S.YIELDING, _T.MISSION_FLOWN): _S.ARRIVED,
+        (_S.YIELDING, _T.ASSUMPTION_FAILED): _S.HOLDING,
+        (_S.YIELDING, _T.CONTROL_TAKEN): _S.STANDBY,
 
         (_S.RESTING, _T.MISSION_CHANGED): _S.RESTING,
         (_S.RESTING, _T.LEG_FLOWN): _S.LOOKING,

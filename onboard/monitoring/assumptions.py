@@ -12,6 +12,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from enum import StrEnum, unique
+from typing import Final
 
 from onboard.contract.arithmetic import SCALAR
 from onboard.contract.derivation import face_error_m
@@ -19,6 +20,9 @@ from onboard.contract.terms import Terms
 from onboard.events import Event, EventData, EventName, Severity
 from onboard.perception.detection import DetectionFrame
 from onboard.perception.obstacle_map import Obstacle
+
+# A frame with this view is that of an all-round sensor.
+ALL_ROUND_DEG: Final = 360.0 - 1e-6
 
 
 @unique
@@ -36,6 +40,13 @@ class Assumption(StrEnum):
     OBSTACLE_SIZE = "obstacle_size"
     ROI_INTERSECTION = "roi_intersection"
     LATE_FIRST_SIGHT = "late_first_sight"
+    MOVER_FIRST_SIGHT = "mover_first_sight"
+    MOVER_SPEED = "mover_speed"
+    MOVER_SIZE = "mover_size"
+    STATIC_CLAIM = "static_claim"
+    RING_AGE = "ring_age"
+    REST_SPEED = "rest_speed"
+    YIELD_TIME = "yield_time"
     TRACKING_ERROR = "tracking_error"
     TRACKING_ERROR_Z = "tracking_error_z"
     VELOCITY_ERROR = "velocity_error"
@@ -105,17 +116,20 @@ class Violation:
 def check_frame(frame: DetectionFrame, terms: Terms[float]) -> list[Violation]:
     """Check a frame's declared range, field of view and uncertainty against the contract."""
     found: list[Violation] = []
-    if frame.range_m < terms.detection_range_m:
+    range_m, assumed_deg = terms.detection_range_m, math.degrees(terms.field_of_view_rad)
+    ring_m = terms.all_round_range_m or 0.0
+    if ring_m > 0.0 and frame.field_of_view_deg >= ALL_ROUND_DEG:
+        range_m, assumed_deg = min(ring_m, range_m), 0.0
+    if frame.range_m < range_m:
         found.append(
             Violation(
                 Assumption.DETECTION_RANGE,
                 frame.range_m,
-                terms.detection_range_m,
+                range_m,
                 "m",
                 frame.source,
             )
         )
-    assumed_deg = math.degrees(terms.field_of_view_rad)
     if frame.field_of_view_deg < assumed_deg - 1e-9:
         found.append(
             Violation(

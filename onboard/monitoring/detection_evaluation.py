@@ -14,6 +14,7 @@ from onboard.monitoring.detection_consistency import (
 )
 from onboard.monitoring.detections import CLOCK_TOLERANCE_S, DetectionMonitor
 from onboard.monitoring.estimator.heading import HeadingMonitor
+from onboard.monitoring.movers.mover_space import MoverSpace
 from onboard.monitoring.seen.seen_space import DOUBTS, SeenSpace
 from onboard.monitoring.supervised_flight import SupervisedFlight, in_control
 from onboard.perception.bearings import TRACKS_PER_FRAME, BearingMemory
@@ -27,6 +28,7 @@ from onboard.perception.detection import (
 )
 from onboard.perception.heights import heights_filled_m
 from onboard.perception.intake import DetectionCounters
+from onboard.perception.moving_detection import is_complete
 from onboard.perception.placement import PlacedBox, blurs_m, place
 from onboard.perception.pose_history import PoseHistory
 from onboard.vehicle_state import Pose
@@ -63,7 +65,10 @@ class DetectionEvaluator:
         self._placements_m = placements_m
         self._counters = counters
         self._heights_stand = heights_stand
-        self.seen = SeenSpace(flight, poses)
+        self.movers = MoverSpace(flight, self._static_boxes_ned_m)
+        self.seen = SeenSpace(
+            flight, poses, is_mover=self.movers.is_mover, on_void=self._void_movers
+        )
 
     def evaluate(
         self, frame: DetectionFrame, stamp_s: float, now_s: float, heading: HeadingMonitor
@@ -82,11 +87,13 @@ class DetectionEvaluator:
         for violation in self._evaluate(frame, stamp_s, now_s, heading):
             doubted |= violation.assumption in DOUBTS
             yield violation
-        if doubted:
+        if doubted or not is_complete(frame):
             self.seen.skip(frame)
-        else:
-            filled_m = self._filled_m(frame, self._poses.at(stamp_s), stamp_s)
-            self.seen.take(frame, stamp_s, now_s, self._placements_m(stamp_s), filled_m)
+            return
+        filled_m = self._filled_m(frame, self._poses.at(stamp_s), stamp_s)
+        sight = self.seen.take(frame, stamp_s, now_s, self._placements_m(stamp_s), filled_m)
+        if sight is not None:
+            yield from self.movers.see(sight)
 
     def _evaluate(
         self, frame: DetectionFrame, stamp_s: float, now_s: float, heading: HeadingMonitor
@@ -113,8 +120,14 @@ class DetectionEvaluator:
         if late is not None:
             yield late
         yield from check_frame(frame, terms)
-        for box in place(frame, pose, blur_by_track_m, self._filled_m(frame, pose, stamp_s)):
-            yield from self._take_everywhere(box, stamp_s, now_s)
+        placed = place(frame, pose, blur_by_track_m, self._filled_m(frame, pose, stamp_s))
+        yield from self.movers.track(frame, placed, stamp_s)
+        moving = {
+            frame.track_id(seen) for seen in frame.obstacles if self.movers.is_mover(frame, seen)
+        }
+        for box in placed:
+            if box.track_id not in moving:
+                yield from self._take_everywhere(box, stamp_s, now_s)
 
     def _filled_m(
         self, frame: DetectionFrame, pose: Pose | None, stamp_s: float
@@ -197,6 +210,21 @@ class DetectionEvaluator:
         In STANDBY nothing is flown by the map: what encloses all places is one obstacle.
         """
         return seen.track_id if placement.apart and in_control(self._flight, now_s) else None
+
+    def _void_movers(self, frame_stands: bool) -> None:
+        self.movers.void(frame_stands=frame_stands)
+
+    def _static_boxes_ned_m(self) -> list[Corners]:
+        """Return the corners of what is known to stand still near the vehicle, local NED."""
+        leg = self._flight.leg
+        return [
+            [
+                leg.position_ned((x_m, y_m, 0.0))[:2]
+                for x_m in (box.x_min_m, box.x_max_m)
+                for y_m in (box.y_min_m, box.y_max_m)
+            ]
+            for box in self.seen.boxes()
+        ]
 
     def _blurs_m(self, frame: DetectionFrame, stamp_s: float) -> dict[str, float]:
         """Return how far off a turning body sees what is to be taken from a frame, by track.

@@ -31,6 +31,11 @@ RESUMABLE: Final = frozenset(
         Assumption.WIND,
         Assumption.TICK_OVERRUN,
         Assumption.LATE_TICKS,
+        Assumption.MOVER_SPEED,
+        Assumption.MOVER_SIZE,
+        Assumption.RING_AGE,
+        Assumption.REST_SPEED,
+        Assumption.YIELD_TIME,
     }
 )
 

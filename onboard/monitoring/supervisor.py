@@ -20,6 +20,7 @@ from onboard.monitoring.estimator.position_quality import PositionQualityMonitor
 from onboard.monitoring.estimator.resets import EstimatorReset, PoseMonitor, ResetLedger
 from onboard.monitoring.flight_time import FlightTimeMonitor
 from onboard.monitoring.loop_overrun import LoopOverrunMonitor
+from onboard.monitoring.movers.rest_speed import RestSpeedMonitor
 from onboard.monitoring.response.vehicle_response import VehicleResponse
 from onboard.monitoring.resumption import FailureTimes
 from onboard.monitoring.seen.seen_space import DOUBTS
@@ -86,6 +87,7 @@ class MonitorSupervisor:
         self._loop_monitor = LoopOverrunMonitor()
         self.response = VehicleResponse(link)
         self._heading_monitor = HeadingMonitor()
+        self._rest_speed = RestSpeedMonitor()
 
     @property
     def poses(self) -> PoseHistory:
@@ -102,6 +104,7 @@ class MonitorSupervisor:
         self.position_sign = None
         self.response.begin_flight()
         self._heading_monitor = HeadingMonitor()
+        self.detections.movers.begin_flight()
         # The estimator may have aligned its heading since: in the climb, magnetometers recover.
         self.detections.bearings.forget()
 
@@ -261,6 +264,8 @@ class MonitorSupervisor:
             self.response.check_commander(pose, now_s),
             self.wind_violation,
             self.flight_time_violation,
+            self.detections.movers.check_ring(now_s),
+            self._check_rest(pose, now_s),
             *heading,
             *self.environment_violations(now_s),
         )
@@ -269,6 +274,13 @@ class MonitorSupervisor:
                 self.report_and_respond(violation, now_s)
         if moved:
             self._check_tracking(pose, tilt, now_s)
+
+    def _check_rest(self, pose: Pose, now_s: float) -> Violation | None:
+        """Tell whether the vehicle moves although its setpoint rests."""
+        flight = self._flight
+        assessment, reference = flight.assessment, flight.reference(now_s)
+        rest_speed_mps = assessment.contract.vehicle.rest_speed_mps
+        return self._rest_speed.check(pose, reference, now_s, assessment.terms, rest_speed_mps)
 
     def _check_hover(self, pose: Pose, tilt: Violation | None, now_s: float) -> None:
         """Report a second commander of a vehicle that hovers; there is no other response left."""

@@ -188,7 +188,7 @@ def velocity_points_mps(trajectory: Trajectory) -> FloatArray:
     return points_mps
 
 
-def _motion_points(trajectory: Trajectory) -> FloatArray:
+def motion_points(trajectory: Trajectory) -> FloatArray:
     """Bernstein points (3, n, 4, 2) of position, velocity and acceleration, all of degree 3."""
     first, middle, last = np.moveaxis(velocity_points_mps(trajectory)[:, :, :2], 1, 0)
     begin, end = trajectory.acceleration_leg_mps2[:, :2], trajectory.ends[2][:, :2]
@@ -205,7 +205,7 @@ def _space_failures(trajectory: Trajectory, limits: RestLimits, grid: FreeGrid) 
     off_m = max(map(abs, trajectory.position_range_m(Z)))
     if off_m > grid.level_m + POSITION_TOLERANCE_M:
         return [f"flown {off_m:.3g} m off the height that was seen free"]
-    points = _motion_points(trajectory)
+    points = motion_points(trajectory)
     grown_m = limits.body_radius_m + 2.0 * GRID_TOLERANCE_M
     pieces = np.arange(points.shape[1])
     run_on = limits.run_on
@@ -219,7 +219,7 @@ def _space_failures(trajectory: Trajectory, limits: RestLimits, grid: FreeGrid) 
             occupied[occupied] = ~np.logical_and.reduce(within)
         if not occupied.any():
             return []
-        points, pieces = _halves(points[:, occupied]), np.repeat(pieces[occupied], 2)
+        points, pieces = halves(points[:, occupied]), np.repeat(pieces[occupied], 2)
     time_s = trajectory.knots_s[int(pieces.min())]
     return [f"leaves the seen-free space in the piece from {time_s:.3f} s"]
 
@@ -269,7 +269,7 @@ def _discs_are_free(
     return free
 
 
-def _halves(points: FloatArray) -> FloatArray:
+def halves(points: FloatArray) -> FloatArray:
     """Split every piece in the middle (de Casteljau): (m, n, 4, 2) -> (m, 2 n, 4, 2)."""
     a, b, c, d = np.moveaxis(points, 2, 0)
     ab, bc, cd = (a + b) / 2.0, (b + c) / 2.0, (c + d) / 2.0

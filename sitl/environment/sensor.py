@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 import random
 from collections import deque
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 from pydantic_core import to_json
@@ -21,6 +22,8 @@ from sitl.environment.detector_errors import (
     height_errors,
 )
 from sitl.environment.lidar import RangeScanner, SeenBox, View
+from sitl.environment.movers.movers import Mover
+from sitl.environment.movers.reports import MoverReports
 from sitl.environment.sensor_config import (
     OVER_MAVLINK,
     Format,
@@ -28,6 +31,7 @@ from sitl.environment.sensor_config import (
     SensorFault,
 )
 from sitl.environment.vertical_view import VerticalView
+from sitl.environment.view_geometry import Point, distance_in_view_m, turned
 from sitl.environment.world import Neighbourhood, distance_to_box_m
 from sitl.plant.truth import VehicleTruth
 
@@ -39,8 +43,6 @@ __all__ = [
     "SensorFault",
     "distance_in_view_m",
 ]
-
-Point = tuple[float, float]
 
 
 class _Known(NamedTuple):
@@ -69,7 +71,7 @@ class _Known(NamedTuple):
         if distance_m <= range_m and along_m > distance_m * math.cos(half_view_rad):
             return True
         polygon_m = [
-            _turned((corner_north_m - north_m, corner_east_m - east_m), -axis_rad)
+            turned((corner_north_m - north_m, corner_east_m - east_m), -axis_rad)
             for corner_north_m, corner_east_m in self.corners_ned_m
         ]
         return distance_in_view_m(polygon_m, half_view_rad) <= range_m
@@ -92,6 +94,7 @@ class ObstacleSensor:
         start_unix_s: float = 0.0,
         *,
         ideal: bool = True,
+        movers: Sequence[Mover] = (),
     ) -> None:
         """Set up; ``ideal`` selects the meaning of a null ``face_noise_m``."""
         self.config = config
@@ -100,9 +103,13 @@ class ObstacleSensor:
         rest_m = 0.0 if ideal else max(config.uncertainty_m - config.noise_m, 0.0)
         self._face_noise_m = rest_m if config.face_noise_m is None else config.face_noise_m
         self._field = field
+        self._movers = movers if config.message_version == 2 else ()
         self._neighbourhood = Neighbourhood(field)
         self._known: dict[int, _Known] = {}
         self._noise = random.Random(f"{seed} {config.source}")
+        self.mover_reports = MoverReports(
+            config.errors, self._face_noise_m, config.mover_swap_share, self._noise
+        )
         self._scanner = None
         if config.scanner is not None:
             self._scanner = RangeScanner(config.scanner, field, self._noise)
@@ -146,9 +153,16 @@ class ObstacleSensor:
         if "stuck" in faults:
             return self._last_payload
         range_m = min(self.config.range_m, *(f.range_m for f in faults.values()), math.inf)
+        obstacles = [self._reported(box, truth, estimate) for box in self._boxes(truth, range_m)]
+        says: dict[str, Any] = {}
+        if self.config.message_version == 2:
+            says["frame_complete"] = True
+            for obstacle in obstacles:
+                obstacle |= {"motion": "static", "box_whole": True}
+            obstacles += self._reported_movers(truth, estimate, range_m)
         self._last_payload = to_json(
             {
-                "version": 1,
+                "version": self.config.message_version,
                 "source": self.config.source,
                 "sequence": self._sequence,
                 "stamp_unix_s": self._start_unix_s + now_s,
@@ -156,9 +170,8 @@ class ObstacleSensor:
                 "range_m": range_m,
                 "field_of_view_deg": self.config.field_of_view_deg,
                 **self._stated_view,
-                "obstacles": [
-                    self._reported(box, truth, estimate) for box in self._boxes(truth, range_m)
-                ],
+                "obstacles": obstacles,
+                **says,
             }
         )
         self._sequence += 1
@@ -168,6 +181,26 @@ class ObstacleSensor:
     def _stated_view(self) -> dict[str, Any]:
         view_deg = self.config.vertical_field_of_view_deg
         return {} if view_deg is None else {"vertical_field_of_view_deg": list(view_deg)}
+
+    def _reported_movers(
+        self, truth: VehicleTruth, estimate: VehicleTruth, range_m: float
+    ) -> list[dict[str, Any]]:
+        """What is seen of movers, as a frame of version 2 states it."""
+        found = []
+        for box, says in self.mover_reports.of(
+            self._movers,
+            (truth.position_ned_m[0], truth.position_ned_m[1]),
+            truth.yaw_rad + math.radians(self.config.yaw_deg),
+            math.radians(self.config.field_of_view_deg) / 2.0,
+            range_m,
+            self._sequence,
+        ):
+            velocity_mps = says.pop("velocity_ned_mps")
+            if self.config.frame == "body_frd":
+                velocity_mps = turned(velocity_mps, -truth.yaw_rad)
+            reported = self._reported(box, truth, estimate)
+            found.append({**reported, **says, "velocity_mps": list(velocity_mps)})
+        return found
 
     def _boxes(self, truth: VehicleTruth, range_m: float) -> list[SeenBox]:
         """What is seen now, in local NED."""
@@ -256,7 +289,7 @@ class ObstacleSensor:
         )
         self.face_error_max_m = max(self.face_error_max_m, *map(abs, off))
         front_m, back_m, right_m, left_m = off
-        shift = _turned(((front_m - back_m) / 2.0, (right_m - left_m) / 2.0), box.yaw_rad)
+        shift = turned(((front_m - back_m) / 2.0, (right_m - left_m) / 2.0), box.yaw_rad)
         length_m, width_m = box.size_m
         size_m = (max(length_m + front_m + back_m, 0.0), max(width_m + right_m + left_m, 0.0))
         center_m = (center_ned_m[0] + shift[0], center_ned_m[1] + shift[1])
@@ -272,11 +305,11 @@ class ObstacleSensor:
                 center_m[0] - truth.position_ned_m[0],
                 center_m[1] - truth.position_ned_m[1],
             )
-            center_m = _turned(offset_m, -truth.yaw_rad)
+            center_m = turned(offset_m, -truth.yaw_rad)
             yaw_rad -= truth.yaw_rad
         if self.config.frame == "local_ned" and estimate is not truth:
             heading_rad = (truth if self.config.placed_by == "position" else estimate).yaw_rad
-            north_m, east_m = _turned(center_m, heading_rad)
+            north_m, east_m = turned(center_m, heading_rad)
             center_m = (estimate.position_ned_m[0] + north_m, estimate.position_ned_m[1] + east_m)
             yaw_rad += heading_rad
         reported = {
@@ -301,69 +334,6 @@ def _corners_ned_m(box: SeenBox) -> list[Point]:
     half_along_m, half_across_m = box.size_m[0] / 2.0, box.size_m[1] / 2.0
     corners = []
     for along, across in ((1, 1), (-1, 1), (-1, -1), (1, -1)):
-        turned = _turned((along * half_along_m, across * half_across_m), box.yaw_rad)
-        corners.append((north_m + turned[0], east_m + turned[1]))
+        along_across = turned((along * half_along_m, across * half_across_m), box.yaw_rad)
+        corners.append((north_m + along_across[0], east_m + along_across[1]))
     return corners
-
-
-def distance_in_view_m(polygon_m: list[Point], half_view_rad: float) -> float:
-    """Distance from the origin to the part of a convex polygon within the field of view.
-
-    Args:
-        polygon_m: corners (x ahead, y right) in order.
-        half_view_rad: the view covers this angle to either side of +x; at most pi.
-
-    Returns:
-        The distance; 0 if the origin is inside, ``inf`` if no part is in view.
-    """
-    if half_view_rad >= math.pi:
-        return _distance_m(polygon_m)
-    if half_view_rad > math.pi / 2.0:  # a reflex wedge is two convex ones
-        quarter_rad = half_view_rad / 2.0
-        return min(
-            distance_in_view_m([_turned(p, -quarter_rad) for p in polygon_m], quarter_rad),
-            distance_in_view_m([_turned(p, quarter_rad) for p in polygon_m], quarter_rad),
-        )
-    sine, cosine = math.sin(half_view_rad), math.cos(half_view_rad)
-    part = _clipped(polygon_m, (sine, -cosine))  # left of the right-hand edge
-    return _distance_m(_clipped(part, (sine, cosine)))
-
-
-def _clipped(polygon_m: list[Point], normal: Point) -> list[Point]:
-    """Part of a convex polygon on the side of a line through the origin where ``normal`` points."""
-    kept: list[Point] = []
-    for start, end in zip(polygon_m, polygon_m[1:] + polygon_m[:1], strict=True):
-        height_start = start[0] * normal[0] + start[1] * normal[1]
-        height_end = end[0] * normal[0] + end[1] * normal[1]
-        if height_start >= 0.0:
-            kept.append(start)
-        if (height_start >= 0.0) != (height_end >= 0.0):
-            share = height_start / (height_start - height_end)
-            kept.append(
-                (start[0] + share * (end[0] - start[0]), start[1] + share * (end[1] - start[1]))
-            )
-    return kept
-
-
-def _distance_m(polygon_m: list[Point]) -> float:
-    """Distance from the origin to a convex polygon; 0 inside, ``inf`` if it has no corners."""
-    if not polygon_m:
-        return math.inf
-    turns = set()
-    nearest_m = math.inf
-    for start, end in zip(polygon_m, polygon_m[1:] + polygon_m[:1], strict=True):
-        along = (end[0] - start[0], end[1] - start[1])
-        length2 = along[0] ** 2 + along[1] ** 2
-        share = 0.0
-        if length2 > 0.0:
-            share = min(max(-(start[0] * along[0] + start[1] * along[1]) / length2, 0.0), 1.0)
-        foot = (start[0] + share * along[0], start[1] + share * along[1])
-        nearest_m = min(nearest_m, math.hypot(*foot))
-        turns.add(start[0] * end[1] - start[1] * end[0] > 0.0)
-    return 0.0 if len(turns) == 1 and len(polygon_m) > 2 else nearest_m
-
-
-def _turned(vector: Point, angle_rad: float) -> Point:
-    """Rotate a horizontal vector from the first axis towards the second."""
-    cosine, sine = math.cos(angle_rad), math.sin(angle_rad)
-    return cosine * vector[0] - sine * vector[1], sine * vector[0] + cosine * vector[1]

@@ -60,6 +60,8 @@ class SensorConfig(FileModel):
         placed_by: what of the autopilot's estimate places boxes in ``local_ned``: its ``pose``, as
             a bridge on the vehicle does, or its ``position``, where bearings are known otherwise.
         errors: how faces err by face_noise_m, and which boxes are missing; ideal model only.
+        message_version: 2 says what moves, and reports movers; ideal model only.
+        mover_swap_share: share of the frames in which the names of two movers are exchanged.
         vertical_field_of_view_deg: how far up and down it sees from its level; null: boxes are
             reported without heights, whatever height they are at; ideal model only.
         height_noise_m: greatest error of top and bottom, chosen as those of faces are.
@@ -81,6 +83,8 @@ class SensorConfig(FileModel):
     frame: Literal["local_ned", "body_frd"] = "local_ned"
     placed_by: Literal["pose", "position"] = "pose"
     errors: DetectorErrorConfig = EXACT
+    message_version: Literal[1, 2] = 1
+    mover_swap_share: Annotated[float, Field(ge=0.0, le=1.0)] = 0.0
     vertical_field_of_view_deg: Annotated[tuple[HalfView, HalfView], Field(strict=False)] | None = (
         None
     )

@@ -16,6 +16,7 @@ from pydantic import TypeAdapter
 
 from onboard.files.obstacle_field import ObstacleField
 from onboard.files.truth_record import TruthRecord
+from sitl.environment.movers.movers import Movers
 from sitl.environment.world import World
 from sitl.plant.truth import VehicleTruth
 
@@ -34,6 +35,7 @@ _SCHEMA = {
         "attitude_quaternion": {"type": "array", "items": {"type": "number"}},
         "rpm": {"type": "array", "items": {"type": "number"}},
         "collisions": {"type": "integer"},
+        "contacts_at_rest": {"type": "integer"},
     },
 }
 
@@ -76,9 +78,9 @@ class TruthLog:
     ) -> None:
         self.close()
 
-    def write(self, truth: VehicleTruth, world: World) -> None:
+    def write(self, truth: VehicleTruth, world: World, movers: Movers | None = None) -> None:
         """Append the state of this instant."""
-        record = truth_record(truth, world, self._start_unix_s)
+        record = truth_record(truth, world, self._start_unix_s, movers)
         time_ns = round(record.time_unix_s * 1e9)
         self._writer.add_message(
             self._channel,
@@ -103,8 +105,14 @@ def _described(field: ObstacleField) -> dict[str, str]:
     return {name: json.dumps(array.round(4).tolist()) for name, array in arrays.items()}
 
 
-def truth_record(truth: VehicleTruth, world: World, start_unix_s: float) -> TruthRecord:
-    """Return the ground truth of this instant; clearances are None in open space."""
+def truth_record(
+    truth: VehicleTruth, world: World, start_unix_s: float, movers: Movers | None = None
+) -> TruthRecord:
+    """Return the ground truth of this instant; clearances are None in open space.
+
+    A contact with a mover is a collision if the vehicle moves; at rest it is counted apart.
+    """
+    touched = 0 if movers is None else movers.contacts_moving
     return TruthRecord(
         time_unix_s=start_unix_s + truth.time_s,
         position_ned_m=truth.position_ned_m,
@@ -114,7 +122,8 @@ def truth_record(truth: VehicleTruth, world: World, start_unix_s: float) -> Trut
         rpm=truth.rotor_speeds_rpm,
         clearance_m=_finite(world.clearance_m),
         clearance_min_m=_finite(world.clearance_min_m),
-        collisions=world.collisions,
+        collisions=world.collisions + touched,
+        contacts_at_rest=0 if movers is None else movers.contacts_at_rest,
     )
 
 

@@ -102,7 +102,7 @@ class LiveSimulator:
                 bus.publish_truth(to_json(scene.truth_record()))
             if truth_log is not None and (due := int(time_s * TRUTH_LOG_RATE_HZ + 1e-6)) > logged:
                 logged = due
-                truth_log.write(scene.vehicle.truth, scene.world)
+                truth_log.write(scene.vehicle.truth, scene.world, scene.movers)
             await asyncio.sleep(_POLL_S)
 
     def _now_s(self) -> float:

@@ -10,15 +10,19 @@ from onboard.files.yaml_file import FileError
 from sitl.autopilot.modes import Mode
 from sitl.config import SitlConfig
 from sitl.environment.formats.ros2_topics import Ros2Publisher
+from sitl.environment.movers.movers import Movers
 from sitl.environment.ranging_sensor import RangingSensor
 from sitl.environment.sensor import ObstacleSensor
 from sitl.environment.sensor_message import LinkMessage, ZenohMessage
 from sitl.environment.truth_log import truth_record
 from sitl.environment.world import World
 from sitl.plant.pinned_error import PinnedError
+from sitl.plant.truth import VehicleTruth
 from sitl.vehicle.vehicle import SimulatedVehicle
 
 _DEPARTED_MPS = 0.5
+# A setpoint that is slower than this rests.
+_RESTING_MPS = 0.05
 
 
 class Scene:
@@ -27,6 +31,7 @@ class Scene:
     Attributes:
         vehicle: plant and autopilot.
         world: clearance and collisions.
+        movers: what moves around it.
         sensors: one for each that is configured.
         start_unix_s: time of day at simulation time zero.
     """
@@ -50,9 +55,12 @@ class Scene:
         self.vehicle = SimulatedVehicle(config, config.seed, start_unix_s, ticks_per_decision)
         body = config.multirotor
         self.world = World(field, body.radius_m, body.half_height_m)
+        self.movers = Movers(config.movers, body.radius_m, config.seed)
         ideal = config.realism == "ideal"
         self.detectors = [
-            ObstacleSensor(sensor, field, config.seed, start_unix_s, ideal=ideal)
+            ObstacleSensor(
+                sensor, field, config.seed, start_unix_s, ideal=ideal, movers=self.movers.all
+            )
             for sensor in config.sensors
             if sensor.publishes == "json"
         ]
@@ -92,7 +100,7 @@ class Scene:
 
     def truth_record(self) -> TruthRecord:
         """Return the ground truth now."""
-        return truth_record(self.vehicle.truth, self.world, self.start_unix_s)
+        return truth_record(self.vehicle.truth, self.world, self.start_unix_s, self.movers)
 
     def _pin(self, error: PinnedError) -> None:
         truth = self.vehicle.truth
@@ -107,7 +115,7 @@ class Scene:
             self.vehicle.velocity_error_ned_mps = (0.0, 0.0)
             self.vehicle.pin_tracking_error(error.north_m, error.east_m)
         if self._departed and commander.airborne:
-            toward = self.world.toward_nearest(truth.position_ned_m)
+            toward = self._toward_what_is_near(truth)
             passed_s = truth.time_s - self._pinned_s
             estimated = self.vehicle.autopilot.estimator.error
             error.advance(
@@ -122,6 +130,20 @@ class Scene:
             error.forget(*self._own_error_m())
             self.vehicle.pin_tracking_error(error.north_m, error.east_m)
         self._pinned_s = truth.time_s
+
+    def _toward_what_is_near(self, truth: VehicleTruth) -> tuple[float, float]:
+        """Return the unit vector towards the nearest mover, or to the nearest obstacle without any.
+
+        A vehicle at rest keeps the error that it has: at rest, it does not move.
+        """
+        if not self.movers.all:
+            return self.world.toward_nearest(truth.position_ned_m)
+        if math.hypot(*self.vehicle.wanted_velocity_ned_mps) < _RESTING_MPS:
+            error = self._pinned
+            assert error is not None  # noqa: S101  the caller has one
+            length_m = math.hypot(error.north_m, error.east_m) or 1.0
+            return error.north_m / length_m, error.east_m / length_m
+        return self.movers.toward_nearest(truth.position_ned_m[:2])
 
     def _own_error_m(self) -> tuple[float, float]:
         """Return where the kinematic plant is without any further error: its estimate is exact."""
@@ -139,6 +161,12 @@ class Scene:
     def _observe(self) -> None:
         truth, estimate = self.vehicle.truth, self.vehicle.estimate
         self.world.observe(truth.position_ned_m, truth.tilt_rad)
+        self.movers.advance(
+            truth.time_s,
+            truth.position_ned_m[:2],
+            truth.velocity_ned_mps[:2],
+            airborne=self.vehicle.autopilot.commander.airborne,
+        )
         for detector in self.detectors:
             for payload in detector.sense(truth.time_s, truth, estimate):
                 self._detections.append(ZenohMessage(detector.config.source, payload))

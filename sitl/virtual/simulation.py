@@ -197,7 +197,7 @@ class Simulation:
         estimate_ned_m = self.scene.vehicle.estimate.position_ned_m
         stands = self._standstill.reached(self.now_s, estimate_ned_m, stopping=ended)
         self._idle_since_s = _since(self._idle_since_s, self.now_s, present=idle)
-        pausing = phase is Phase.PAUSE
+        pausing = phase in (Phase.PAUSE, Phase.YIELD)
         self._paused_since_s = _since(self._paused_since_s, self.now_s, present=pausing)
         tired = (
             self.now_s > self._idle_since_s + PATIENCE_S
@@ -317,7 +317,8 @@ def fly(
         )
         for records in ticks(simulation):
             flight_log.write(records)
-            truth_log.write(simulation.scene.vehicle.truth, simulation.scene.world)
+            scene = simulation.scene
+            truth_log.write(scene.vehicle.truth, scene.world, scene.movers)
             watch(simulation)
     return SimulationReport(
         virtual_s=simulation.now_s,

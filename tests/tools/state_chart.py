@@ -97,6 +97,7 @@ _COLOURS: Final = {
     Phase.AVOID: "fill:#ffe6cc,color:#000000",
     Phase.THREAD: "fill:#e1d5e7,color:#000000",
     Phase.PAUSE: "fill:#fff2cc,color:#000000",
+    Phase.YIELD: "fill:#d0e0e3,color:#000000",
     Phase.ARRIVED: "fill:#dae8fc,color:#000000",
     Phase.HOLD: "fill:#f8cecc,color:#000000",
 }

@@ -30,6 +30,7 @@ from gcs_tools.campaign.generator.fields import (
     ned_m,
     with_breaching_field,
 )
+from gcs_tools.campaign.generator.movers import mover_case
 from gcs_tools.campaign.generator.scenarios import (
     ATTEMPTS_MAX,
     compliant_scenario,
@@ -262,6 +263,8 @@ GENERATORS: Final[dict[str, Callable[[random.Random], FlightCase]]] = {
     "competition": _competition,
     "best-effort": _best_effort,
     "best-effort-faults": _faulty_best_effort,
+    "movers": mover_case,
+    "faster-movers": lambda draw: mover_case(draw, faster=True),
     "quick": lambda draw: _nominal(draw, QUICK),
     "quick-faults": lambda draw: _faulty(draw, QUICK),
 }

@@ -24,7 +24,8 @@ from onboard.guidance.dense.way_to_rest import largest_margin_m
 from onboard.guidance.envelope import envelope_from
 from onboard.guidance.phases import FlightState, Phase, Trigger
 from onboard.guidance.situation import GUARD_AHEAD_S
-from onboard.motion.trajectory import Trajectory, X
+from onboard.motion.trajectory import State, Trajectory, X
+from onboard.planning.closed_form import stop_at
 from onboard.planning.rest_certifier import (
     RestLimits,
     certify_rest,
@@ -38,7 +39,6 @@ if TYPE_CHECKING:
     from onboard.guidance.dense.thread import Thread
     from onboard.guidance.situation import Situation
     from onboard.monitoring.assumptions import Violation
-    from onboard.motion.trajectory import State
 
 # A certificate is renewed this often, and every tick once that fails: two ticks are left then.
 RENEWAL_S: Final = GUARD_AHEAD_S - 2.0 * TICK_S
@@ -46,6 +46,8 @@ RENEWAL_S: Final = GUARD_AHEAD_S - 2.0 * TICK_S
 _PATIENCE_S: Final = 1.0
 # The margin is stated for every so many renewals.
 _MARGIN_EVERY: Final = 4
+# A cruise is taken up again after a mover once so much of it, and braking then, certifies.
+_CLEAR_AHEAD_S: Final = 1.0
 _SPEED_TOLERANCE_MPS: Final = 1e-6
 # An intention that starts elsewhere than what is flown has to be stated again.
 _APART_M: Final = 1e-6
@@ -192,16 +194,39 @@ class Shield:
         )
 
     def divert_if_due(self, now_s: float) -> None:
-        """Leave the leg to THREAD, once what is flown brakes without what is intended."""
-        if now_s + TICK_S >= self._switch_s:
-            self.divert("nothing that is intended certifies", now_s)
+        """Leave the leg to THREAD, once what is flown brakes without what is intended.
 
-    def divert(self, reason: str, now_s: float) -> None:
+        Where only movers speak against that, the vehicle waits for them instead.
+        """
+        if now_s + TICK_S < self._switch_s:
+            return
+        yields = self._thread.yielding.is_due(now_s) and not self._situation.state.changes_mission
+        self.divert("nothing that is intended certifies", now_s, yields=yields)
+
+    def is_clear_from_rest(self, now_s: float) -> bool:
+        """Tell whether the cruise of the leg, from where the vehicle rests, certifies."""
+        situation = self._situation
+        start = situation.reference.sample(now_s)
+        if start is None:
+            return False
+        at_rest = State(start.position_leg_m, (0.0, 0.0, 0.0))
+        speed_mps, x_m = situation.assessment.terms.cruise_speed_mps, situation.route.length_m
+        cruise = stop_at(at_rest, now_s, situation.envelope, x_m, speed_mps=speed_mps, z_m=0.0)
+        if cruise is None:
+            return False
+        head = cruise.until(now_s + _CLEAR_AHEAD_S)
+        return any(
+            self._certifies(way, at_rest, now_s, switch=head.final)
+            for way in ways_to_rest(head, cruise, situation.envelope)
+        )
+
+    def divert(self, reason: str, now_s: float, *, yields: bool = False) -> None:
         """Come to rest on the way that is held, and fly the rest of the leg by THREAD.
 
         Args:
             reason: for the report.
             now_s: the time.
+            yields: wait for movers first.
         """
         situation = self._situation
         reference = situation.reference
@@ -209,9 +234,12 @@ class Shield:
         held = reference.current
         assert held is not None  # noqa: S101  what flies a leg has a reference
         situation.avoidance = None
-        text = f"threading the rest of the leg: {reason}"
-        situation.fire(Trigger.NO_WAY, now_s, text=text)
-        if situation.state is FlightState.LOOKING:
+        if yields:
+            self._thread.yielding.begin(now_s)
+        else:
+            text = f"threading the rest of the leg: {reason}"
+            situation.fire(Trigger.NO_WAY, now_s, text=text)
+        if situation.state in (FlightState.LOOKING, FlightState.YIELDING):
             # Gaps must not be merged away there.
             situation.rebuild_map()
         self.release()
@@ -263,7 +291,9 @@ class Shield:
         self, way: Trajectory, start: State, now_s: float, *, switch: State | None = None
     ) -> bool:
         limits = self._limits(way, switch or start)
-        return certify_rest(way, start, now_s, limits, self._seen.grid()).valid
+        if not certify_rest(way, start, now_s, limits, self._seen.grid()).valid:
+            return False
+        return not self._thread.guard.failures(way, limits, now_s)
 
     def _limits(self, way: Trajectory, switch: State) -> RestLimits:
         """Return the limits of what the induction flies: along the leg, its nose aligned.

@@ -17,7 +17,7 @@ import numpy as np
 
 from onboard.geometry.frames import wrap_angle
 from onboard.guidance.dense.level import Level
-from onboard.guidance.dense.limits import shown_half_view_rad, turn_max_radps
+from onboard.guidance.dense.limits import turn_max_radps
 from onboard.guidance.dense.look_round import points_at
 from onboard.guidance.dense.nose import Nose
 from onboard.guidance.dense.pause import PAUSES_MAX
@@ -34,16 +34,21 @@ from onboard.guidance.dense.threaded_leg import (
     with_free_end,
 )
 from onboard.guidance.dense.way_to_rest import WayToRest
+from onboard.guidance.movers.early_stop import adopts_some
+from onboard.guidance.movers.mover_guard import MoverGuard
+from onboard.guidance.movers.yielding import Yielding
 from onboard.guidance.phases import FlightState, Trigger
 from onboard.monitoring.assumptions import Assumption, Violation
 from onboard.motion.trajectory import Y
-from onboard.planning.corridor.look import Outlook, first_looks_rad
+from onboard.planning.corridor.look import first_looks_rad
 
 if TYPE_CHECKING:
     from onboard.geometry.frames import FloatArray
     from onboard.guidance.fallback import Fallback
     from onboard.guidance.situation import Situation
     from onboard.motion.trajectory import State, Trajectory, Vector
+    from onboard.planning.certifier import Certificate
+    from onboard.planning.corridor.horizon import Horizon
     from onboard.vehicle_state import Pose
 
 
@@ -56,6 +61,8 @@ class Thread(ThreadRecord):
 
     Attributes:
         way: the way to rest that is held.
+        guard: certifies it against movers.
+        yielding: waits for them.
         plans: how many plans were adopted.
         nose: turns in flight.
     """
@@ -63,7 +70,9 @@ class Thread(ThreadRecord):
     def __init__(self, situation: Situation, fallback: Fallback) -> None:
         self._situation, self._fallback = situation, fallback
         self._seen: SeenSpace = NothingSeen()
-        self.way = WayToRest(situation.reference)
+        self.guard = MoverGuard(situation)
+        self.way = WayToRest(situation.reference, self.guard)
+        self.yielding = Yielding(situation, self.guard, fallback)
         self.nose = Nose(situation.reference)
         self.plans = 0
         self._leg = self._leg_to((situation.route.length_m, 0.0))
@@ -170,6 +179,8 @@ class Thread(ThreadRecord):
             self._manoeuvre(pose, now_s, passed=passed)
             threading = self._situation.state is FlightState.THREADING
             return threading and self._is_at_end() and self.way.ended
+        if self._situation.state is FlightState.YIELDING:
+            return self._yield(pose, now_s)
         if self._situation.state is FlightState.LOOKING:
             self._look(pose, now_s)
         elif self._fly_on(now_s, passed=passed):
@@ -177,6 +188,26 @@ class Thread(ThreadRecord):
         if self._may_plan(pose):
             self._plan(now_s)
         return False
+
+    def _yield(self, pose: Pose, now_s: float) -> bool:
+        """Wait for a mover, and go on once a plan certifies; tell whether the leg has been flown.
+
+        What cruises again is not planned here: the cruise is taken up where it was left.
+        """
+        if not self.way.still:
+            return False
+        if self._is_at_end():
+            return self.way.ended
+        if self.yielding.rest(now_s) and not self.resumes_cruise and self._may_plan(pose):
+            self._plan(now_s)
+        if self._situation.state is FlightState.LOOKING:
+            self._restart_clock(now_s)
+        return False
+
+    @property
+    def resumes_cruise(self) -> bool:
+        """Whether a wait for movers ends with the cruise of this leg, not with threading it."""
+        return self.yielding.resumes_cruise(*self._here()[:2])
 
     def _pass_nodes(self, now_s: float) -> bool:
         """Go on to the plan that is due; tell whether a node has been passed."""
@@ -259,6 +290,8 @@ class Thread(ThreadRecord):
 
     def _pause(self, now_s: float) -> None:
         """Stop, look and sidestep, if that may lead on; else pause or give up."""
+        if self._yields(now_s):
+            return
         pause = self._leg.pause
         if pause.repeated and not self._has_end(now_s):
             self._fallback.report_and_hold(NO_END, now_s)
@@ -268,7 +301,9 @@ class Thread(ThreadRecord):
             self._look_or_give_up(now_s)
 
     def _look_or_give_up(self, now_s: float) -> None:
-        """Begin a pause (NO_WAY), or give up."""
+        """Begin a pause (NO_WAY), or give up; wait where movers are the reason."""
+        if self._yields(now_s):
+            return
         if self._leg.pause.exhausted:
             pauses = float(self._leg.pause.count)
             exhausted = Violation(Assumption.NO_PASSAGE, pauses, float(PAUSES_MAX), "pauses")
@@ -280,6 +315,15 @@ class Thread(ThreadRecord):
         )
         self._leg.planning.forget_guide()
         self._restart_clock(now_s)
+
+    def _yields(self, now_s: float) -> bool:
+        """Wait for movers if they are why nothing leads on; tell whether they are."""
+        due = self.yielding.is_due(now_s)
+        if due:
+            self._leg.manoeuvre.cancel()
+            self.nose.rest(now_s)
+            self.yielding.begin(now_s)
+        return due
 
     def _may_plan(self, pose: Pose) -> bool:
         """Tell whether what a plan may ask for holds where the nose points now.
@@ -309,20 +353,17 @@ class Thread(ThreadRecord):
         proposal = leg.planning.advance(way, surroundings, now_s)
         if proposal is None or (way.still and not leads_on(proposal.horizon)):
             return
-        certificate = way.adopt(
-            proposal.horizon, proposal.version, now_s, leg.limits, self._seen.grid()
-        )
-        if certificate is None or not certificate.valid:
+
+        def adopt(plan: Horizon) -> Certificate | None:
+            return way.adopt(plan, proposal.version, now_s, leg.limits, self._seen.grid())
+
+        if not adopts_some(proposal.horizon, leg.limits, self.guard, adopt, now_s):
             return
         self.plans += 1
-        if situation.state is FlightState.LOOKING:
-            situation.fire(Trigger.WAY_FOUND, now_s)
+        if situation.state is not FlightState.THREADING:
+            waited = situation.state is FlightState.YIELDING
+            situation.fire(Trigger.WAY_CLEAR if waited else Trigger.WAY_FOUND, now_s)
             self._restart_clock(now_s)
-
-    @property
-    def _is_along_leg(self) -> bool:
-        """Whether what plans ask for holds with the nose along the leg only."""
-        return math.isinf(self._leg.limits.acceleration_disc_mps2)
 
     def _follow_guide(self) -> None:
         """Choose where the nose points until the next node: along the guide, or along the leg."""
@@ -336,8 +377,7 @@ class Thread(ThreadRecord):
 
     def _is_at_end(self) -> bool:
         """Tell whether the vehicle comes to rest at the end of the leg."""
-        x_m, y_m, _ = self._here()
-        left_m = math.dist((x_m, y_m), self._leg.end_leg_m)
+        left_m = math.dist(self._here()[:2], self._leg.end_leg_m)
         return self.way.still and left_m <= ARRIVED_M
 
     def _stands(self, now_s: float) -> bool:
@@ -352,21 +392,3 @@ class Thread(ThreadRecord):
         self._frames_before = self._seen.frames_counted
         self.nose.rest(now_s)
         self._clock.restart(now_s)
-
-    def _here(self) -> Vector:
-        flown = self.way.flown
-        assert flown is not None  # noqa: S101  what threads holds a way to rest
-        x_m, y_m = flown.nodes[0, 0].tolist()
-        return x_m, y_m, self.way.height_m
-
-    def _outlook(self) -> Outlook:
-        situation, (x_m, y_m, _) = self._situation, self._here()
-        return Outlook(
-            position_leg_m=(x_m, y_m),
-            heading_rad=situation.reference.heading_rad,
-            half_view_rad=situation.assessment.terms.field_of_view_rad / 2.0,
-            path_leg_m=self._path_leg_m,
-            grid=self._seen.grid(),
-            body_radius_m=self._leg.limits.body_radius_m,
-            shown_half_rad=shown_half_view_rad(situation.assessment),
-        )

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING
 
+from onboard.guidance.dense.limits import shown_half_view_rad
 from onboard.guidance.dense.pause import PAUSES_MAX
 from onboard.guidance.phases import FlightState
+from onboard.planning.corridor.look import Outlook
 
 if TYPE_CHECKING:
     from onboard.geometry.frames import FloatArray
@@ -15,14 +18,16 @@ if TYPE_CHECKING:
     from onboard.guidance.dense.seen_space import SeenSpace
     from onboard.guidance.dense.threaded_leg import ThreadedLeg
     from onboard.guidance.dense.way_to_rest import WayToRest
+    from onboard.guidance.movers.mover_guard import MoverGuard
     from onboard.guidance.situation import Situation
-    from onboard.motion.trajectory import Trajectory
+    from onboard.motion.trajectory import Trajectory, Vector
 
 
 class ThreadRecord:
     """Reads the state of `Thread`, which decides."""
 
     way: WayToRest
+    guard: MoverGuard
     nose: Nose
     _situation: Situation
     _seen: SeenSpace
@@ -69,6 +74,8 @@ class ThreadRecord:
     @property
     def pause_reason(self) -> str | None:
         """Why the vehicle rests; None while it flies on."""
+        if self._situation.state is FlightState.YIELDING:
+            return f"yielding: {self.guard.reason}"
         if self._situation.state is not FlightState.LOOKING:
             return None
         if self._level.changing:
@@ -78,3 +85,28 @@ class ThreadRecord:
         if self._leg.manoeuvre.looking:
             return "looking aside, to sidestep what is ahead"
         return f"nothing certifies (pause {self.pauses} of {PAUSES_MAX}): looking"
+
+    # ------------------------------------------------------------------ what is the case
+
+    @property
+    def _is_along_leg(self) -> bool:
+        """Whether what plans ask for holds with the nose along the leg only."""
+        return math.isinf(self._leg.limits.acceleration_disc_mps2)
+
+    def _here(self) -> Vector:
+        flown = self.way.flown
+        assert flown is not None  # noqa: S101  what threads holds a way to rest
+        x_m, y_m = flown.nodes[0, 0].tolist()
+        return x_m, y_m, self.way.height_m
+
+    def _outlook(self) -> Outlook:
+        situation, (x_m, y_m, _) = self._situation, self._here()
+        return Outlook(
+            position_leg_m=(x_m, y_m),
+            heading_rad=situation.reference.heading_rad,
+            half_view_rad=situation.assessment.terms.field_of_view_rad / 2.0,
+            path_leg_m=self._path_leg_m,
+            grid=self._seen.grid(),
+            body_radius_m=self._leg.limits.body_radius_m,
+            shown_half_rad=shown_half_view_rad(situation.assessment),
+        )

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
+from onboard.planning.certifier import Certificate
 from onboard.planning.corridor.horizon import PIECE_S, Horizon
 from onboard.planning.rest_certifier import RestLimits, certify_rest, has_room
 
@@ -21,9 +22,9 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     from onboard.geometry.free_grid import FreeGrid
+    from onboard.guidance.movers.mover_guard import MoverGuard
     from onboard.guidance.reference import Reference
     from onboard.motion.trajectory import Trajectory, Vector
-    from onboard.planning.certifier import Certificate
 
 # A plan whose nodes are all slower than this stays where it is.
 STILL_MPS: Final = 0.05
@@ -41,6 +42,7 @@ class WayToRest:
 
     Args:
         reference: follows the plan.
+        guard: tells what movers speak against a plan; None where nothing moves.
 
     Attributes:
         flown: the plan that is flown; its first node is the last that has passed, or where the
@@ -51,8 +53,8 @@ class WayToRest:
         margin_m: by how much the body could be larger in that, in steps; None if it is not.
     """
 
-    def __init__(self, reference: Reference) -> None:
-        self._reference = reference
+    def __init__(self, reference: Reference, guard: MoverGuard | None = None) -> None:
+        self._reference, self._guard = reference, guard
         self._height_m = 0.0
         self.flown: Horizon | None = None
         self._next: Horizon | None = None
@@ -158,6 +160,8 @@ class WayToRest:
             return None
         trajectory = plan.trajectory(self._height_m)
         certificate = certify_rest(trajectory, start, plan.start_s, limits, grid)
+        if certificate.valid and self._guard is not None:
+            certificate = Certificate(self._guard.failures(trajectory, limits, now_s))
         if certificate.valid:
             self._next = plan
             self._reference.schedule(trajectory, now_s)

@@ -18,6 +18,7 @@ from onboard.geometry.fence import Fence
 from onboard.geometry.frames import FloatArray, LegFrame, Vector, wrap_angle
 from onboard.geometry.free_grid import FreeGrid
 from onboard.monitoring.assumptions import Assumption, Violation
+from onboard.monitoring.seen.contradiction import contradiction
 from onboard.monitoring.seen.heights_seen import HeightsSeen
 from onboard.monitoring.seen.looks_around import LooksAround
 from onboard.monitoring.seen.operators_word import OperatorsWord
@@ -67,6 +68,8 @@ class SeenSpace:
         flight: whose leg, contract and map count.
         poses: where the body was.
         frames_needed: K, see `SeenFree`.
+        is_mover: tells what moves: it hides what is behind it, and contradicts nothing.
+        on_void: learns that nothing counts any more, and whether the local frame stands.
 
     Attributes:
         relied_on: whether what is flown was certified in the set, so that a contradiction is a
@@ -76,9 +79,15 @@ class SeenSpace:
     """
 
     def __init__(
-        self, flight: SupervisedFlight, poses: PoseHistory, *, frames_needed: int = 3
+        self,
+        flight: SupervisedFlight,
+        poses: PoseHistory,
+        *,
+        frames_needed: int = 3,
+        is_mover: Callable[[DetectionFrame, Detection], bool] = lambda _, __: False,
+        on_void: Callable[[bool], None] = lambda _: None,
     ) -> None:
-        self._flight, self._poses = flight, poses
+        self._flight, self._poses, self._is_mover = flight, poses, is_mover
         self._set = SeenFree(frames_needed=frames_needed)
         self._leg = flight.leg
         self._heights = HeightsSeen(flight)
@@ -88,7 +97,7 @@ class SeenSpace:
         self._stamps_s: dict[str, float] = {}
         self._looks = LooksAround()
         self.relied_on = False
-        self.void_reason = ""
+        self.void_reason, self.on_void = "", on_void
         self.frames_needed = frames_needed
         self._counted: dict[str, int] = {}
         self._word = OperatorsWord()
@@ -209,6 +218,7 @@ class SeenSpace:
             self.void("the estimate of the height was reset")
         else:
             self._set.shift(x_m, y_m)
+            self.on_void(False)
 
     def void(self, reason: str, *, frame_stands: bool = False) -> None:
         """Take nothing for free any more.
@@ -219,6 +229,7 @@ class SeenSpace:
         """
         self._pending.clear()
         self._word.forget(frame_stands=frame_stands)
+        self.on_void(frame_stands)
         self._looks.forget()
         self._set.void()
         self.void_reason = reason
@@ -232,7 +243,7 @@ class SeenSpace:
         now_s: float,
         shifts_m: Sequence[Sequence[float]],
         filled_m: Callable[[Detection, Corners], DownRange] = lambda *_: ANY_HEIGHT,
-    ) -> None:
+    ) -> Sight | None:
         """Take a frame that nothing speaks against, to be counted in one of the next ticks.
 
         Args:
@@ -242,6 +253,9 @@ class SeenSpace:
             shifts_m: what moves boxes from local NED at that time into the present frame;
                 several if it is ambiguous.
             filled_m: heights that a box may fill, as for `onboard.perception.placement.place`.
+
+        Returns:
+            What counts; None if the frame does not.
         """
         terms = self._flight.assessment.terms
         pose = self._poses.at(stamp_s, _POSE_APART_S)
@@ -256,11 +270,13 @@ class SeenSpace:
         )
         if pose is None or not counts or self._is_off_height(pose):
             self.skip(frame)
-            return
+            return None
         self._stamps_s[frame.source] = stamp_s
         placed_ned_m = placed_corners_ned(frame, pose, shifts_m[0])
         in_way = self._heights.in_way(frame, placed_ned_m, filled_m)
-        self._pending.add(frame.source, Sight(frame, pose, turn_radps, *in_way))
+        sight = Sight(frame, pose, turn_radps, placed_ned_m, *in_way, stamp_s)
+        self._pending.add(frame.source, sight)
+        return sight
 
     def skip(self, frame: DetectionFrame) -> None:
         """Take note of a frame that does not count: its sensor's row of frames begins again."""
@@ -299,18 +315,19 @@ class SeenSpace:
         # What stamp and pose may be apart displaces and turns the frame besides.
         heading_error_rad = terms.heading_error_rad + sight.turn_radps * POSE_TIMING_S
         clock_error_m = math.hypot(*pose.velocity_ned_mps[:2]) * POSE_TIMING_S
-        seen_leg_m = self._in_leg_m(sight.corners_ned_m)
-        e = terms.map_error_m
+        seen_leg_m, e = self._in_leg_m(sight.corners_ned_m), terms.map_error_m
         far_m = np.hypot(seen_leg_m[..., 0] - x_m, seen_leg_m[..., 1] - y_m).max(axis=1)
         margins_m = e + clock_error_m + heading_error_rad * far_m
-        contradicting = self._contradicting(seen_leg_m, margins_m)
-        if contradicting is None and len(margins_m):
-            farthest_m = math.sqrt(2.0) * float(margins_m.max())
-            contradicting = self._word.contradicted_by(sight.corners_ned_m, farthest_m)
+        still = [i for i, seen in enumerate(sight.detections) if not self._is_mover(frame, seen)]
+        contradicting = self._contradicting(seen_leg_m[still], margins_m[still])
+        if contradicting is None and still:
+            farthest_m = math.sqrt(2.0) * float(margins_m[still].max())
+            placed = [sight.corners_ned_m[i] for i in still]
+            contradicting = self._word.contradicted_by(placed, farthest_m)
         if contradicting is not None:
-            track_id = frame.track_id(sight.detections[contradicting])
+            track_id = frame.track_id(sight.detections[still[contradicting]])
             self.void(f"{track_id} is reported where all was seen free")
-            return _contradiction(track_id)
+            return contradiction(track_id)
         # A scan is placed by the pose as a whole; boxes carry that error in their faces already.
         scan, view_rad = scan_of(frame, terms), math.radians(frame.field_of_view_deg)
         shown = shown_heights(frame, pose, self._leg.origin_ned_m[2], terms)
@@ -387,12 +404,5 @@ class SeenSpace:
         ]
 
     def _is_off_height(self, pose: Pose) -> bool:
-        off_m = abs(pose.position_ned_m[2] - self._leg.origin_ned_m[2])
-        return off_m > self._flight.assessment.terms.tracking_error_z_m
-
-
-def _contradiction(track_id: str) -> Violation:
-    sentence = f"{track_id} is reported where all was seen free"
-    return Violation(
-        Assumption.SENSOR_CONTRADICTION, 1.0, 0.0, "boxes", track_id, sentence=sentence
-    )
+        off_m = pose.position_ned_m[2] - self._leg.origin_ned_m[2]
+        return abs(off_m) > self._flight.assessment.terms.tracking_error_z_m

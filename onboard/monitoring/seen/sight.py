@@ -22,15 +22,19 @@ class Sight(NamedTuple):
         frame: what a sensor saw.
         pose: of the body at the stamp.
         turn_radps: how fast it turned at most around then.
+        placed_ned_m: corners of all its boxes in local NED, with their yaw there.
         detections: the boxes that are in the way.
-        corners_ned_m: their corners in local NED, with their yaw there.
+        corners_ned_m: the corners of these.
+        stamp_s: when it was taken, on the service's clock.
     """
 
     frame: DetectionFrame
     pose: Pose
     turn_radps: float
+    placed_ned_m: list[Corners]
     detections: list[Detection]
     corners_ned_m: list[Corners]
+    stamp_s: float
 
 
 def placed_corners_ned(

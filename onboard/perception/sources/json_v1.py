@@ -1,27 +1,38 @@
-"""Detection frames as JSON, version 1: one frame per message (docs: Detections)."""
+"""Detection frames as JSON, versions 1 and 2: one frame per message (docs: Detections)."""
 
 from __future__ import annotations
 
 import logging
 from collections.abc import Sequence
 
+from pydantic import BaseModel, ConfigDict
+
 from onboard.files.json_payload import MalformedPayloadError, parse
 from onboard.perception.detection import DetectionFrame
+from onboard.perception.moving_detection import MovingFrame
 
 log = logging.getLogger(__name__)
+
+
+class _Version(BaseModel):
+    model_config = ConfigDict(extra="ignore")
+
+    version: int
 
 
 def parse_frame(payload: bytes) -> DetectionFrame:
     """Decode one detection frame.
 
     Raises:
-        MalformedPayloadError: the payload is not JSON, or not a frame of version 1.
+        MalformedPayloadError: the payload is not JSON, or not a frame of version 1 or 2.
     """
+    if b'"version"' in payload and parse(payload, _Version).version == 2:
+        return parse(payload, MovingFrame)
     return parse(payload, DetectionFrame)
 
 
 class JsonV1Source:
-    """Reads version 1 of the JSON message."""
+    """Reads versions 1 and 2 of the JSON message."""
 
     def __init__(self) -> None:
         self.malformed = 0

@@ -47,6 +47,9 @@ DOCUMENT: dict[str, dict[str, Any]] = {
         "drag_per_s": 0.45,
         "position_drift_mps": 0.0,
         "clearance_wish_m": 0.0,
+        "rest_settle_s": 0.0,
+        "rest_speed_mps": 0.2,
+        "setpoint_loss_run_time_s": None,
     },
     "requirements": {"stop": True, "passive_safety": True},
     "sensor": {
@@ -56,12 +59,14 @@ DOCUMENT: dict[str, dict[str, Any]] = {
         "position_error_m": 0.05,
         "thinnest_obstacle_m": None,
         "no_return_is_free_to_m": None,
+        "all_round_range_m": 0.0,
     },
     "environment": {
         "obstacle_size_max_m": 4.0,
         "obstacle_size_min_m": 0.0,
         "obstacle_separation_min_m": 20.0,
         "wind_max_mps": None,
+        "movers": (),
     },
 }
 

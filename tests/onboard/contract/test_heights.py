@@ -13,7 +13,8 @@ from onboard.contract.arithmetic import SCALAR
 from onboard.contract.assessment import assess, assess_terms
 from onboard.contract.heights import LEVEL_M, HeightBand, half_band_m, view_needed_rad
 from onboard.contract.terms import Terms
-from onboard.files.contract_file import LATER_KEYS, Contract, load_contract
+from onboard.files.contract_file import Contract, load_contract
+from onboard.files.contract_terms.later_keys import LATER_KEYS
 from onboard.files.yaml_file import FileError
 
 ROOT = Path(__file__).parents[3]

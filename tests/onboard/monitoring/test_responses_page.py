@@ -13,6 +13,15 @@ ROW = re.compile(r"^\| `(\w+)` \| ([^|]+) \| ([^|]+) \| ([^|]+) \| ([^|]+) \|$",
 ADAPTED = {assumption for assumption, _ in WORSENINGS}
 # Found by guidance itself, which leaves the leg to THREAD then.
 THREADED = {Assumption.PLAN_EXISTS, Assumption.LEG_END_CLEAR, Assumption.TARGET_REACHED}
+OF_MOVERS = {
+    Assumption.MOVER_FIRST_SIGHT,
+    Assumption.MOVER_SPEED,
+    Assumption.MOVER_SIZE,
+    Assumption.STATIC_CLAIM,
+    Assumption.RING_AGE,
+    Assumption.REST_SPEED,
+    Assumption.YIELD_TIME,
+}
 # Only reported: the step is planned from where the vehicle is.
 REPORTED = {Assumption.LATE_FIRST_SIGHT}
 
@@ -41,7 +50,8 @@ def test_the_page_states_every_assumption_as_the_code_has_it() -> None:
         best_effort = "by itself" if assumption in PROGRESS_ASSUMPTIONS else ended_by
         pure = f"adapts, else {ended_by}" if assumption in ADAPTED else ended_by
         expected[assumption.value] = (on_a_held_way(assumption), best_effort, pure)
-    # Only what looks around gives up looking, and only there one late tick is not the last.
-    for only_there in (Assumption.NO_PASSAGE, Assumption.LATE_TICKS):
+    # Only what looks around gives up looking, and only there one late tick is not the last; what
+    # is safe against movers holds a way to rest.
+    for only_there in (Assumption.NO_PASSAGE, Assumption.LATE_TICKS, *OF_MOVERS):
         expected[only_there.value] = (*expected[only_there.value][:2], "does not occur")
     assert rows == expected

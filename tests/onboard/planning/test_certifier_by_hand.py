@@ -283,7 +283,7 @@ def test_a_path_along_a_face_is_clear_and_one_inside_it_is_not(axis: int, sign: 
 
 def test_velocity_and_motion_points_are_of_the_same_curves() -> None:
     plan = wandering(7)
-    velocity, motion = rest_certifier.velocity_points_mps(plan), rest_certifier._motion_points(plan)
+    velocity, motion = rest_certifier.velocity_points_mps(plan), rest_certifier.motion_points(plan)
     for piece, (begin_s, duration_s) in enumerate(
         zip(plan.knots_s[:-1], plan.durations_s.tolist(), strict=True)
     ):
@@ -303,7 +303,7 @@ def cubic_weights(share: float) -> FloatArray:
 
 def test_halves_are_of_the_same_curves() -> None:
     points = np.random.default_rng(1).uniform(-1.0, 1.0, (3, 2, 4, 2))
-    halves = rest_certifier._halves(points)
+    halves = rest_certifier.halves(points)
     assert halves.shape == (3, 4, 4, 2)
     for piece in range(2):
         for share in (0.0, 0.25, 0.9, 1.0):

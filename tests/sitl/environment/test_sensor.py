@@ -10,7 +10,8 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from onboard.files.obstacle_field import Obstacle, ObstacleField
-from sitl.environment.sensor import ObstacleSensor, SensorConfig, SensorFault, distance_in_view_m
+from sitl.environment.sensor import ObstacleSensor, SensorConfig, SensorFault
+from sitl.environment.view_geometry import distance_in_view_m
 from sitl.plant.truth import VehicleTruth
 
 START_UNIX_S = 1_790_000_000.0

@@ -56,16 +56,24 @@ def rounded(value: Any) -> Any:
 
 
 # Keys that came later, with their defaults: a draw that leaves them alone is the same flight.
-LATER = {
-    "progress": "guaranteed",
-    "flight_time_max_s": None,
-    "position_drift_mps": 0.0,
-    "thinnest_obstacle_m": None,
-    "no_return_is_free_to_m": None,
-    "heading": "leg",
-    "corridor_half_width_m": None,
-    "on_end": "hover",
-    "energy": None,
+LATER: dict[str, tuple[Any, ...]] = {
+    "progress": ("guaranteed",),
+    "flight_time_max_s": (None,),
+    "position_drift_mps": (0.0,),
+    "thinnest_obstacle_m": (None,),
+    "no_return_is_free_to_m": (None,),
+    "heading": ("leg",),
+    "corridor_half_width_m": (None,),
+    "on_end": ("hover",),
+    "energy": (None,),
+    "rest_settle_s": (0.0,),
+    "rest_speed_mps": (0.2,),
+    "setpoint_loss_run_time_s": (None,),
+    "yield_max_s": (None,),
+    "all_round_range_m": (0.0,),
+    "movers": ("none", [], ()),  # of requirements, of the environment and of the simulator
+    "message_version": (1,),
+    "mover_swap_share": (0.0,),
 }
 
 
@@ -79,7 +87,7 @@ def without_later_keys(document: Any) -> Any:
             return {
                 key: without_later_keys(value)
                 for key, value in document.items()
-                if key not in FOLLOWS and (key not in LATER or value != LATER[key])
+                if key not in FOLLOWS and (key not in LATER or value not in LATER[key])
             }
         case list() | tuple():
             return [without_later_keys(each) for each in document]

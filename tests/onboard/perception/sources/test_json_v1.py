@@ -55,7 +55,7 @@ def test_height_and_free_range_are_read() -> None:
 @pytest.mark.parametrize(
     ("change", "named"),
     [
-        ({"version": 2}, "version"),
+        ({"version": 3}, "version"),
         ({"frame": "enu"}, "frame"),
         ({"range_m": 0.0}, "range_m"),
         ({"field_of_view_deg": 400.0}, "field_of_view_deg"),

@@ -1,0 +1,122 @@
+"""What a contract declares of things that move: classes, and what is required against them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Annotated, Final, Literal, NamedTuple
+
+from pydantic import ConfigDict, Field
+
+from onboard.files.yaml_file import FileModel
+
+MoversLevel = Literal["none", "passive_in_view", "passive", "avoid"]
+# What a sensor does not name, and what it names otherwise than the contract does.
+UNKNOWN: Final = "unknown"
+
+
+class MoverClass(FileModel):
+    """One class of movers.
+
+    Attributes:
+        kind: its name, as sensors state it; ``unknown`` for what they do not name.
+        speed_max_mps: v_o, of any point of it, in any direction.
+        size_max_m: largest horizontal extent.
+        hidden: whether some may be hidden behind obstacles that stand still.  Without, what nothing
+            has been seen to enter holds none, as far as obstacles hide it.
+    """
+
+    model_config = ConfigDict(populate_by_name=True, serialize_by_alias=True)
+
+    kind: Annotated[str, Field(alias="class", min_length=1, max_length=32, pattern=r"^[a-z0-9_]+$")]
+    speed_max_mps: Annotated[float, Field(gt=0.0, le=100.0)] = Field(
+        description="v_o, of any point of such a mover, in any direction"
+    )
+    size_max_m: Annotated[float, Field(gt=0.0, le=100.0)] = Field(
+        description="largest horizontal extent"
+    )
+    hidden: bool = Field(False, description="some may be hidden behind what stands still")
+
+
+def check_movers(movers: Sequence[MoverClass]) -> None:
+    """Check that classes are stated once, and that unknown movers are no slower than known ones.
+
+    Raises:
+        ValueError: they are not; says which value is wrong.
+    """
+    kinds = [mover.kind for mover in movers]
+    for kind in kinds:
+        if kinds.count(kind) > 1:
+            raise ValueError(f"class '{kind}' is stated {kinds.count(kind)} times; state it once")
+    for mover in movers:
+        fastest = max(movers, key=lambda each: each.speed_max_mps)
+        if mover.kind == UNKNOWN and mover.speed_max_mps < fastest.speed_max_mps:
+            raise ValueError(
+                f"class unknown has speed_max_mps = {mover.speed_max_mps:g} m/s, but what a sensor "
+                f"does not name may be a {fastest.kind}: state at least "
+                f"{fastest.speed_max_mps:g} m/s, or leave the class out"
+            )
+
+
+class Declared(NamedTuple):
+    """What a contract declares, as far as a level of safety against movers needs it.
+
+    Attributes:
+        movers: the declared classes.
+        stop: whether a way to rest is required.
+        best_effort: whether passing obstacles is not guaranteed.
+        rest_settle_s: as declared.
+        sees_all_round: whether an all-round sensor is declared.
+        run_time_known: whether it is known how long the vehicle runs on without setpoints, where
+            that matters.
+    """
+
+    movers: Sequence[MoverClass]
+    stop: bool
+    best_effort: bool
+    rest_settle_s: float
+    sees_all_round: bool
+    run_time_known: bool
+
+
+def movers_objection(level: MoversLevel, declared: Declared) -> str | None:
+    """Return why a level of safety against movers cannot be required; None if it can."""
+    if level == "none":
+        return None
+    name = f"requirements.movers = {level}"
+    if level == "avoid":
+        return f"{name}: avoiding movers in flight is not implemented; require passive"
+    needed = (
+        (bool(declared.movers), "environment.movers: the classes that may move, with their speed"),
+        (declared.stop, "requirements.stop = true: it rests on a way to rest that is held"),
+        (
+            declared.rest_settle_s > 0.0,
+            "vehicle.rest_settle_s above 0 s: reference at rest to vehicle at rest, as measured",
+        ),
+        (
+            declared.run_time_known,
+            "vehicle.setpoint_loss_run_time_s: last setpoint to rest, where the setpoint is frozen",
+        ),
+    )
+    for holds, what in needed:
+        if not holds:
+            return f"{name} needs {what}"
+    if level == "passive_in_view":
+        return _in_view_objection(name, best_effort=declared.best_effort)
+    if not declared.sees_all_round:
+        return (
+            f"{name} needs sensor.all_round_range_m above 0 m, or field_of_view_deg = 360: who "
+            "comes from behind is seen by nothing else"
+        )
+    return None
+
+
+def _in_view_objection(name: str, *, best_effort: bool) -> str | None:
+    if best_effort:
+        return (
+            f"{name} with progress = best_effort: what was in view counts only in a steady cruise, "
+            "which best effort does not fly; require passive, with an all-round sensor"
+        )
+    return (
+        f"{name} is stated for each class, but not enforced in flight yet; require passive, with "
+        "an all-round sensor"
+    )

@@ -1,0 +1,1 @@
+"""Against movers: what speaks against a way to rest, how to stop earlier, and waiting (YIELD)."""

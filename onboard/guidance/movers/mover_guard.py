@@ -1,0 +1,86 @@
+"""Whether a way to rest is certified against movers, besides the space seen free.
+
+One trajectory is held that is certified against both; a candidate replaces it only if it is, too.
+What has been accepted is not checked again: while movers keep to their speeds it stays valid,
+whatever appears (THEORY.md, "Movers").
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Protocol
+
+from onboard.planning.mover_certifier import Movers, Settling, mover_failures
+
+if TYPE_CHECKING:
+    from onboard.contract.assessment import Assessment
+    from onboard.guidance.situation import Situation
+    from onboard.motion.trajectory import Trajectory
+    from onboard.planning.rest_certifier import RestLimits
+
+
+class KnownMovers(Protocol):
+    """What is known of movers: the seam to monitoring."""
+
+    @property
+    def movers(self) -> Movers | None:
+        """What ways are certified against; None where the contract has no movers."""
+        ...
+
+
+class NoMovers:
+    """Nothing moves, as the contract says."""
+
+    movers: Movers | None = None
+
+
+class MoverGuard:
+    """Checks ways to rest against movers.
+
+    Args:
+        situation: what is flown.
+
+    Attributes:
+        known: what is known of movers.
+        reason: why the last way was refused.
+    """
+
+    def __init__(self, situation: Situation) -> None:
+        self._situation = situation
+        self.known: KnownMovers = NoMovers()
+        self._refused_s = -math.inf
+        self.reason = ""
+
+    def failures(self, way: Trajectory, limits: RestLimits, now_s: float) -> tuple[str, ...]:
+        """Return why a mover may be where the vehicle would still move; empty if none can be.
+
+        Args:
+            way: certified in the space seen free; leg frame.
+            limits: body and run-on.
+            now_s: the time.
+        """
+        movers = self.known.movers
+        if movers is None:
+            return ()
+        situation = self._situation
+        settling = settling_of(situation.assessment)
+        found = mover_failures(way, limits, settling, situation.leg, movers)
+        if found:
+            self._refused_s, self.reason = now_s, found[0]
+        return found
+
+    def has_refused(self, now_s: float, within_s: float) -> bool:
+        """Tell whether a way that was free otherwise has been refused lately."""
+        return now_s - self._refused_s <= within_s
+
+
+def settling_of(assessment: Assessment) -> Settling:
+    """Return how long the vehicle of a contract moves after its setpoint rests, or is the last."""
+    terms, limits = assessment.terms, assessment.limits
+    loss_s = terms.setpoint_loss_timeout_s + terms.attitude_lag_s
+    return Settling(
+        rest_settle_s=terms.rest_settle_s,
+        loss_s=loss_s if terms.passive_safety else None,
+        brake_mps2=min(limits.brake_mps2, limits.left_mps2, limits.right_mps2),
+        measured_s=terms.setpoint_loss_run_time_s,
+    )

@@ -1,0 +1,119 @@
+"""YIELD: come to rest for a mover, wait, and go on once its way is clear; reversible, unlike HOLD.
+
+The vehicle is on the way to rest that it holds, or rests at its end.  Being touched there is no
+failure of passive safety.  What leads on is flown as soon as it certifies.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Final
+
+from onboard.guidance.phases import Trigger
+from onboard.monitoring.assumptions import Assumption, Violation
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from onboard.guidance.fallback import Fallback
+    from onboard.guidance.movers.mover_guard import MoverGuard
+    from onboard.guidance.situation import Situation
+
+# Without a way that only movers speak against for so long, something else does.
+_OTHER_REASON_S: Final = 2.0
+# A cruise is taken up again once it has been clear for so long.
+CLEAR_S: Final = 1.0
+# Whether it is clear is asked this often.
+_LOOK_S: Final = 0.2
+# A way that leads nowhere but for movers has been refused within this: they are the reason.
+LATELY_S: Final = 1.0
+
+
+@dataclass
+class _Wait:
+    since_s: float
+    rest_since_s: float | None = None
+    clear_since_s: float | None = None
+    looked_s: float = -math.inf
+
+
+class Yielding:
+    """Waits for movers.
+
+    Args:
+        situation: what is flown.
+        guard: refuses ways on which a mover may be.
+        fallback: what is left after too long a wait.
+    """
+
+    def __init__(self, situation: Situation, guard: MoverGuard, fallback: Fallback) -> None:
+        self._situation, self._guard, self._fallback = situation, guard, fallback
+        self._wait = _Wait(0.0)
+
+    def is_due(self, now_s: float) -> bool:
+        """Tell whether movers are why nothing leads on."""
+        return self._guard.has_refused(now_s, LATELY_S)
+
+    def begin(self, now_s: float) -> None:
+        """Wait from now on (MOVER_NEAR)."""
+        self._wait = _Wait(now_s)
+        text = f"yielding: {self._guard.reason}"
+        self._situation.fire(Trigger.MOVER_NEAR, now_s, text=text)
+
+    def rest(self, now_s: float) -> bool:
+        """Note that the vehicle rests on its way; tell whether it still waits.
+
+        After a wait that is longer than the contract allows, it holds; where movers are no longer
+        the reason, it looks for another way (NO_WAY).
+        """
+        wait = self._wait
+        if wait.rest_since_s is None:
+            wait.rest_since_s = now_s
+        longest_s = self._situation.assessment.contract.requirements.yield_max_s
+        waited_s = now_s - wait.since_s
+        if longest_s is not None and waited_s > longest_s:
+            self._fallback.report_and_hold(
+                Violation(Assumption.YIELD_TIME, waited_s, longest_s, "s"), now_s
+            )
+            return False
+        rested_s = now_s - wait.rest_since_s
+        others = rested_s > _OTHER_REASON_S and wait.clear_since_s is None
+        if others and not self._guard.has_refused(now_s, _OTHER_REASON_S):
+            self._situation.fire(Trigger.NO_WAY, now_s)
+            return False
+        return True
+
+    def has_been_clear(self, is_clear: Callable[[], bool], now_s: float) -> bool:
+        """Tell whether a way has been clear for long enough.
+
+        Args:
+            is_clear: tells whether it is now; asked a few times a second.
+            now_s: the time.
+        """
+        wait = self._wait
+        if now_s < wait.looked_s + _LOOK_S:
+            return False
+        wait.looked_s = now_s
+        if not is_clear():
+            wait.clear_since_s = None
+            return False
+        if wait.clear_since_s is None:
+            wait.clear_since_s = now_s
+        return now_s - wait.clear_since_s >= CLEAR_S
+
+    def resumes_cruise(self, x_m: float, y_m: float) -> bool:
+        """Tell whether the cruise of the leg is taken up again from a place, outside all regions.
+
+        Elsewhere the rest of the leg is threaded.
+        """
+        situation = self._situation
+        return situation.shielded and not any(
+            obstacle.region.lane_left_m <= y_m <= obstacle.region.lane_right_m
+            for obstacle in situation.obstacles.between(x_m, x_m)
+        )
+
+    @property
+    def has_settled(self) -> bool:
+        """Whether the vehicle rests, and not only its setpoint."""
+        return self._wait.rest_since_s is not None

@@ -1,0 +1,320 @@
+"""Feeds the mover-free set and the tracks of movers, and checks what the contract says of them.
+
+Without `requirements.movers` nothing is kept, and every detection counts as standing still.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from onboard.contract.terms import Terms
+from onboard.files.contract_terms.mover_terms import UNKNOWN, MoverClass
+from onboard.geometry.box import Box
+from onboard.geometry.frames import FloatArray
+from onboard.monitoring.assumptions import ALL_ROUND_DEG, Assumption, Violation
+from onboard.monitoring.seen.scan_limits import resolved_m, scan_of
+from onboard.monitoring.seen.sight import Sight
+from onboard.monitoring.supervised_flight import SupervisedFlight
+from onboard.perception.detection import Corners, Detection, DetectionFrame
+from onboard.perception.face_strips import enclosing_boxes, strip_around
+from onboard.perception.line_of_sight import View
+from onboard.perception.movers.mover_free import Glance, MoverFree, boxes_array, without
+from onboard.perception.movers.static_claims import StaticClaims
+from onboard.perception.movers.tracker import Bound, MoverTracker, Sighting, with_hidden_part
+from onboard.perception.moving_detection import (
+    MovingDetection,
+    is_complete,
+    is_mover,
+    is_whole,
+    kind_of,
+    turned_velocity_mps,
+)
+from onboard.perception.placement import POSE_TIMING_S, PlacedBox
+from onboard.planning.mover_certifier import Movers
+
+# Corners of what stands still.
+KnownBoxes = Callable[[], Sequence[Corners]]
+
+
+class MoverSpace:
+    """What is known of movers around one vehicle, in local NED.
+
+    Args:
+        flight: whose contract counts.
+        known_boxes: returns what stands still near the vehicle, which hides what is behind.
+        frames_needed: K, as of the seen-free set.
+
+    Attributes:
+        all_round_s: stamp of the newest frame of what sees all round; minus infinity before it.
+    """
+
+    def __init__(
+        self, flight: SupervisedFlight, known_boxes: KnownBoxes, *, frames_needed: int = 3
+    ) -> None:
+        self._flight, self._known_boxes = flight, known_boxes
+        self._claims = StaticClaims()
+        self.all_round_s = -math.inf
+        terms = flight.assessment.terms
+        self.active = terms.movers_level != "none"
+        self._hidden = any(mover.hidden for mover in terms.movers)
+        bounds, unknown = bounds_of(terms.movers)
+        self._tracker = MoverTracker(bounds, unknown, stamp_error_s=POSE_TIMING_S)
+        self._new: frozenset[str] = frozenset()
+        self._free: MoverFree | None = None
+        if self.active:
+            self._free = MoverFree(
+                unknown.speed_max_mps,
+                terms.detection_range_m,
+                frames_needed=frames_needed,
+                stamp_error_s=POSE_TIMING_S,
+            )
+
+    @property
+    def movers(self) -> Movers | None:
+        """What ways to rest are certified against; None where movers are none of the contract."""
+        if self._free is None:
+            return None
+        return Movers(self._free, tuple(self._tracker), POSE_TIMING_S)
+
+    @property
+    def tracks(self) -> MoverTracker:
+        """The movers that are seen."""
+        return self._tracker
+
+    def is_mover(self, frame: DetectionFrame, detection: Detection) -> bool:
+        """Tell whether a detection is taken for one that moves."""
+        if not self.active:
+            return False
+        return is_mover(detection) or self._claims.is_broken(frame.track_id(detection))
+
+    # ------------------------------------------------------------------ what changes
+
+    def begin_flight(self) -> None:
+        """Begin again: none hides at the start, unless the contract says that some may."""
+        self._claims.clear()
+        if self._free is not None:
+            self._free.begin()
+
+    def void(self, *, frame_stands: bool = False) -> None:
+        """Forget everything: the local frame has moved, or is in doubt.
+
+        Args:
+            frame_stands: neither is the case; what was seen is of another height.
+        """
+        if frame_stands:
+            return
+        self._tracker.clear()
+        self._claims.clear()
+        self._new = frozenset()
+        self.all_round_s = -math.inf
+        if self._free is not None:
+            self._free.void()
+
+    def track(
+        self, frame: DetectionFrame, placed: Sequence[PlacedBox], stamp_s: float
+    ) -> list[Violation]:
+        """Take the boxes of a frame whose movers have been placed; return what they violate.
+
+        Args:
+            frame: what a sensor saw.
+            placed: its boxes, in local NED.
+            stamp_s: when, on the service's clock.
+        """
+        if not self.active:
+            return []
+        if frame.field_of_view_deg >= ALL_ROUND_DEG:
+            self.all_round_s = max(self.all_round_s, stamp_s)
+        by_id = {frame.track_id(seen): seen for seen in frame.obstacles}
+        found: list[Violation] = []
+        sightings = []
+        for box in placed:
+            detection = by_id[box.track_id]
+            if self.is_mover(frame, detection):
+                sightings.append(self._sighting(frame, detection, box))
+                found += self._check_size(detection, box)
+            else:
+                found += self._check_claim(detection, box)
+        known = {track.id for track in self._tracker}
+        self._new = frozenset(
+            each.track_id
+            for each in sightings
+            if each.track_id not in known and each.whole and not self._is_explained(each, stamp_s)
+        )
+        too_fast = self._tracker.take(frame.source, sightings, stamp_s, complete=is_complete(frame))
+        found += [
+            Violation(Assumption.MOVER_SPEED, each.speed_mps, each.limit_mps, "m/s", each.track_id)
+            for each in too_fast
+        ]
+        return found
+
+    def see(self, sight: Sight) -> list[Violation]:
+        """Take a frame that counts: it shows where no mover is; return what it contradicts.
+
+        Args:
+            sight: the frame, its pose, and its boxes in local NED.
+        """
+        if self._free is None:
+            return []
+        terms = self._flight.assessment.terms
+        north_m, east_m, _ = sight.pose.position_ned_m
+        self._free.centre_on(north_m, east_m)
+        late = self._late_first_sights(sight)
+        glance = self._glance(sight, terms)
+        self._free.see(glance, sight.frame.source)
+        self._new = frozenset()
+        return late
+
+    def check_ring(self, now_s: float) -> Violation | None:
+        """Tell whether what sees all round has been silent for longer than the contract allows."""
+        terms = self._flight.assessment.terms
+        age_s = now_s - self.all_round_s
+        if not self.active or age_s <= terms.frame_age_max_s:
+            return None
+        return Violation(Assumption.RING_AGE, age_s, terms.frame_age_max_s, "s")
+
+    # ------------------------------------------------------------------ parts
+
+    def _sighting(self, frame: DetectionFrame, detection: Detection, box: PlacedBox) -> Sighting:
+        terms = self._flight.assessment.terms
+        error_m = max(box.uncertainty_m + terms.drift_m, terms.map_error_m)
+        error_m += box.displacement_m(terms.heading_error_rad) + box.blur_m
+        yaw_rad = box.pose.yaw_rad if box.pose is not None and not box.moves else 0.0
+        return Sighting(
+            frame.track_id(detection),
+            kind_of(detection),
+            around(box.corners_ned_m),
+            # What stamp and pose are apart displaces a box seen from the body.
+            math.sqrt(2.0) * error_m + self._clock_error_m(box),
+            is_whole(detection),
+            turned_velocity_mps(detection, yaw_rad),
+        )
+
+    def _clock_error_m(self, box: PlacedBox) -> float:
+        if box.pose is None or box.moves:
+            return 0.0
+        return math.hypot(*box.pose.velocity_ned_mps[:2]) * POSE_TIMING_S
+
+    def _check_size(self, detection: Detection, box: PlacedBox) -> list[Violation]:
+        limit_m = self._tracker.bound(kind_of(detection)).size_max_m
+        limit_m += 2.0 * max(detection.uncertainty_m, self._flight.assessment.terms.map_error_m)
+        largest_m = max(detection.size_m)
+        if largest_m <= limit_m:
+            return []
+        return [Violation(Assumption.MOVER_SIZE, largest_m, limit_m, "m", box.track_id)]
+
+    def _check_claim(self, detection: Detection, box: PlacedBox) -> list[Violation]:
+        if not (isinstance(detection, MovingDetection) and detection.box_whole and box.in_full):
+            return []
+        terms = self._flight.assessment.terms
+        error_m = max(box.uncertainty_m, terms.map_error_m) + box.blur_m
+        error_m += box.displacement_m(terms.heading_error_rad) + self._clock_error_m(box)
+        moved = self._claims.check(box.track_id, around(box.corners_ned_m), error_m)
+        if moved is None:
+            return []
+        claim = (moved.displacement_m, moved.limit_m, "m", box.track_id)
+        return [Violation(Assumption.STATIC_CLAIM, *claim)]
+
+    def _is_explained(self, sighting: Sighting, stamp_s: float) -> bool:
+        """Tell whether a mover with a new name may be one that is known."""
+        return any(
+            track.predicted(stamp_s, POSE_TIMING_S)
+            .inflated(sighting.error_m)
+            .intersects(sighting.measured)
+            for track in self._tracker
+        )
+
+    def _late_first_sights(self, sight: Sight) -> list[Violation]:
+        """Tell of each new mover whether one of its faces lies where none could be."""
+        assert self._free is not None  # noqa: S101  the caller checked
+        found = []
+        for detection, corners_m in zip(sight.frame.obstacles, sight.placed_ned_m, strict=True):
+            track_id = sight.frame.track_id(detection)
+            if track_id not in self._new:
+                continue
+            corners = np.array(corners_m)
+            margin_m = self._box_margin_m(sight, corners)
+            for begin_m, end_m in zip(corners, np.roll(corners, -1, axis=0), strict=True):
+                low_n, high_n, low_e, high_e = strip_around(begin_m, end_m, margin_m)
+                low, high = np.stack((low_n, low_e), axis=1), np.stack((high_n, high_e), axis=1)
+                until_s = np.full(len(low), sight.stamp_s + POSE_TIMING_S)
+                if self._free.are_free(low, high, until_s):
+                    sentence = f"mover {track_id} was first seen where none could be"
+                    late = Assumption.MOVER_FIRST_SIGHT
+                    found.append(Violation(late, 1.0, 0.0, "movers", track_id, sentence=sentence))
+                    break
+        return found
+
+    def _box_margin_m(self, sight: Sight, corners_m: FloatArray) -> float:
+        """Return how far the faces of one box may be off, its stamp and its growth included."""
+        terms = self._flight.assessment.terms
+        north_m, east_m, _ = sight.pose.position_ned_m
+        far_m = float(np.hypot(corners_m[:, 0] - north_m, corners_m[:, 1] - east_m).max())
+        speed_mps = math.hypot(*sight.pose.velocity_ned_mps[:2])
+        heading_rad = terms.heading_error_rad + sight.turn_radps * POSE_TIMING_S
+        return terms.map_error_m + speed_mps * POSE_TIMING_S + heading_rad * far_m
+
+    def _glance(self, sight: Sight, terms: Terms[float]) -> Glance:
+        """Return what a frame says of movers, as the seen-free set takes it, but in local NED."""
+        frame, pose, e = sight.frame, sight.pose, terms.map_error_m
+        heading_error_rad = terms.heading_error_rad + sight.turn_radps * POSE_TIMING_S
+        clock_error_m = math.hypot(*pose.velocity_ned_mps[:2]) * POSE_TIMING_S
+        scan, view_rad = scan_of(frame, terms), math.radians(frame.field_of_view_deg)
+        corners = np.array(sight.placed_ned_m).reshape(-1, 4, 2)
+        raw = enclosing_boxes(corners, e)
+        moving = [self.is_mover(frame, seen) for seen in frame.obstacles]
+        rows = []
+        for index, (detection, moves) in enumerate(zip(frame.obstacles, moving, strict=True)):
+            if not moves:
+                continue
+            grown = raw[index].inflated(self._box_margin_m(sight, corners[index]))
+            if not is_whole(detection):
+                size_m = self._tracker.bound(kind_of(detection)).size_max_m
+                grown = with_hidden_part(grown, size_m)
+                raw[index] = grown
+            speed_mps = self._tracker.bound(kind_of(detection)).speed_max_mps
+            grown = grown.inflated(speed_mps * POSE_TIMING_S)
+            rows.append((grown.x_min_m, grown.x_max_m, grown.y_min_m, grown.y_max_m))
+        view = View(
+            position_leg_m=pose.position_ned_m[:2],
+            heading_leg_rad=pose.yaw_rad,
+            half_view_rad=self._half_view_rad(frame, terms),
+            range_m=min(frame.range_m, terms.detection_range_m, resolved_m(frame, terms)),
+            boxes=raw,
+            face_error_m=e * (1.0 + heading_error_rad),
+            pose_error_m=clock_error_m + (e if scan else 0.0),
+            placing_error_m=math.sqrt(2.0) * e,
+            heading_error_rad=heading_error_rad,
+            free_range_m=scan,
+            scan_half_view_rad=view_rad / 2.0,
+        )
+        open_view = None if self._hidden else without(view, moving)
+        known = [around(corners_m) for corners_m in self._known_boxes()]
+        everything = replace(view, boxes=[*raw, *known])
+        return Glance(everything, sight.stamp_s, boxes_array(rows), open_view)
+
+    def _half_view_rad(self, frame: DetectionFrame, terms: Terms[float]) -> float:
+        """Return half of what a frame shows: all round, or no more than the contract counts on."""
+        view_rad = math.radians(frame.field_of_view_deg)
+        if frame.field_of_view_deg >= ALL_ROUND_DEG:
+            return math.pi
+        return min(view_rad, terms.field_of_view_rad) / 2.0
+
+
+def bounds_of(classes: Sequence[MoverClass]) -> tuple[dict[str, Bound], Bound]:
+    """Return what each class keeps to, and what a mover without a declared class does."""
+    bounds = {each.kind: Bound(each.speed_max_mps, each.size_max_m) for each in classes}
+    largest = Bound(
+        max((each.speed_max_mps for each in classes), default=0.0),
+        max((each.size_max_m for each in classes), default=0.0),
+    )
+    return bounds, bounds.get(UNKNOWN, largest)
+
+
+def around(corners_m: Corners) -> Box:
+    """Return the box along the axes around some corners."""
+    first, second = zip(*corners_m, strict=True)
+    return Box(min(first), max(first), min(second), max(second))

@@ -1,0 +1,339 @@
+"""Until when no mover can be in a cell: the mover-free set, which shrinks where none is looked at.
+
+For each cell of a raster in local NED the set holds the earliest time at which a mover may enter
+it.  A frame that shows cells to be free at its stamp moves that time on: no mover was there, and
+from the nearest cell that may hold one a mover needs the distance over v_o (THEORY.md, "Movers").
+So what is unseen counts as occupied once a mover may have come there, and nothing is rounded twice.
+
+What hides behind obstacles that stand still counts as unseen, too, unless the contract says that no
+mover is hidden there from the start; then it is free until one that was seen may have gone there.
+Frames count in the order of their stamps: one that comes later than another's is put in its place,
+and what follows from it is computed again.
+"""
+
+from __future__ import annotations
+
+import bisect
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from typing import Final
+
+import numpy as np
+from scipy.ndimage import distance_transform_edt
+
+from onboard.geometry.frames import FloatArray
+from onboard.perception.line_of_sight import BoolArray, View, seen_free
+from onboard.perception.view_sector import in_sector
+
+CELL_M: Final = 0.2
+# The grid follows the vehicle in steps of this, so that it moves seldom.
+_STEP_CELLS: Final = 20
+# Nearer to an all-round sensor than this, cells are too near for lines of sight.
+NEAR_M: Final = 0.7
+# Frames that may still change places: more than any two sensors are apart.
+_HISTORY_MAX: Final = 10
+_ROUND_OFF_S: Final = 1e-9
+
+
+@dataclass(frozen=True)
+class Glance:
+    """What one frame says of movers.
+
+    Attributes:
+        view: the frame, with every box that blocks its lines of sight.
+        stamp_s: when it was taken.
+        movers: (n, 4): least and greatest north, least and greatest east of each mover's box, its
+            errors included; no cell of them is free.
+        open_view: the same without what stands still, where no mover hides behind that.
+    """
+
+    view: View
+    stamp_s: float
+    movers: FloatArray
+    open_view: View | None = None
+
+
+@dataclass
+class _Step:
+    """A frame on the raster, and what was known before it."""
+
+    stamp_s: float
+    source: str
+    seen: BoolArray
+    shaded: BoolArray
+    occupied: BoolArray
+    free_until_s: FloatArray = field(default_factory=lambda: np.empty(0))
+    unvisited_until_s: FloatArray = field(default_factory=lambda: np.empty(0))
+    # From each of the cells that this frame shows open to the nearest other one, in cells.
+    depth: FloatArray = field(default_factory=lambda: np.empty(0))
+
+
+class MoverFree:
+    """The mover-free set around one vehicle.
+
+    Args:
+        speed_max_mps: v_o, of the fastest class.
+        reach_m: the grid reaches this far from the vehicle on each side, at least.
+        frames_needed: K, successive frames of one sensor that have to show a cell free, as for the
+            seen-free set; a mover that comes into view is reported after no more of them.
+        stamp_error_s: how far the stamp of a frame may be off.
+
+    Attributes:
+        dropped: frames that came too late to be put in their place.
+        version: changes whenever the set does.
+    """
+
+    def __init__(
+        self,
+        speed_max_mps: float,
+        reach_m: float,
+        *,
+        frames_needed: int = 3,
+        stamp_error_s: float = 0.0,
+    ) -> None:
+        self._speed_mps, self._error_s = speed_max_mps, stamp_error_s
+        self._needed = frames_needed
+        self._half = math.ceil(reach_m / CELL_M) + _STEP_CELLS
+        self._corner = (-self._half, -self._half)
+        self._steps: list[_Step] = []
+        self.dropped = self.version = 0
+        self._clear(unvisited_until_s=math.inf)
+
+    def begin(self) -> None:
+        """Begin with a flight: no frame has counted, and none hides that was not seen to hide."""
+        self._clear(unvisited_until_s=math.inf)
+
+    def void(self) -> None:
+        """Forget everything, also that no mover is hidden: the local frame is in doubt."""
+        self._clear(unvisited_until_s=-math.inf)
+
+    def _clear(self, unvisited_until_s: float) -> None:
+        shape = (2 * self._half, 2 * self._half)
+        self._free_until_s = np.full(shape, -math.inf)
+        # Until when no mover that was ever seen can be in a cell.
+        self._unvisited_until_s = np.full(shape, unvisited_until_s)
+        self._steps.clear()
+        self.version += 1
+
+    def centre_on(self, north_m: float, east_m: float) -> None:
+        """Move the grid along with the vehicle; what leaves the grid is unseen."""
+        wanted = [
+            round(value / CELL_M / _STEP_CELLS) * _STEP_CELLS - self._half
+            for value in (north_m, east_m)
+        ]
+        di, dj = wanted[0] - self._corner[0], wanted[1] - self._corner[1]
+        if not (di or dj):
+            return
+        self._corner = (wanted[0], wanted[1])
+        self._free_until_s = _moved(self._free_until_s, di, dj, -math.inf)
+        # A mover may have gone out and come back in elsewhere.
+        self._unvisited_until_s = _moved(self._unvisited_until_s, di, dj, -math.inf)
+        for step in self._steps:
+            for name, fill in (
+                ("seen", False), ("shaded", False), ("occupied", False), ("depth", 0),
+                ("free_until_s", -math.inf), ("unvisited_until_s", -math.inf),
+            ):  # fmt: skip
+                setattr(step, name, _moved(getattr(step, name), di, dj, fill))
+        self.version += 1
+
+    # ------------------------------------------------------------------ frames
+
+    def see(self, glance: Glance, source: str) -> bool:
+        """Take a frame of a sensor; tell whether it could still be put in its place."""
+        index = bisect.bisect_right(self._steps, glance.stamp_s, key=lambda step: step.stamp_s)
+        if index == 0 and len(self._steps) >= _HISTORY_MAX:
+            self.dropped += 1
+            return False
+        self._steps.insert(index, self._step(glance, source))
+        later = self._steps[index + 1 :]
+        if later:
+            self._free_until_s = later[0].free_until_s
+            self._unvisited_until_s = later[0].unvisited_until_s
+        for position in range(index, len(self._steps)):
+            self._apply(position)
+        del self._steps[: max(0, len(self._steps) - _HISTORY_MAX)]
+        self.version += 1
+        return True
+
+    def _step(self, glance: Glance, source: str) -> _Step:
+        xs_m, ys_m = self._centres()
+        seen = _shown(glance.view, xs_m, ys_m)
+        shaded = np.zeros_like(seen)
+        if glance.open_view is not None:
+            shaded = _shown(glance.open_view, xs_m, ys_m) & ~seen
+        if _nothing_near(glance.open_view or glance.view):
+            # Every mover within range of it is reported: none is there.
+            north_m, east_m = glance.view.position_leg_m
+            whole_m = NEAR_M - CELL_M / math.sqrt(2.0)
+            seen |= np.hypot(xs_m[:, None] - north_m, ys_m[None, :] - east_m) <= whole_m
+        occupied = np.zeros_like(seen)
+        for box in glance.movers:
+            occupied[self._window(*box)] = True
+        return _Step(glance.stamp_s, source, seen & ~occupied, shaded & ~occupied, occupied)
+
+    def _apply(self, position: int) -> None:
+        """Account for a step, all before it being accounted for."""
+        step = self._steps[position]
+        step.free_until_s, step.unvisited_until_s = self._free_until_s, self._unvisited_until_s
+        at_s = step.stamp_s + self._error_s
+        unvisited = self._unvisited_until_s > at_s
+        open_cells = step.seen | (step.shaded & unvisited)
+        step.depth = _depth(open_cells, edge_open=False)
+        shown = self._shown_in_a_row(position, open_cells)
+        self._free_until_s = self._arrival_s(shown, self._free_until_s, step, edge_open=False)
+        self._unvisited_until_s = self._arrival_s(
+            shown, self._unvisited_until_s, step, edge_open=True
+        )
+
+    def _shown_in_a_row(self, position: int, open_cells: BoolArray) -> BoolArray:
+        """Return the cells that enough successive frames of the sensor have shown free.
+
+        A mover that is there now was within v_o times its age of there in each of them.
+        """
+        step, left = self._steps[position], self._needed - 1
+        shown = open_cells.copy()
+        for earlier in reversed(self._steps[:position]):
+            if left == 0:
+                break
+            if earlier.source == step.source:
+                age_s = step.stamp_s - earlier.stamp_s + 2.0 * self._error_s
+                shown &= earlier.depth * CELL_M >= self._speed_mps * age_s
+                left -= 1
+        if left > 0:
+            shown[:] = False
+        return shown
+
+    def _arrival_s(
+        self, shown: BoolArray, before_s: FloatArray, step: _Step, *, edge_open: bool
+    ) -> FloatArray:
+        """Return until when no mover can be in each cell (Theorem M3)."""
+        at_s = step.stamp_s + self._error_s
+        held = before_s > at_s
+        # Movers where none could be: an assumption has failed, or one is seen for the first time.
+        surprising = bool((held & step.occupied).any())
+        none_there = (shown | held) & ~step.occupied
+        depth = _depth(none_there, edge_open=edge_open)
+        since_s = step.stamp_s - self._error_s
+        arrival_s = since_s + depth * (CELL_M / self._speed_mps)
+        arrival_s[~none_there] = -math.inf
+        if surprising:
+            return arrival_s
+        arrival_s = np.maximum(arrival_s, before_s)
+        arrival_s[step.occupied] = -math.inf
+        return arrival_s
+
+    # ------------------------------------------------------------------ questions
+
+    def are_free(self, low_ned_m: FloatArray, high_ned_m: FloatArray, until_s: FloatArray) -> bool:
+        """Tell whether no mover can be in any of some rectangles before its time.
+
+        Args:
+            low_ned_m: (n, 2), least north and east of each.
+            high_ned_m: (n, 2), greatest.
+            until_s: (n,).
+        """
+        return self.first_reached(low_ned_m, high_ned_m, until_s) is None
+
+    def first_reached(
+        self, low_ned_m: FloatArray, high_ned_m: FloatArray, until_s: FloatArray
+    ) -> int | None:
+        """Return the first of some rectangles that a mover may be in before its time."""
+        cells = np.concatenate((np.floor(low_ned_m / CELL_M), np.ceil(high_ned_m / CELL_M)), axis=1)
+        if not np.isfinite(cells).all():
+            return 0
+        cells = cells.astype(int) - np.array((*self._corner, *self._corner))
+        size, times_s = 2 * self._half, self._free_until_s
+        for index, ((i0, j0, i1, j1), time_s) in enumerate(
+            zip(cells.tolist(), until_s.tolist(), strict=True)
+        ):
+            if min(i0, j0) < 0 or max(i1, j1) > size:
+                return index
+            part_s = times_s[i0 : max(i1, i0 + 1), j0 : max(j1, j0 + 1)]
+            if not part_s.min() >= time_s - _ROUND_OFF_S:
+                return index
+        return None
+
+    def is_free_at(self, north_m: float, east_m: float, time_s: float) -> bool:
+        """Tell whether no mover can be in the cell around a place at a time."""
+        place = np.array(((north_m, east_m),))
+        return self.are_free(place, place, np.array((time_s,)))
+
+    def free_cells(self, time_s: float) -> int:
+        """Return how many cells hold no mover at a time."""
+        return int(np.count_nonzero(self._free_until_s > time_s))
+
+    def _centres(self) -> tuple[FloatArray, FloatArray]:
+        middles = np.arange(2 * self._half, dtype=np.float64) + 0.5
+        return (middles + self._corner[0]) * CELL_M, (middles + self._corner[1]) * CELL_M
+
+    def _window(
+        self, north_min_m: float, north_max_m: float, east_min_m: float, east_max_m: float
+    ) -> tuple[slice, slice]:
+        """Return the cells that a rectangle touches, as far as they are on the grid."""
+        slices = []
+        for axis, (low_m, high_m) in enumerate(
+            ((north_min_m, north_max_m), (east_min_m, east_max_m))
+        ):
+            first = math.floor(low_m / CELL_M) - self._corner[axis]
+            last = math.floor(high_m / CELL_M) - self._corner[axis] + 1
+            slices.append(slice(min(max(first, 0), 2 * self._half), max(last, 0)))
+        return slices[0], slices[1]
+
+
+def boxes_array(boxes: Sequence[tuple[float, float, float, float]]) -> FloatArray:
+    """Return boxes as rows, (0, 4) without any."""
+    return np.array(boxes, dtype=np.float64).reshape(-1, 4)
+
+
+def without(view: View, keep: Sequence[bool]) -> View:
+    """Return a view that only some of its boxes block."""
+    return replace(view, boxes=[box for box, kept in zip(view.boxes, keep, strict=True) if kept])
+
+
+def _shown(view: View, xs_m: FloatArray, ys_m: FloatArray) -> BoolArray:
+    shown = in_sector(view, xs_m, ys_m)
+    i, j = np.nonzero(shown)
+    shown[i, j] = seen_free(view, xs_m[i], ys_m[j], CELL_M)
+    return shown
+
+
+def _nothing_near(view: View) -> bool:
+    """Tell whether a sensor that sees all round reports nothing close to itself."""
+    x_m, y_m = view.position_leg_m
+    reach_m = NEAR_M + view.face_error_m + view.pose_error_m + view.placing_error_m
+    return view.half_view_rad >= math.pi and not any(
+        math.hypot(
+            max(box.x_min_m - x_m, 0.0, x_m - box.x_max_m),
+            max(box.y_min_m - y_m, 0.0, y_m - box.y_max_m),
+        )
+        <= reach_m
+        for box in view.boxes
+    )
+
+
+def _depth(cells: BoolArray, *, edge_open: bool) -> FloatArray:
+    """Return how many cells lie at least between each of some cells and the nearest other one.
+
+    From centre to centre it is the square root of two more, at most.
+
+    Args:
+        cells: those inside.
+        edge_open: whether what lies beyond the raster counts as inside.
+    """
+    padded = np.pad(cells, 1, constant_values=edge_open)
+    if padded.all():
+        return np.full(cells.shape, math.inf)
+    depth: FloatArray = distance_transform_edt(padded)[1:-1, 1:-1]
+    return np.maximum(depth - math.sqrt(2.0), 0.0)
+
+
+def _moved(cells: FloatArray, di: int, dj: int, fill: float) -> FloatArray:
+    """Return the window moved by whole cells; new cells get a value."""
+    moved = np.full_like(cells, fill)
+    size = cells.shape[0]
+    if abs(di) >= size or abs(dj) >= size:
+        return moved
+    source = cells[max(di, 0) : size + min(di, 0), max(dj, 0) : size + min(dj, 0)]
+    moved[max(-di, 0) : size + min(-di, 0), max(-dj, 0) : size + min(-dj, 0)] = source
+    return moved

@@ -1,0 +1,250 @@
+"""Tracks of what moves: boxes that grow with the greatest speed of their class until seen again.
+
+A track says where a mover that was seen may be, whatever it intends.  It is not what proves a place
+free (`mover_free` is), so that a wrong identity costs nothing but a track.  Coordinates are north
+and east; every box holds the whole mover, errors included.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, replace
+from typing import Final, NamedTuple
+
+from onboard.geometry.box import Box
+
+# Complete frames of its sensor without it: then it is unseen, and its place counts as such.
+MISSED_MAX: Final = 3
+# A track that no frame of its sensor has updated for so long is unseen, too.
+_MEMORY_S: Final = 5.0
+# A mover that was faster than declared may become faster still.
+_RAISED: Final = 1.25
+_ROUND_OFF_M: Final = 1e-6
+
+
+class Sighting(NamedTuple):
+    """One mover of one frame.
+
+    Attributes:
+        track_id: unique among sensors.
+        kind: class as the contract names it.
+        measured: the box as reported, along north and east.
+        error_m: how far each of its faces may be off.
+        whole: whether it holds the whole mover.
+        velocity_ned_mps: (north, east), where the sensor estimates it.
+    """
+
+    track_id: str
+    kind: str
+    measured: Box
+    error_m: float
+    whole: bool = True
+    velocity_ned_mps: tuple[float, float] | None = None
+
+
+@dataclass(frozen=True)
+class Bound:
+    """What a class of movers keeps to.
+
+    Attributes:
+        speed_max_mps: v_o.
+        size_max_m: largest extent.
+    """
+
+    speed_max_mps: float
+    size_max_m: float
+
+
+@dataclass(frozen=True)
+class MoverTrack:
+    """Where one mover may be.
+
+    Attributes:
+        id: of the track.
+        kind: class.
+        box: holds the whole mover at `seen_s`.
+        seen_s: stamp of the newest frame that showed it.
+        speed_max_mps: v_o, of its class, or more once it was faster.
+        velocity_ned_mps: as its sensor estimates it; for people.
+        missed: complete frames of its sensor since that did not show it.
+    """
+
+    id: str
+    kind: str
+    box: Box
+    seen_s: float
+    speed_max_mps: float
+    velocity_ned_mps: tuple[float, float] | None = None
+    missed: int = 0
+
+    def predicted(self, time_s: float, stamp_error_s: float = 0.0) -> Box:
+        """Return what holds the mover at a time, if it keeps to its speed."""
+        age_s = max(time_s - self.seen_s, 0.0) + stamp_error_s
+        return self.box.inflated(self.speed_max_mps * age_s)
+
+
+class TooFast(NamedTuple):
+    """A mover was farther from where it was than its class allows.
+
+    Attributes:
+        track_id: which.
+        speed_mps: how fast it has been at least.
+        limit_mps: v_o.
+    """
+
+    track_id: str
+    speed_mps: float
+    limit_mps: float
+
+
+class MoverTracker:
+    """Keeps the tracks of all movers that are seen.
+
+    Args:
+        bounds: of each class; of ``unknown``, too, for what has none.
+        stamp_error_s: how far the stamp of a frame may be off.
+    """
+
+    def __init__(
+        self, bounds: Mapping[str, Bound], unknown: Bound, *, stamp_error_s: float = 0.0
+    ) -> None:
+        self._bounds, self._unknown = dict(bounds), unknown
+        self._error_s = stamp_error_s
+        self._tracks: dict[str, MoverTrack] = {}
+        self._ghosts = 0
+
+    def __len__(self) -> int:
+        return len(self._tracks)
+
+    def __iter__(self) -> Iterator[MoverTrack]:
+        return iter(self._tracks.values())
+
+    def bound(self, kind: str) -> Bound:
+        """Return what a class keeps to; one that is not declared may be any."""
+        return self._bounds.get(kind, self._unknown)
+
+    def clear(self) -> None:
+        """Forget every track: the local frame has moved."""
+        self._tracks.clear()
+
+    def take(
+        self, source: str, sightings: Iterable[Sighting], stamp_s: float, *, complete: bool
+    ) -> list[TooFast]:
+        """Take what a frame shows.
+
+        Args:
+            source: the sensor, with whose name its tracks begin.
+            sightings: its movers.
+            stamp_s: when it was taken; an older one than before changes nothing.
+            complete: whether it names everything within range and view.
+
+        Returns:
+            Movers that have been faster than their class allows.
+        """
+        before = dict(self._tracks)
+        found, shown = [], set()
+        for sighting in sightings:
+            shown.add(sighting.track_id)
+            known = before.get(sighting.track_id)
+            if known is not None and stamp_s <= known.seen_s:
+                continue
+            others = [track for track in before.values() if track.id != sighting.track_id]
+            track, too_fast = self._updated(known, sighting, stamp_s, others)
+            self._tracks[sighting.track_id] = track
+            if too_fast is not None:
+                found.append(too_fast)
+        self._forget(f"{source}/", shown, stamp_s, complete=complete)
+        return found
+
+    def _updated(
+        self,
+        known: MoverTrack | None,
+        sighting: Sighting,
+        stamp_s: float,
+        others: list[MoverTrack],
+    ) -> tuple[MoverTrack, TooFast | None]:
+        """Return a track after a sighting, and whether the mover was too fast."""
+        bound, error_m = self.bound(sighting.kind), sighting.error_m
+        told = sighting.measured.inflated(error_m)
+        if not sighting.whole:
+            told = with_hidden_part(told, bound.size_max_m)
+        new = MoverTrack(
+            sighting.track_id,
+            sighting.kind,
+            told,
+            stamp_s,
+            bound.speed_max_mps,
+            sighting.velocity_ned_mps,
+        )
+        if known is None:
+            return new, None
+        new = replace(new, speed_max_mps=max(new.speed_max_mps, known.speed_max_mps))
+        at = known.predicted(stamp_s, self._error_s)
+        beyond_m = _beyond_m(sighting.measured, at, error_m)
+        # Where another one may be as well, the identities may have been exchanged.
+        shared = any(
+            other.predicted(stamp_s, self._error_s).inflated(error_m).intersects(sighting.measured)
+            for other in others
+        )
+        if beyond_m > _ROUND_OFF_M:
+            self._add_ghost(known)
+            if shared:
+                return new, None
+            speed_mps = known.speed_max_mps + beyond_m / max(stamp_s - known.seen_s, 1e-3)
+            raised_mps = max(new.speed_max_mps, _RAISED * speed_mps)
+            too_fast = TooFast(known.id, speed_mps, known.speed_max_mps)
+            return replace(new, speed_max_mps=raised_mps), too_fast
+        if not (sighting.whole or shared):
+            # What is not seen of it cannot have gone farther than all of it.
+            new = replace(new, box=_common(told, at))
+        return new, None
+
+    def _add_ghost(self, track: MoverTrack) -> None:
+        """Let the old box go on growing: it may be another mover that is there."""
+        self._ghosts += 1
+        ghost_id = f"{track.id}~{self._ghosts}"
+        self._tracks[ghost_id] = replace(track, id=ghost_id)
+
+    def _forget(self, prefix: str, shown: set[str], stamp_s: float, *, complete: bool) -> None:
+        for track_id, track in list(self._tracks.items()):
+            if stamp_s - track.seen_s > _MEMORY_S:
+                del self._tracks[track_id]
+            elif complete and track_id.startswith(prefix) and track_id not in shown:
+                if track.missed + 1 >= MISSED_MAX:
+                    del self._tracks[track_id]
+                elif stamp_s > track.seen_s:
+                    self._tracks[track_id] = replace(track, missed=track.missed + 1)
+
+
+def with_hidden_part(told: Box, size_max_m: float) -> Box:
+    """Return what holds a mover of which only a part was seen, turned by any angle."""
+    most_m = size_max_m * math.sqrt(2.0)
+    return Box(
+        min(told.x_min_m, told.x_max_m - most_m),
+        max(told.x_max_m, told.x_min_m + most_m),
+        min(told.y_min_m, told.y_max_m - most_m),
+        max(told.y_max_m, told.y_min_m + most_m),
+    )
+
+
+def _beyond_m(measured: Box, predicted: Box, error_m: float) -> float:
+    """Return how far a face is at least beyond where it could be; negative if within."""
+    return max(
+        predicted.x_min_m - (measured.x_min_m + error_m),
+        predicted.y_min_m - (measured.y_min_m + error_m),
+        measured.x_max_m - error_m - predicted.x_max_m,
+        measured.y_max_m - error_m - predicted.y_max_m,
+    )
+
+
+def _common(one: Box, other: Box) -> Box:
+    """Return what two boxes share; the first where they share nothing."""
+    if not one.intersects(other):
+        return one
+    return Box(
+        max(one.x_min_m, other.x_min_m),
+        min(one.x_max_m, other.x_max_m),
+        max(one.y_min_m, other.y_min_m),
+        min(one.y_max_m, other.y_max_m),
+    )

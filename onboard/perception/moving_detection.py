@@ -1,0 +1,98 @@
+"""Detection message, version 2: what moves is told from what stands still (docs: Detections).
+
+Readers of version 1 reject it, so that they are blind and hold: they would take a mover for static.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated, Literal
+
+from pydantic import AfterValidator, Field
+
+from onboard.perception.detection import MAX_OBSTACLES_PER_FRAME, Detection, DetectionFrame
+
+Motion = Literal["static", "moving", "unknown"]
+_Speed = Annotated[float, Field(ge=-300.0, le=300.0)]
+UNKNOWN_CLASS = "unknown"
+
+
+def _no_partial_whole(detection: MovingDetection) -> MovingDetection:
+    if detection.partial and detection.box_whole:
+        raise ValueError("box_whole contradicts partial: state one of them")
+    return detection
+
+
+class MovingDetection(Detection):
+    """One obstacle of a frame of version 2.
+
+    Attributes:
+        motion: ``static`` claims that it never moves; ``unknown`` counts as moving.
+        kind: its class as the contract names it; what the contract does not name is unknown.
+        velocity_mps: (x, y) or (x, y, z) in the axes of the frame, over ground; None if not
+            estimated.
+        velocity_uncertainty_mps: how far each component may be off, a bound.
+        box_whole: whether the box holds the whole obstacle, faces within `uncertainty_m`; without,
+            its far faces may be anywhere.
+    """
+
+    motion: Motion = "unknown"
+    kind: Annotated[str, Field(alias="class", min_length=1, max_length=32)] = UNKNOWN_CLASS
+    velocity_mps: tuple[_Speed, _Speed] | tuple[_Speed, _Speed, _Speed] | None = None
+    velocity_uncertainty_mps: Annotated[float, Field(ge=0.0, le=300.0)] | None = None
+    box_whole: Annotated[bool, Field(strict=True)] = False
+
+
+CheckedDetection = Annotated[MovingDetection, AfterValidator(_no_partial_whole)]
+
+
+class MovingFrame(DetectionFrame):
+    """A frame of version 2.
+
+    Attributes:
+        frame_complete: whether everything within range and view is among the obstacles; a frame
+            that is not complete shows nothing free.
+    """
+
+    version: Literal[2]  # type: ignore[assignment]  # a frame of another version
+    obstacles: Annotated[tuple[CheckedDetection, ...], Field(max_length=MAX_OBSTACLES_PER_FRAME)]
+    frame_complete: Annotated[bool, Field(strict=True)] = False
+
+
+def is_mover(detection: Detection) -> bool:
+    """Tell whether a detection has to be taken for one that moves, where movers are expected.
+
+    A message of version 1 says nothing of motion.
+    """
+    return not isinstance(detection, MovingDetection) or detection.motion != "static"
+
+
+def kind_of(detection: Detection) -> str:
+    """Return the class that a sensor states; unknown where it states none."""
+    return detection.kind if isinstance(detection, MovingDetection) else UNKNOWN_CLASS
+
+
+def is_whole(detection: Detection) -> bool:
+    """Tell whether the box of a mover holds all of it."""
+    if isinstance(detection, MovingDetection):
+        return detection.box_whole
+    return not detection.partial
+
+
+def is_complete(frame: DetectionFrame) -> bool:
+    """Tell whether a frame says that it names everything within its range and view."""
+    return not isinstance(frame, MovingFrame) or frame.frame_complete
+
+
+def turned_velocity_mps(detection: Detection, yaw_rad: float) -> tuple[float, float] | None:
+    """Return the velocity north and east; None where the sensor does not state it.
+
+    Args:
+        detection: what was seen.
+        yaw_rad: of the frame's x axis, clockwise from north; 0 in local NED.
+    """
+    if not isinstance(detection, MovingDetection) or detection.velocity_mps is None:
+        return None
+    x_mps, y_mps = detection.velocity_mps[:2]
+    cosine, sine = math.cos(yaw_rad), math.sin(yaw_rad)
+    return cosine * x_mps - sine * y_mps, sine * x_mps + cosine * y_mps

@@ -1,0 +1,165 @@
+"""Where movers go: targets that they head for as fast as they may."""
+
+from __future__ import annotations
+
+import math
+import random
+from typing import Final, Protocol
+
+from sitl.environment.movers.config import Hostile, Pursuit, Trefoil, Waypoints
+
+Point = tuple[float, float]
+# After a contact a pursuer goes away for so long.
+_RETREAT_S: Final = 6.0
+# So often it goes away instead of changing its way, so that the vehicle goes on.
+_RETREAT_SHARE: Final = 0.35
+_FAR_M: Final = 1e3
+
+
+class Path(Protocol):
+    """Where one mover goes."""
+
+    start_ned_m: Point
+
+    def target_ned_m(
+        self, now_s: float, here_ned_m: Point, vehicle_ned_m: Point, velocity_ned_mps: Point
+    ) -> Point:
+        """Return what the mover heads for now."""
+        ...
+
+    def touched(self, now_s: float) -> None:
+        """Take note that it touches the vehicle."""
+        ...
+
+
+class WaypointPath:
+    """From place to place."""
+
+    def __init__(self, path: Waypoints) -> None:
+        self._places = path.places_ned_m
+        self.start_ned_m = self._places[0]
+        self._next = 0
+
+    def target_ned_m(
+        self, now_s: float, here_ned_m: Point, vehicle_ned_m: Point, velocity_ned_mps: Point
+    ) -> Point:
+        """Return the next place that has not been reached."""
+        del now_s, vehicle_ned_m, velocity_ned_mps
+        if math.dist(here_ned_m, self._places[self._next]) < 1e-6:
+            self._next = (self._next + 1) % len(self._places)
+        return self._places[self._next]
+
+    def touched(self, now_s: float) -> None:
+        """Go on."""
+
+
+class TrefoilPath:
+    """Along a clover leaf, whose points come as fast as the mover goes at its middle."""
+
+    def __init__(self, path: Trefoil, speed_mps: float) -> None:
+        self._path = path
+        # The fastest point of the curve is at the middle: 3 R per radian.
+        self._rate_radps = speed_mps / (3.0 * path.radius_m + 1e-9)
+        self.start_ned_m = self._at(0.0)
+
+    def _at(self, now_s: float) -> Point:
+        angle_rad = math.radians(self._path.phase_deg) + self._rate_radps * now_s
+        reach_m = self._path.radius_m * math.cos(3.0 * angle_rad)
+        north_m, east_m = self._path.center_ned_m
+        return north_m + reach_m * math.cos(angle_rad), east_m + reach_m * math.sin(angle_rad)
+
+    def target_ned_m(
+        self, now_s: float, here_ned_m: Point, vehicle_ned_m: Point, velocity_ned_mps: Point
+    ) -> Point:
+        """Return where it is now by the curve."""
+        del here_ned_m, vehicle_ned_m, velocity_ned_mps
+        return self._at(now_s)
+
+    def touched(self, now_s: float) -> None:
+        """Go on."""
+
+
+class PursuitPath:
+    """Towards where the vehicle is, or will be."""
+
+    def __init__(self, path: Pursuit) -> None:
+        self._path = path
+        self.start_ned_m = path.start_ned_m
+        self._retreats_until_s = -math.inf
+
+    def target_ned_m(
+        self, now_s: float, here_ned_m: Point, vehicle_ned_m: Point, velocity_ned_mps: Point
+    ) -> Point:
+        """Return the place to meet the vehicle, or one away from it after a contact."""
+        if now_s < self._path.begins_s:
+            return here_ned_m
+        if now_s < self._retreats_until_s:
+            return away_from(vehicle_ned_m, here_ned_m)
+        return ahead_of(vehicle_ned_m, velocity_ned_mps, self._path.lead_s)
+
+    def touched(self, now_s: float) -> None:
+        """Retreat for a while."""
+        self._retreats_until_s = now_s + _RETREAT_S
+
+
+class HostilePath:
+    """One way after another, each for a few seconds: whatever may touch the vehicle."""
+
+    def __init__(self, path: Hostile, noise: random.Random) -> None:
+        self.start_ned_m = path.start_ned_m
+        self._noise = noise
+        self._retreats_until_s = self._changes_s = -math.inf
+        self._lead_s, self._aside_m, self._from_rad = 0.0, 0.0, 0.0
+        self._near_m = math.inf
+
+    def target_ned_m(
+        self, now_s: float, here_ned_m: Point, vehicle_ned_m: Point, velocity_ned_mps: Point
+    ) -> Point:
+        """Return what to head for: the vehicle, ahead of it, or a place beside its way."""
+        if now_s < self._retreats_until_s:
+            return away_from(vehicle_ned_m, here_ned_m)
+        if now_s >= self._changes_s:
+            self._choose(now_s)
+            if now_s < self._retreats_until_s:
+                return away_from(vehicle_ned_m, here_ned_m)
+        near = math.dist(here_ned_m, vehicle_ned_m) < self._near_m
+        meet_ned_m = ahead_of(vehicle_ned_m, velocity_ned_mps, self._lead_s)
+        if near:
+            return meet_ned_m
+        return (
+            meet_ned_m[0] + self._aside_m * math.cos(self._from_rad),
+            meet_ned_m[1] + self._aside_m * math.sin(self._from_rad),
+        )
+
+    def _choose(self, now_s: float) -> None:
+        noise = self._noise
+        if noise.random() < _RETREAT_SHARE:
+            self._retreats_until_s = now_s + noise.uniform(4.0, 12.0)
+            return
+        self._changes_s = now_s + noise.uniform(1.0, 6.0)
+        self._lead_s = noise.choice((0.0, 0.5, 1.5, 3.0))
+        self._aside_m = noise.choice((0.0, 0.0, 2.5, 5.0))
+        self._from_rad = noise.uniform(-math.pi, math.pi)
+        self._near_m = noise.choice((math.inf, 4.0, 6.0))
+
+    def touched(self, now_s: float) -> None:
+        """Retreat for a while."""
+        self._retreats_until_s = now_s + self._noise.uniform(0.5, _RETREAT_S)
+
+
+def ahead_of(vehicle_ned_m: Point, velocity_ned_mps: Point, lead_s: float) -> Point:
+    """Return where the vehicle will be if it keeps its velocity."""
+    return (
+        vehicle_ned_m[0] + lead_s * velocity_ned_mps[0],
+        vehicle_ned_m[1] + lead_s * velocity_ned_mps[1],
+    )
+
+
+def away_from(vehicle_ned_m: Point, here_ned_m: Point) -> Point:
+    """Return a place far away, on the other side of the vehicle."""
+    north_m, east_m = here_ned_m[0] - vehicle_ned_m[0], here_ned_m[1] - vehicle_ned_m[1]
+    length_m = math.hypot(north_m, east_m) or 1.0
+    return (
+        here_ned_m[0] + _FAR_M * (north_m or 1.0) / length_m,
+        here_ned_m[1] + _FAR_M * east_m / length_m,
+    )

@@ -1,0 +1,260 @@
+"""What passive safety against movers requires of a contract."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from onboard.contract.arithmetic import SCALAR
+from onboard.contract.assessment import TICK_S, assess, derive
+from onboard.contract.movers import (
+    NOSE_TOLERANCE_RAD,
+    STAMP_ERROR_S,
+    Stop,
+    all_round_m,
+    dead_daemon_range_m,
+    in_view_rad,
+    passive_range_m,
+    stop_of,
+    stoppable_m,
+)
+from onboard.contract.terms import Terms
+from onboard.files.contract_file import Contract, load_contract
+from onboard.files.contract_terms.mover_terms import MoverClass
+from onboard.files.yaml_file import FileError, validate
+from onboard.guidance.envelope import HEADING_TOLERANCE_RAD
+from onboard.perception.placement import POSE_TIMING_S
+
+PERSON = {"class": "person", "speed_max_mps": 1.5, "size_max_m": 1.0}
+DRONE = {"class": "drone", "speed_max_mps": 15.0, "size_max_m": 1.0}
+
+
+def contract(**changes: Any) -> Contract:
+    """Return a contract against movers; keys are ``section__key``."""
+    data: dict[str, Any] = {
+        "vehicle": {
+            "roll_max_deg": 15.0, "pitch_max_deg": 15.0, "thrust_to_weight": 2.0,
+            "cruise_speed_mps": 2.8, "radius_m": 0.3, "tracking_error_m": 0.35,
+            "velocity_error_mps": [0.1, 0.1], "reaction_time_s": 0.25, "attitude_lag_s": 0.2,
+            "setpoint_loss_timeout_s": 0.5, "rest_settle_s": 0.3,
+        },
+        "requirements": {"stop": True, "passive_safety": True, "movers": "passive"},
+        "sensor": {
+            "detection_range_m": 15.0, "field_of_view_deg": 120.0, "frame_age_max_s": 0.3,
+            "position_error_m": 0.05, "all_round_range_m": 11.0,
+        },
+        "environment": {
+            "obstacle_size_max_m": 4.0, "obstacle_size_min_m": 0.0,
+            "obstacle_separation_min_m": 20.0, "movers": [PERSON],
+        },
+    }  # fmt: skip
+    for name, value in changes.items():
+        section, _, key = name.partition("__")
+        data[section][key] = value
+    return validate(data, Contract, source="test")
+
+
+def stop(terms: Terms[float]) -> Stop[float]:
+    return stop_of(terms, derive(terms, SCALAR), SCALAR)
+
+
+TERMS = Terms.of(contract())
+DERIVED = derive(TERMS, SCALAR)
+
+
+def test_constants_are_those_of_the_rooms_that_this_one_may_not_import() -> None:
+    assert STAMP_ERROR_S == POSE_TIMING_S
+    assert NOSE_TOLERANCE_RAD == HEADING_TOLERANCE_RAD
+
+
+# ---------------------------------------------------------------------- the key and its hash
+
+
+def test_at_their_defaults_the_keys_leave_the_hash_as_it_was() -> None:
+    plain = load_contract(Path(__file__).parents[3] / "config" / "default_contract.yaml")
+    assert plain.sha256 == "9769489e3b0d8048d790bbcd62e9ca3b25d0680deb56ecaba79b439cace44935"
+    off = contract(requirements__movers="none", environment__movers=[], sensor__all_round_range_m=0)
+    assert off.sha256 != contract().sha256
+
+
+@pytest.mark.parametrize(
+    ("changes", "says"),
+    [
+        ({"requirements__movers": "avoid"}, "avoiding movers in flight is not implemented"),
+        ({"environment__movers": []}, "needs environment.movers"),
+        ({"requirements__stop": False}, "needs requirements.stop = true"),
+        ({"vehicle__rest_settle_s": 0.0}, "needs vehicle.rest_settle_s above 0 s"),
+        ({"sensor__all_round_range_m": 0.0}, "needs sensor.all_round_range_m above 0 m"),
+        (
+            {"requirements__movers": "passive_in_view", "requirements__progress": "best_effort"},
+            "counts only in a steady cruise",
+        ),
+        ({"requirements__movers": "passive_in_view"}, "not enforced in flight yet"),
+        (
+            {"vehicle__setpoint_loss": {
+                "model": "frozen", "gain_per_s": 0.95, "velocity_gain_per_s": 1.8}},
+            "needs vehicle.setpoint_loss_run_time_s",
+        ),
+        (
+            {"environment__movers": [DRONE, {**PERSON, "class": "unknown"}]},
+            "may be a drone: state at least 15 m/s",
+        ),
+        ({"environment__movers": [PERSON, PERSON]}, "'person' is stated 2 times"),
+    ],
+)  # fmt: skip
+def test_what_is_not_enforced_is_refused(changes: dict[str, Any], says: str) -> None:
+    with pytest.raises(FileError) as refused:
+        contract(**changes)
+    assert says in str(refused.value)
+
+
+def test_a_view_all_round_needs_no_ring() -> None:
+    seen = assess(contract(sensor__all_round_range_m=0.0, sensor__field_of_view_deg=360.0))
+    assert not [c for c in seen.clauses if c.name.startswith("all_round")]
+    assert str(seen.mover_levels[0]).startswith("person 1.5 m/s: passive")
+
+
+# ---------------------------------------------------------------------- levels
+
+
+def test_each_class_has_a_level() -> None:
+    declared = [PERSON, DRONE, {"class": "child", "speed_max_mps": 0.5, "size_max_m": 1.0}]
+    said = [str(level) for level in assess(contract(environment__movers=declared)).mover_levels]
+    assert said[0] == "person 1.5 m/s: passive, if none hides behind an obstacle"
+    assert said[1].startswith("drone 15 m/s: NOT COVERED, needs ")
+    blind = contract(
+        requirements__movers="none", sensor__all_round_range_m=0.0, environment__movers=declared
+    )
+    said = [str(level) for level in assess(blind).mover_levels]
+    assert said[0].startswith("person 1.5 m/s: NOT COVERED")
+    assert said[2].startswith("child 0.5 m/s: passive in view, in a steady cruise only")
+
+
+def test_an_uncovered_class_breaks_the_contract_that_requires_it() -> None:
+    assert assess(contract()).compliant
+    broken = [c.name for c in assess(contract(environment__movers=[DRONE])).clauses if not c.holds]
+    assert "passive_range.drone" in broken
+    assert "all_round.drone" in broken
+    without = contract(environment__movers=[DRONE], requirements__movers="none")
+    assert assess(without).compliant
+
+
+def test_the_table_of_the_theory() -> None:
+    """T1 at 15 degrees and 2.8 m/s: t_set 0, no acceleration, no stamp error."""
+    table = Stop(1.30, 2.9, 2.628, 0.2, 0.0, 0.0)
+    for v_o, front_m in ((0.0, 4.2), (0.5, 5.0), (1.5, 6.5), (5.0, 12.0), (15.0, 27.5)):
+        stamp_m = (2.9 + v_o) * STAMP_ERROR_S
+        assert passive_range_m(table, 0.25, v_o) - stamp_m == pytest.approx(front_m, abs=0.06)
+
+
+# ---------------------------------------------------------------------- against brute force
+
+
+@given(
+    v_o=st.floats(0.1, 15.0),
+    speed=st.floats(0.5, 8.0),
+    tau=st.floats(0.05, 0.5),
+    settle=st.floats(0.0, 1.0),
+    share=st.sampled_from((1.0, 0.9)),
+)
+@settings(max_examples=60, deadline=None)
+def test_pursuers_touch_at_nine_tenths_of_the_range_and_never_outside(
+    v_o: float, speed: float, tau: float, settle: float, share: float
+) -> None:
+    """Simulate reference and mover in steps of 2 ms, straight on, still accelerating at first."""
+    terms = replace(TERMS, cruise_speed_mps=speed, reaction_time_s=tau, rest_settle_s=settle)
+    vehicle = stop(terms)
+    gap_m = share * passive_range_m(vehicle, tau, v_o)
+    step_s, time_s, x_m, v_mps = 0.002, 0.0, 0.0, vehicle.speed_mps
+    braking_from_s = tau + terms.attitude_lag_s * (1.0 + vehicle.accelerating)
+    touched = False
+    at_rest_s = math.inf
+    while time_s < at_rest_s + settle:
+        if time_s >= braking_from_s:
+            v_mps = max(0.0, v_mps - vehicle.brake_mps2 * step_s)
+        if v_mps == 0.0 and at_rest_s == math.inf:
+            at_rest_s = time_s
+        x_m += v_mps * step_s
+        time_s += step_s
+        touched |= x_m + v_o * time_s + vehicle.fixed_m >= gap_m + 2.0 * (v_mps + v_o) * step_s
+    assert touched == (share < 1.0)
+
+
+@given(bearing_deg=st.floats(0.0, 180.0), v_o=st.floats(0.1, 5.0))
+@settings(max_examples=60, deadline=None)
+def test_who_is_outside_view_and_ring_cannot_reach_a_stopping_vehicle(
+    bearing_deg: float, v_o: float
+) -> None:
+    ring_m = all_round_m(TERMS, DERIVED, vehicle := stop(TERMS), v_o, SCALAR)
+    bearing_rad = math.radians(bearing_deg)
+    half_rad = TERMS.sure_view_rad / 2.0 - NOSE_TOLERANCE_RAD
+    front_m = passive_range_m(vehicle, TERMS.reaction_time_s, v_o)
+    from_m = front_m if bearing_rad < half_rad else ring_m
+    x_m, y_m = from_m * math.cos(bearing_rad), from_m * math.sin(bearing_rad)
+    total_s, step_s = vehicle.time_s(TERMS.reaction_time_s), 0.01
+    braking_s = vehicle.speed_mps / vehicle.brake_mps2
+    dead_s = total_s - braking_s - TERMS.rest_settle_s
+    for index in range(int(total_s / step_s)):
+        now_s = index * step_s
+        left_s = min(max(now_s - dead_s, 0.0), braking_s)
+        made_m = (
+            vehicle.speed_mps * min(now_s, dead_s)
+            + vehicle.speed_mps * left_s
+            - vehicle.brake_mps2 * left_s**2 / 2.0
+        )
+        assert math.hypot(x_m - made_m, y_m) > v_o * now_s + vehicle.fixed_m
+
+
+def test_the_dead_daemon_clause_has_the_reaction_time() -> None:
+    """At 1.5 m/s and a reaction of 0.25 s, leaving it out is short by (V_e + v_o) tau."""
+    vehicle = stop(TERMS)
+    later = replace(TERMS, reaction_time_s=TERMS.reaction_time_s + 0.1)
+    more_m = dead_daemon_range_m(later, DERIVED, vehicle, 1.5) - dead_daemon_range_m(
+        TERMS, DERIVED, vehicle, 1.5
+    )
+    assert more_m == pytest.approx(0.1 * (vehicle.speed_mps + 1.5))
+
+
+def test_a_measured_run_time_replaces_the_model() -> None:
+    vehicle = stop(TERMS)
+    slow = replace(TERMS, setpoint_loss_run_time_s=5.0)
+    model_s = TERMS.setpoint_loss_timeout_s + vehicle.lag_s + vehicle.speed_mps / vehicle.brake_mps2
+    more_m = dead_daemon_range_m(slow, DERIVED, vehicle, 2.0) - dead_daemon_range_m(
+        TERMS, DERIVED, vehicle, 2.0
+    )
+    assert more_m == pytest.approx(2.0 * (5.0 - model_s))
+
+
+def test_in_view_needs_a_vehicle_twice_as_fast() -> None:
+    assert in_view_rad(TERMS, DERIVED, stop(TERMS), 1.5, SCALAR) > 2.0 * math.pi
+    view_rad = in_view_rad(TERMS, DERIVED, stop(TERMS), 0.5, SCALAR)
+    assert math.radians(30.0) < view_rad < math.radians(120.0)
+
+
+def test_requirements_grow_with_speed_so_that_bisection_may_search() -> None:
+    speeds = (0.5, 1.0, 2.0, 2.8)
+    for name in ("passive_range.person", "passive_dead_daemon.person", "all_round.person"):
+        found = []
+        for speed in speeds:
+            clauses = assess(contract(vehicle__cruise_speed_mps=speed)).clauses
+            found += [clause.required for clause in clauses if clause.name == name]
+        assert found == sorted(found)
+        assert len(found) == len(speeds)
+
+
+def test_stoppable_is_the_way_of_braking_at_once() -> None:
+    vehicle = stop(TERMS)
+    way_m = vehicle.speed_mps * (TERMS.attitude_lag_s + TICK_S)
+    way_m += vehicle.speed_mps**2 / (2.0 * vehicle.brake_mps2)
+    assert stoppable_m(TERMS, vehicle, TICK_S) == pytest.approx(way_m)
+
+
+def test_a_class_in_a_file_is_named_class() -> None:
+    mover = MoverClass.model_validate(PERSON)
+    assert mover.model_dump(mode="json") == {**PERSON, "hidden": False}

@@ -1,0 +1,191 @@
+"""Tracks of movers: growing boxes, violations, exchanged identities, parts, forgetting."""
+
+from __future__ import annotations
+
+import math
+from random import Random
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from onboard.geometry.box import Box
+from onboard.perception.movers.static_claims import StaticClaims
+from onboard.perception.movers.tracker import (
+    MISSED_MAX,
+    Bound,
+    MoverTrack,
+    MoverTracker,
+    Sighting,
+    TooFast,
+)
+
+E_M = 0.1
+PERSON = Bound(1.5, 0.6)
+
+
+def tracker() -> MoverTracker:
+    return MoverTracker({"person": PERSON}, Bound(15.0, 2.0))
+
+
+def box(x_m: float, y_m: float, size_m: float = 0.6) -> Box:
+    half_m = size_m / 2.0
+    return Box(x_m - half_m, x_m + half_m, y_m - half_m, y_m + half_m)
+
+
+def holds(outer: Box, inner: Box) -> bool:
+    return outer.inflated(1e-9).enclosing(inner) == outer.inflated(1e-9)
+
+
+def only(tracks: MoverTracker) -> MoverTrack:
+    (track,) = tracks
+    return track
+
+
+def seen(x_m: float, y_m: float = 0.0, *, name: str = "1", whole: bool = True) -> Sighting:
+    return Sighting(f"front/{name}", "person", box(x_m, y_m), E_M, whole)
+
+
+def test_a_box_grows_with_the_speed_of_its_class_until_seen_again() -> None:
+    tracks = tracker()
+    tracks.take("front", [seen(5.0)], 1.0, complete=True)
+    assert only(tracks).predicted(1.0) == box(5.0, 0.0).inflated(E_M)
+    assert holds(only(tracks).predicted(2.0), box(5.0, 0.0).inflated(E_M + 1.4999))
+    tracks.take("front", [seen(5.1)], 1.1, complete=True)
+    assert only(tracks).box == box(5.1, 0.0).inflated(E_M)
+
+
+def test_what_has_no_declared_class_may_be_any() -> None:
+    tracks = tracker()
+    stranger = Sighting("front/9", "dog", box(5.0, 0.0), E_M)
+    tracks.take("front", [stranger], 0.0, complete=True)
+    assert only(tracks).speed_max_mps == 15.0
+
+
+def test_the_box_of_a_whole_mover_is_never_cut_by_the_prediction() -> None:
+    """The identity may be a neighbour's: a box that is cut would leave a part of it uncovered."""
+    tracks = tracker()
+    tracks.take("front", [seen(5.0)], 0.0, complete=True)
+    tracks.take("front", [seen(5.15)], 0.05, complete=True)
+    assert only(tracks).box == box(5.15, 0.0).inflated(E_M)
+
+
+def test_faster_than_declared_is_told_face_by_face() -> None:
+    tracks = tracker()
+    tracks.take("front", [seen(5.0)], 0.0, complete=True)
+    # The farther face may be 0.2 + 0.15 m on after 0.1 s, errors included.
+    assert tracks.take("front", [seen(5.34)], 0.1, complete=True) == []
+    tracks = tracker()
+    tracks.take("front", [seen(5.0)], 0.0, complete=True)
+    (found,) = tracks.take("front", [seen(5.5)], 0.1, complete=True)
+    assert found == TooFast("front/1", found.speed_mps, 1.5)
+    assert found.speed_mps == pytest.approx(3.0)
+    fast = next(track for track in tracks if track.id == "front/1")
+    assert fast.speed_max_mps == pytest.approx(1.25 * 3.0)
+    # The old box goes on growing.
+    assert len(tracks) == 2
+
+
+def test_exchanged_identities_are_no_speed() -> None:
+    tracks = tracker()
+    tracks.take("front", [seen(5.0), seen(7.0, name="2")], 0.0, complete=True)
+    swapped = [seen(7.0), seen(5.0, name="2")]
+    assert tracks.take("front", swapped, 0.1, complete=True) == []
+    for place in (box(5.0, 0.0), box(7.0, 0.0)):
+        assert any(holds(track.predicted(0.1), place) for track in tracks)
+
+
+def test_of_a_part_the_rest_may_be_anywhere_within_the_size() -> None:
+    tracks = tracker()
+    part = Sighting("front/1", "person", Box(5.0, 5.1, 0.0, 0.1), E_M, whole=False)
+    tracks.take("front", [part], 0.0, complete=True)
+    most_m = 0.6 * math.sqrt(2.0)
+    assert only(tracks).box.x_max_m == pytest.approx(4.9 + most_m)
+    assert only(tracks).box.y_min_m == pytest.approx(0.2 - most_m)
+
+
+def test_what_is_not_seen_of_a_known_mover_cannot_have_gone_farther_than_all_of_it() -> None:
+    tracks = tracker()
+    tracks.take("front", [seen(5.0)], 0.0, complete=True)
+    part = Sighting("front/1", "person", Box(4.7, 4.9, -0.3, 0.3), E_M, whole=False)
+    tracks.take("front", [part], 0.1, complete=True)
+    assert holds(box(5.0, 0.0).inflated(E_M + 0.15), only(tracks).box)
+    near = Sighting("front/2", "person", box(5.5, 0.0), E_M)
+    tracks.take("front", [part, near], 0.2, complete=True)
+    tracks.take("front", [part, near], 0.3, complete=True)
+    kept = next(track for track in tracks if track.id == "front/1")
+    # Another may be there, too: then nothing is cut.
+    assert kept.box.x_max_m == pytest.approx(4.6 + 0.6 * math.sqrt(2.0))
+
+
+def test_who_is_in_none_of_a_few_complete_frames_is_unseen() -> None:
+    tracks = tracker()
+    tracks.take("front", [seen(5.0)], 0.0, complete=True)
+    for index in range(1, MISSED_MAX):
+        tracks.take("front", [], 0.1 * index, complete=True)
+        tracks.take("ring", [], 0.1 * index, complete=True)
+        tracks.take("front", [], 0.1 * index, complete=False)
+        assert len(tracks) == 1
+    tracks.take("front", [], 1.0, complete=True)
+    assert len(tracks) == 0
+
+
+def test_a_sensor_that_never_says_all_is_forgotten_by_age() -> None:
+    tracks = tracker()
+    tracks.take("front", [seen(5.0)], 0.0, complete=False)
+    tracks.take("front", [], 4.0, complete=False)
+    assert len(tracks) == 1
+    tracks.take("front", [], 6.0, complete=False)
+    assert len(tracks) == 0
+
+
+def test_an_older_frame_changes_nothing() -> None:
+    tracks = tracker()
+    tracks.take("front", [seen(5.0)], 1.0, complete=True)
+    tracks.take("front", [seen(9.0)], 0.9, complete=True)
+    assert only(tracks).box == box(5.0, 0.0).inflated(E_M)
+
+
+@given(seed=st.integers(0, 2**32 - 1), swaps=st.booleans())
+@settings(max_examples=40, deadline=None)
+def test_movers_at_their_speed_are_always_held_and_never_too_fast(seed: int, swaps: bool) -> None:
+    """Zigzagging neighbours, errors pinned to their bounds, identities exchanged at random."""
+    random, tracks = Random(seed), tracker()
+    places = [(random.uniform(-3, 3), random.uniform(-3, 3)) for _ in range(4)]
+    names = [str(index) for index in range(4)]
+    for step in range(60):
+        stamp_s = step * 0.1
+        places = [
+            (x + 0.15 * math.cos(turn), y + 0.15 * math.sin(turn))
+            for (x, y), turn in zip(places, (random.uniform(-4, 4) for _ in places), strict=True)
+        ]
+        if swaps and random.random() < 0.3:
+            random.shuffle(names)
+        errors = [random.choice((-E_M, E_M)) for _ in places]
+        found = tracks.take(
+            "front",
+            [
+                Sighting(f"front/{name}", "person", box(x + error, y - error), E_M)
+                for name, (x, y), error in zip(names, places, errors, strict=True)
+            ],
+            stamp_s,
+            complete=True,
+        )
+        assert found == []
+        for x, y in places:
+            later = box(x, y).inflated(0.1 * 1.5)
+            assert any(holds(track.predicted(stamp_s), box(x, y)) for track in tracks)
+            assert any(holds(track.predicted(stamp_s + 0.1), later) for track in tracks)
+
+
+def test_a_claim_to_stand_still_is_compared_with_its_first_sighting() -> None:
+    claims = StaticClaims()
+    limit_m = 2.0 * math.sqrt(2.0) * E_M
+    assert claims.check("front/1", box(5.0, 0.0), E_M) is None
+    for creep in range(1, 30):
+        moved = claims.check("front/1", box(5.0 + 0.01 * creep, 0.0), E_M)
+        assert (moved is not None) == (creep == math.floor(limit_m / 0.01) + 1)
+    assert claims.is_broken("front/1")
+    claims.clear()
+    assert claims.is_broken("front/1")
+    assert not claims.is_broken("front/2")
