@@ -165,7 +165,8 @@ ASSUMPTION_CURES: Final[Mapping[Assumption, Cure]] = MappingProxyType(
             "nothing where a way to rest is held; else take another line, or fly slower",
         ),
         Assumption.NO_PASSAGE: Cure(
-            "25 looks on a leg have found no way, or the place of the start is not seen free",
+            "25 looks on a leg, or 90 s of them from one place, have found no way, or the place of "
+            "the start is not seen free",
             "look at the live view: move the leg, reduce radius or tracking error, or fly around "
             "by hand and hand back behind it",
         ),

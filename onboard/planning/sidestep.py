@@ -139,16 +139,16 @@ def go_ahead(at: Standstill) -> Iterator[Horizon]:
     goal_x_m, reach_m, ahead = at.goal_leg_m[0], _free_ahead_m(at), at.obstacle_ahead()
     near_m = x_m + reach_m + at.margin_m + _ROOM_M
     room_m = _ROOM_M if ahead is not None and ahead.x_min_m <= near_m else 0.0
-    for overhang_m in _overhangs_m(at.limits.run_on):
+    for overhang_m in overhangs_m(at.limits.run_on):
         if goal_x_m + overhang_m <= x_m + reach_m:
             target_m = goal_x_m
         else:
             target_m = min(goal_x_m, x_m + reach_m - max(overhang_m, room_m))
         arrives = target_m >= goal_x_m - _SAME_PLACE_M and target_m > x_m + _STEP_M
         if target_m - x_m >= GO_MIN_M or arrives:
-            motion = _motion(at, ((0, target_m - x_m),), overhang_m)
-            if motion is not None:
-                yield motion
+            found = motion(at, ((0, target_m - x_m),), overhang_m)
+            if found is not None:
+                yield found
 
 
 def sidesteps(at: Standstill) -> Iterator[Horizon]:
@@ -164,22 +164,22 @@ def sidesteps(at: Standstill) -> Iterator[Horizon]:
         if abs(aside_m) < _SAME_PLACE_M:
             continue
         for back_m in _BACK_M:
-            if not _is_tried(at, (x_m - back_m, target_m)):
+            if not is_tried(at, (x_m - back_m, target_m)):
                 yield from _aside(at, back_m, aside_m)
 
 
 def _aside(at: Standstill, back_m: float, aside_m: float) -> Iterator[Horizon]:
     """Yield the quickest motion back and aside whose strips are seen free; none if none are."""
     x_m, y_m = at.place_leg_m
-    for overhang_m in _overhangs_m(at.limits.run_on):
-        moves, strips = [(1, aside_m)], [_strip(x_m - back_m, y_m, (1, aside_m), overhang_m)]
+    for overhang_m in overhangs_m(at.limits.run_on):
+        moves, strips = [(1, aside_m)], [strip(x_m - back_m, y_m, (1, aside_m), overhang_m)]
         if back_m > 0.0:
             moves.insert(0, (0, -back_m))
-            strips.append(_strip(x_m, y_m, (0, -back_m), overhang_m))
-        if all(_has_room(at, strip) for strip in strips):
-            motion = _motion(at, moves, overhang_m)
-            if motion is not None:
-                yield motion
+            strips.append(strip(x_m, y_m, (0, -back_m), overhang_m))
+        if all(has_room(at, strip) for strip in strips):
+            found = motion(at, moves, overhang_m)
+            if found is not None:
+                yield found
                 return
 
 
@@ -222,19 +222,21 @@ def _towards_seen_m(at: Standstill) -> list[float]:
     x_m, y_m = at.place_leg_m
     inwards = math.copysign(1.0, at.goal_leg_m[1] - y_m)
     targets_m = [y_m + sign * aside_m for aside_m in _ASIDE_M for sign in (inwards, -inwards)]
-    seen = [_has_room(at, Rectangle(x_m, x_m + _AHEAD_M, y, y)) for y in (y_m, *targets_m)]
+    seen = [has_room(at, Rectangle(x_m, x_m + _AHEAD_M, y, y)) for y in (y_m, *targets_m)]
     return [] if seen[0] else list(compress(targets_m, seen[1:]))
 
 
-def _is_tried(at: Standstill, place_leg_m: tuple[float, float]) -> bool:
+def is_tried(at: Standstill, place_leg_m: tuple[float, float]) -> bool:
+    """Tell whether a place has led no farther."""
     return any(math.dist(place_leg_m, tried) < _SAME_PLACE_M for tried in at.tried_leg_m)
 
 
-def _overhangs_m(run_on: RunOn) -> tuple[float, ...]:
+def overhangs_m(run_on: RunOn) -> tuple[float, ...]:
+    """Return how far a run-on may end beyond a target, the quickest motion first."""
     return OVERHANGS_M if run_on.gains else (0.0,)
 
 
-def _strip(x_m: float, y_m: float, move: tuple[int, float], overhang_m: float) -> Rectangle:
+def strip(x_m: float, y_m: float, move: tuple[int, float], overhang_m: float) -> Rectangle:
     """Return where the reference may be while it makes a move of (axis, distance), and runs on."""
     axis, distance_m = move
     farther_m = distance_m + math.copysign(overhang_m, distance_m)
@@ -244,7 +246,7 @@ def _strip(x_m: float, y_m: float, move: tuple[int, float], overhang_m: float) -
     return Rectangle(x_m, x_m, y_m + low_m, y_m + high_m)
 
 
-def _has_room(at: Standstill, way: Rectangle) -> bool:
+def has_room(at: Standstill, way: Rectangle) -> bool:
     """Tell whether the body may be anywhere in a rectangle."""
     return bool(_have_room(at, *(np.array([face_m]) for face_m in way))[0])
 
@@ -271,9 +273,7 @@ def _free_ahead_m(at: Standstill) -> float:
     return float(ways_m[np.count_nonzero(np.logical_and.accumulate(free)) - 1]) if free[0] else 0.0
 
 
-def _motion(
-    at: Standstill, moves: Sequence[tuple[int, float]], overhang_m: float
-) -> Horizon | None:
+def motion(at: Standstill, moves: Sequence[tuple[int, float]], overhang_m: float) -> Horizon | None:
     """Return moves of (axis, distance) one after another, each from rest to rest."""
     base = at.flown.next_node()
     parts = []

@@ -6,9 +6,11 @@ the second look in a row on, the guide's cost just ahead is raised, so that anot
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING, Final
 
 from onboard.guidance.dense.look_round import LookRound
+from onboard.monitoring.assumptions import Assumption, Violation
 from onboard.planning.corridor.guide import along
 from onboard.planning.corridor.look import looks_at_rest_rad
 
@@ -19,6 +21,11 @@ if TYPE_CHECKING:
 
 # Of one leg; then the vehicle gives up.
 PAUSES_MAX: Final = 25
+# At one place: so many and for so long.  Obstacles stand still, so that more looks from there show
+# nothing new, while the vehicle's battery empties.
+PAUSES_HERE_MAX: Final = 4
+HERE_MAX_S: Final = 90.0
+_HERE_M: Final = 0.3
 # This far ahead the guide's cost is raised.
 _COST_AHEAD_M: Final = 0.8
 # Nearer to the leg's end than before by this: what was tried has helped.
@@ -44,11 +51,24 @@ class Pause:
         self.count = self._in_a_row = 0
         self._left_m: float | None = None
         self._looked_s: float | None = None
+        # Where the vehicle pauses, since when, and how often so far.
+        self._place_leg_m, self._here_since_s = (math.inf, math.inf), 0.0
+        self._count_here = 0
 
     @property
     def exhausted(self) -> bool:
-        """Whether the vehicle has looked often enough."""
+        """Whether the vehicle has looked often enough on this leg."""
         return self.count >= PAUSES_MAX
+
+    def exhaustion(self, now_s: float) -> Violation | None:
+        """Return what says that the vehicle has looked often enough, on this leg or from here."""
+        if self.exhausted:
+            pauses = float(self.count)
+            return Violation(Assumption.NO_PASSAGE, pauses, float(PAUSES_MAX), "pauses")
+        here_s = now_s - self._here_since_s
+        if self._count_here >= PAUSES_HERE_MAX and here_s > HERE_MAX_S:
+            return Violation(Assumption.NO_PASSAGE, here_s, HERE_MAX_S, "s at one place")
+        return None
 
     @property
     def looking(self) -> bool:
@@ -62,21 +82,28 @@ class Pause:
 
     def begin_leg(self) -> None:
         """Count from zero again."""
-        self.count = self._in_a_row = 0
+        self.count = self._in_a_row = self._count_here = 0
         self._left_m = None
 
     def look_round(self, headings_rad: tuple[float, ...], frames_needed: int) -> None:
         """Begin to look at some headings."""
         self._round, self._looked_s = LookRound(headings_rad, frames_needed), None
 
-    def begin(self, outlook: Outlook, frames_needed: int, *, along_leg: bool = False) -> None:
+    def begin(
+        self, outlook: Outlook, frames_needed: int, now_s: float, *, along_leg: bool = False
+    ) -> None:
         """Begin a pause.
 
         Args:
             outlook: what is known.
             frames_needed: frames that have to count at each heading.
+            now_s: the time.
             along_leg: turn the nose back along the leg at the end: nothing is planned before.
         """
+        if math.dist(outlook.position_leg_m, self._place_leg_m) > _HERE_M or not self._count_here:
+            self._place_leg_m, self._here_since_s = outlook.position_leg_m, now_s
+            self._count_here = 0
+        self._count_here += 1
         self.count += 1
         self._in_a_row += 1
         looks_rad = looks_at_rest_rad(outlook, all_round=self._in_a_row > 1)

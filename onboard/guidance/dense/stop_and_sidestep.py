@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 
 from onboard.geometry.frames import wrap_angle
 from onboard.guidance.dense.look_round import LookRound, points_at
+from onboard.planning.retreat import retreats
 from onboard.planning.sidestep import GO_MIN_M, Standstill, go_ahead, looks_aside_rad, sidesteps
 
 if TYPE_CHECKING:
@@ -34,6 +35,8 @@ MOTIONS_MAX: Final = 8
 # Certificates for one decision: a tick has no time for more.
 _CANDIDATES_MAX: Final = 4
 _FARTHER_M: Final = 0.3
+# So often, until it gets farther, the vehicle draws back to see what is too near to be seen.
+_RETREATS_MAX: Final = 2
 # A go that avoids nothing is flown for so long before another plan may replace it.
 _UNDISTURBED_M: Final = 1.0
 
@@ -54,6 +57,7 @@ class _Stage(Enum):
     DECIDING = auto()
     LOOKING = auto()
     SIDESTEPPING = auto()
+    RETREATING = auto()
     FACING = auto()
     GOING = auto()
 
@@ -119,9 +123,10 @@ class StopAndSidestep:
         self._looks_rad, self._needed = tuple(looks_rad), frames_needed
         self._stage = _Stage.IDLE
         self._round = LookRound((), 0)
+        self._back_m = 2.0 * limits.body_radius_m
         # No plan replaces what is flown before this x.
         self._passed_x_m = math.inf
-        self._farthest_x_m, self._motions = -math.inf, 0
+        self._farthest_x_m, self._motions, self._retreats = -math.inf, 0, 0
         self._tried_leg_m: list[tuple[float, float]] = []
         self._may_look = self._has_looked = False
 
@@ -138,7 +143,7 @@ class StopAndSidestep:
     @property
     def moving(self) -> bool:
         """Whether a motion of it is flown."""
-        return self._stage in (_Stage.SIDESTEPPING, _Stage.GOING)
+        return self._stage in (_Stage.SIDESTEPPING, _Stage.RETREATING, _Stage.GOING)
 
     def begin(self, *, may_look: bool) -> bool:
         """Begin where the vehicle rests; tell whether there is any use in it.
@@ -150,7 +155,7 @@ class StopAndSidestep:
             return False
         x_m, _ = self._place_leg_m()
         if x_m >= self._farthest_x_m + _FARTHER_M:
-            self._farthest_x_m, self._motions = x_m, 0
+            self._farthest_x_m, self._motions, self._retreats = x_m, 0, 0
             self._tried_leg_m.clear()
         if self._motions >= MOTIONS_MAX:
             return False
@@ -174,6 +179,10 @@ class StopAndSidestep:
             if self._way.still:
                 self._stage, self._round = _Stage.FACING, LookRound((0.0,), self._needed)
             return Step.GOES_ON
+        if self._stage is _Stage.RETREATING:
+            if self._way.still:
+                self._look()
+            return Step.GOES_ON
         if self._stage is _Stage.DECIDING:
             return self._decide(known, now_s)
         looked = self._round.advance(self._reference, known.heading_rad, known.frames_counted)
@@ -189,7 +198,7 @@ class StopAndSidestep:
         return Step.PASSED
 
     def _decide(self, known: Known, now_s: float) -> Step:
-        """Go if that certifies, else sidestep, else look, else give up."""
+        """Go if that certifies, else sidestep, else look, else draw back to look, else give up."""
         if self._way.decided or self._way.flown is None:
             return Step.GOES_ON
         at = self._standstill(self._way.flown, known)
@@ -203,11 +212,21 @@ class StopAndSidestep:
                 self._stage, self._has_looked = _Stage.SIDESTEPPING, False
                 return Step.FLIES
         if self._may_look and not self._has_looked:
-            self._stage = _Stage.LOOKING
-            self._round = LookRound(self._looks_rad, self._needed)
+            self._look()
             return Step.GOES_ON
+        if self._may_retreat(known) and self._fly_first(retreats(at, self._back_m), known, now_s):
+            self._stage, self._retreats = _Stage.RETREATING, self._retreats + 1
+            return Step.FLIES
         self._stage = _Stage.IDLE
         return Step.FAILED
+
+    def _look(self) -> None:
+        self._stage = _Stage.LOOKING
+        self._round = LookRound(self._looks_rad, self._needed)
+
+    def _may_retreat(self, known: Known) -> bool:
+        fresh = self._retreats < _RETREATS_MAX and self._motions < MOTIONS_MAX
+        return self._may_look and fresh and self._points_ahead(known.heading_rad)
 
     def _fly_first(self, motions: Iterator[Horizon], known: Known, now_s: float) -> bool:
         """Fly the first motion that certifies, of a few."""

@@ -20,7 +20,6 @@ from onboard.guidance.dense.level import Level
 from onboard.guidance.dense.limits import turn_max_radps
 from onboard.guidance.dense.look_round import points_at
 from onboard.guidance.dense.nose import Nose
-from onboard.guidance.dense.pause import PAUSES_MAX
 from onboard.guidance.dense.seen_space import NothingSeen, SeenSpace, take_operators_word
 from onboard.guidance.dense.sliced_planning import Surroundings, leads_on
 from onboard.guidance.dense.standstill_clock import StandstillClock
@@ -304,14 +303,13 @@ class Thread(ThreadRecord):
         """Begin a pause (NO_WAY), or give up; wait where movers are the reason."""
         if self._yields(now_s):
             return
-        if self._leg.pause.exhausted:
-            pauses = float(self._leg.pause.count)
-            exhausted = Violation(Assumption.NO_PASSAGE, pauses, float(PAUSES_MAX), "pauses")
-            self._fallback.report_and_hold(exhausted, now_s)
+        exhaustion = self._leg.pause.exhaustion(now_s)
+        if exhaustion is not None:
+            self._fallback.report_and_hold(exhaustion, now_s)
             return
         self._situation.fire(Trigger.NO_WAY, now_s)
         self._leg.pause.begin(
-            self._outlook(), self._seen.frames_needed, along_leg=self._is_along_leg
+            self._outlook(), self._seen.frames_needed, now_s, along_leg=self._is_along_leg
         )
         self._leg.planning.forget_guide()
         self._restart_clock(now_s)

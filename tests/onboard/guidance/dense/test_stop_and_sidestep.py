@@ -16,12 +16,13 @@ from onboard.contract.assessment import Assessment, assess
 from onboard.contract.run_on import NO_RUN_ON
 from onboard.files.contract_file import Contract, load_contract
 from onboard.geometry.box import Box
+from onboard.geometry.free_grid import FreeGrid
 from onboard.guidance.dense.limits import run_on_of
 from onboard.guidance.dense.pause import PAUSES_MAX
-from onboard.guidance.dense.stop_and_sidestep import MOTIONS_MAX, Known, Step
+from onboard.guidance.dense.stop_and_sidestep import MOTIONS_MAX, Known, Step, StopAndSidestep
 from onboard.guidance.phases import FlightState
 from onboard.perception.seen_free import CELL_M
-from onboard.planning.corridor.horizon import PIECES, Horizon
+from onboard.planning.corridor.horizon import PIECE_S, PIECES, Horizon
 from onboard.planning.corridor.receding_horizon import (
     HorizonPlan,
     HorizonProblem,
@@ -181,3 +182,50 @@ def test_along_the_leg_nothing_is_flown_with_the_nose_elsewhere(resting: BoxFlig
     ahead = known._replace(heading_rad=0.0)
     resting.situation.reference.heading_rad = 0.0
     assert manoeuvre.advance(ahead, resting.now_s) is Step.FLIES
+
+
+def looked_round(manoeuvre: StopAndSidestep, flight: BoxFlight, grid: FreeGrid) -> Step:
+    """Look with a nose that follows at once, until something else is decided."""
+    for tick in range(5000):
+        heading_rad = flight.situation.reference.heading_rad
+        step = manoeuvre.advance(Known(grid, [], (0.0, 0.0), heading_rad, tick), flight.now_s)
+        if not manoeuvre.looking and step is not Step.GOES_ON:
+            return step
+    pytest.fail("it looks for ever")
+
+
+def test_what_is_too_near_to_be_seen_is_looked_at_from_farther_away(resting: BoxFlight) -> None:
+    """Free is only the way that has led here: it draws back along it, and looks from there."""
+    flight, seen = resting, resting.seen._seen
+    manoeuvre, way = flight.thread._leg.manoeuvre, flight.thread.way
+    body_m = flight.thread._leg.limits.body_radius_m
+    manoeuvre.cancel()
+    seen.void()
+    for back_m in np.arange(0.0, 3.0 * body_m, CELL_M):
+        seen.confirm(-float(back_m), 0.0, body_m + 0.2)
+    flight.situation.reference.heading_rad = 0.0
+    way.begin(flight.now_s, (0.0, 0.0, 0.0))
+    assert manoeuvre.begin(may_look=True)
+    assert looked_round(manoeuvre, flight, seen.grid()) is Step.FLIES
+    assert manoeuvre.moving
+    way.pass_nodes(flight.now_s + PIECE_S)
+    assert way.flown is not None
+    x_m, y_m = way.flown.nodes[-1, 0].tolist()
+    assert -3.0 * body_m < x_m < -0.9 * body_m
+    assert y_m == pytest.approx(0.0, abs=1e-9)
+    way.begin(flight.now_s, (x_m, y_m, 0.0))
+    known = Known(seen.grid(), [], (x_m, y_m), 0.0, 0)
+    assert manoeuvre.advance(known, flight.now_s) is Step.GOES_ON
+    assert manoeuvre.looking
+
+
+def test_without_room_to_draw_back_it_gives_up(resting: BoxFlight) -> None:
+    flight, seen = resting, resting.seen._seen
+    manoeuvre, way = flight.thread._leg.manoeuvre, flight.thread.way
+    manoeuvre.cancel()
+    seen.void()
+    seen.confirm(0.0, 0.0, flight.thread._leg.limits.body_radius_m + 0.2)
+    flight.situation.reference.heading_rad = 0.0
+    way.begin(flight.now_s, (0.0, 0.0, 0.0))
+    assert manoeuvre.begin(may_look=True)
+    assert looked_round(manoeuvre, flight, seen.grid()) is Step.FAILED
