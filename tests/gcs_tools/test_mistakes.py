@@ -390,7 +390,8 @@ MISTAKES = [
         ("onboard.yaml", "require_preflight: false", "metrics: {listen: localhost}"),
     ),
     Mistake(
-        "metrics on a port that is none", "clearway-onboard --config onboard.yaml", ("'127.0.0.1:94640'",),
+        "metrics on a port that is none", "clearway-onboard --config onboard.yaml",
+        ("'127.0.0.1:94640'",),
         ("onboard.yaml", "require_preflight: false", "metrics: {listen: '127.0.0.1:94640'}"),
     ),
     Mistake(

@@ -162,6 +162,19 @@ def test_a_restart_in_flight_waits_for_the_word(contract: Contract) -> None:
     assert rig.phase is Phase.CRUISE
 
 
+def test_a_failsafe_that_ends_hands_nothing_back(contract: Contract) -> None:
+    """PX4 holds while no daemon runs, and takes up the mode of setpoints again by itself."""
+    rig = restarted(contract, left(contract))
+    rig.position_ned_m = (5.0, 0.0, -4.0)
+    fly(rig)
+    rig.mode, rig.system_status = POSCTL, 5
+    rig.run(1.0)
+    rig.mode, rig.system_status = OFFBOARD, 4
+    rig.run(6.0)
+    assert rig.phase.value == "standby"
+    assert "a flight was left at leg 2 of 3" in rig.texts("refused")[-1]
+
+
 def test_a_pilot_who_takes_over_and_hands_back_begins_at_the_first_leg(
     contract: Contract,
 ) -> None:
