@@ -81,6 +81,8 @@ _MISSION_MESSAGES: Final = (
 )
 _RANGES_HZ: Final = 10.0
 _BATTERY_HZ: Final = 1.0
+# By which a change of the mission on board shows.
+_MISSION_HZ: Final = 1.0
 # A tick sees one or two; a burst beyond this is a fault: the oldest are dropped.
 _RANGES_PENDING_MAX: Final = 32
 _NOWHERE: Final = (math.nan, math.nan, math.nan)
@@ -190,6 +192,8 @@ class MavlinkEndpoint:
             wanted_hz = (*self.profile.requested_hz, *ranges_hz)
             if self.wants_battery:
                 wanted_hz += battery_hz
+            if self.missions.wanted:
+                wanted_hz += ((mavlink.MAVLINK_MSG_ID_MISSION_CURRENT, _MISSION_HZ),)
             self.transmitter.request(self._requests.due(wanted_hz, now_s))
             if (request := self.missions.due(now_s)) is not None:
                 self.transmitter.send_mission_request(request)

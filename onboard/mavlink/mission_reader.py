@@ -174,6 +174,7 @@ class MissionReader:
         place = (after.latitude, after.longitude, after.altitude)
         if before is not None and (before.latitude, before.longitude, before.altitude) != place:
             self._note_change(now_s)
+        self._place_due_s = now_s  # the other one may be asked for at once
         return after
 
     def _note_change(self, now_s: float) -> None:

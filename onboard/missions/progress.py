@@ -174,7 +174,9 @@ class MissionProgress:
         """Wait for the operator's word where a flight was left in the air, at a later leg."""
         status = self._link.status
         known = math.isfinite(status.heard_s) and status.airborne is not None
-        if known and not (status.airborne and status.armed and status.external_control):
+        # A failsafe that ends hands nothing back: only the pilot, or the ground, ends the flight.
+        elsewhere = not status.external_control and not status.failsafe
+        if known and (elsewhere or not (status.airborne and status.armed)):
             self._found_in_flight = False
         text = None
         if self._found_in_flight:

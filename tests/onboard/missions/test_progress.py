@@ -22,9 +22,9 @@ MISSION = Mission.model_validate(
         "altitude_m": 4.0,
         "start_clear_m": 2.0,
         "legs": [
-            {"end_ned_m": [10.0, 0.0], "target_half_width_m": 8.0},
-            {"end_ned_m": [40.0, 0.0], "target_half_width_m": 3.0},
-            {"end_ned_m": [40.0, 12.0], "target_half_width_m": 3.0},
+            {"end_ned_m": [8.0, 0.0], "target_half_width_m": 8.0},
+            {"end_ned_m": [22.0, 0.0], "target_half_width_m": 3.0},
+            {"end_ned_m": [22.0, 8.0], "target_half_width_m": 3.0},
         ],
     }
 )
@@ -38,7 +38,7 @@ def left(contract: Contract, **changes: object) -> SavedProgress:
         origin_e7=HOME_E7,
         leg=2,
         legs=3,
-        place_ned_m=(25.0, 1.0),
+        place_ned_m=(16.0, 1.0),
         time_unix_s=EPOCH_UNIX_S,
     )
     return saved.model_copy(update=changes)
@@ -71,10 +71,10 @@ def test_leg_and_place_are_noted_and_forgotten_at_the_end(contract: Contract) ->
     rig = restarted(contract, SavedProgress())
     rig.run(1.0)
     fly(rig)
-    rig.run(30.0, until=lambda: rig.position_ned_m[0] > 14.0)
+    rig.run(30.0, until=lambda: rig.position_ned_m[0] > 11.0)
     saved = rig.autonomy.progress.saved
     assert (saved.leg, saved.legs, saved.mission) == (2, 3, mission_sha256(MISSION))
-    assert saved.place_ned_m[0] == pytest.approx(14.0, abs=2.0)
+    assert saved.place_ned_m[0] == pytest.approx(11.0, abs=2.0)
     assert saved.origin_e7 == HOME_E7
     assert saved.contract_sha256 == contract.sha256
     assert SavedProgress.model_validate_json(saved.model_dump_json()) == saved
@@ -87,13 +87,13 @@ def test_without_the_word_the_mission_begins_at_its_start(contract: Contract) ->
     rig = restarted(contract, left(contract))
     rig.run(1.0)
     assert rig.texts("flight_left") == [
-        "a flight was left at leg 2 of 3, 25 m north, 1 m east: clearway resume goes on there"
+        "a flight was left at leg 2 of 3, 16 m north, 1 m east: clearway resume goes on there"
     ]
-    assert state_of(rig.autonomy, rig.now_s).resumable == "leg 2 of 3, 25 m north, 1 m east"
+    assert state_of(rig.autonomy, rig.now_s).resumable == "leg 2 of 3, 16 m north, 1 m east"
     fly(rig)
     rig.run(5.0, until=lambda: rig.phase is Phase.CRUISE)
     assert rig.phase is Phase.CRUISE
-    assert route(rig) == [(0.0, 0.0), (10.0, 0.0), (40.0, 0.0), (40.0, 12.0)]
+    assert route(rig) == [(0.0, 0.0), (8.0, 0.0), (22.0, 0.0), (22.0, 8.0)]
     assert state_of(rig.autonomy, rig.now_s).resumable is None
 
 
@@ -104,24 +104,24 @@ def test_after_a_battery_swap_at_home_it_goes_on_by_way_of_the_place(contract: C
     assert rig.texts("flight_resumed") == [
         "going on at leg 2 of 3 by way of the place where it was left, once control is granted"
     ]
-    assert route(rig) == [(0.0, 0.0), (25.0, 1.0), (40.0, 0.0), (40.0, 12.0)]
+    assert route(rig) == [(0.0, 0.0), (16.0, 1.0), (22.0, 0.0), (22.0, 8.0)]
     # Confirmed was another start, if at another time: here the vehicle has to look for itself.
     assert rig.autonomy.navigator.situation.route.mission.start_clear_m is None
     fly(rig)
-    rig.run(20.0, until=lambda: rig.position_ned_m[0] > 15.0)
+    rig.run(20.0, until=lambda: rig.position_ned_m[0] > 10.0)
     # On the way there nothing new has been flown.
     assert rig.autonomy.progress.saved == left(contract)
-    rig.run(20.0, until=lambda: rig.position_ned_m[0] > 30.0)
+    rig.run(20.0, until=lambda: rig.position_ned_m[0] > 19.0)
     assert rig.autonomy.progress.saved.leg == 2
     assert rig.autonomy.progress.saved.mission == mission_sha256(MISSION)
-    rig.run(30.0, until=lambda: rig.position_ned_m[1] > 3.0)
+    rig.run(30.0, until=lambda: rig.position_ned_m[1] > 2.0)
     saved = rig.autonomy.progress.saved
     assert (saved.leg, saved.legs) == (3, 3)
     # Left once more, in this process: it goes on from where the pilot has put the vehicle.
     rig.mode = POSCTL
     rig.run(0.5)
     assert resumed(rig) == []
-    assert route(rig)[-1] == (40.0, 12.0)
+    assert route(rig)[-1] == (22.0, 8.0)
     assert len(route(rig)) == 2
     rig.mode = OFFBOARD
     rig.run(30.0, until=lambda: rig.phase is Phase.ARRIVED)
@@ -132,26 +132,26 @@ def test_after_a_battery_swap_at_home_it_goes_on_by_way_of_the_place(contract: C
 
 def test_beside_the_place_the_leg_goes_on_at_once(contract: Contract) -> None:
     rig = restarted(contract, left(contract))
-    rig.position_ned_m = (26.0, -1.5, -4.0)
+    rig.position_ned_m = (17.0, -1.5, -4.0)
     rig.run(1.0)
     assert resumed(rig) == []
-    assert route(rig) == [(26.0, -1.5), (40.0, 0.0), (40.0, 12.0)]
+    assert route(rig) == [(17.0, -1.5), (22.0, 0.0), (22.0, 8.0)]
 
 
 def test_a_leg_that_was_flown_to_its_end_is_not_flown_again(contract: Contract) -> None:
-    rig = restarted(contract, left(contract, place_ned_m=(40.0, 0.05)))
+    rig = restarted(contract, left(contract, place_ned_m=(22.0, 0.05)))
     rig.run(1.0)
     assert resumed(rig) == []
-    assert route(rig) == [(0.0, 0.0), (40.0, 0.05), (40.0, 12.0)]
-    rig = restarted(contract, left(contract, leg=3, place_ned_m=(40.0, 12.0)))
-    rig.position_ned_m = (40.0, 12.0, -4.0)
+    assert route(rig) == [(0.0, 0.0), (22.0, 0.05), (22.0, 8.0)]
+    rig = restarted(contract, left(contract, leg=3, place_ned_m=(22.0, 8.0)))
+    rig.position_ned_m = (22.0, 8.0, -4.0)
     rig.run(1.0)
     assert [each.kind for each in resumed(rig)] == [RefusalKind.LEG_FLOWN]
 
 
 def test_a_restart_in_flight_waits_for_the_word(contract: Contract) -> None:
     rig = restarted(contract, left(contract))
-    rig.position_ned_m = (5.0, 0.0, -4.0)  # on the first leg, too
+    rig.position_ned_m = (4.0, 0.0, -4.0)  # on the first leg, too
     fly(rig)
     rig.run(6.0)
     assert rig.phase.value == "standby"
@@ -160,6 +160,19 @@ def test_a_restart_in_flight_waits_for_the_word(contract: Contract) -> None:
     assert resumed(rig) == []
     rig.run(3.0, until=lambda: rig.phase is Phase.CRUISE)
     assert rig.phase is Phase.CRUISE
+
+
+def test_a_failsafe_that_ends_hands_nothing_back(contract: Contract) -> None:
+    """PX4 holds while no daemon runs, and takes up the mode of setpoints again by itself."""
+    rig = restarted(contract, left(contract))
+    rig.position_ned_m = (4.0, 0.0, -4.0)
+    fly(rig)
+    rig.mode, rig.system_status = POSCTL, 5
+    rig.run(1.0)
+    rig.mode, rig.system_status = OFFBOARD, 4
+    rig.run(6.0)
+    assert rig.phase.value == "standby"
+    assert "a flight was left at leg 2 of 3" in rig.texts("refused")[-1]
 
 
 def test_a_pilot_who_takes_over_and_hands_back_begins_at_the_first_leg(
@@ -216,7 +229,7 @@ def test_an_origin_that_the_vehicle_does_not_state_is_not_known(contract: Contra
 
 def test_a_way_that_leaves_the_fence_is_refused(contract: Contract) -> None:
     rig = restarted(contract, left(contract))
-    hole = {"keep": "outside", "center_ned_m": [12.0, 0.5], "radius_m": 3.0}
+    hole = {"keep": "outside", "center_ned_m": [8.0, 0.5], "radius_m": 3.0}
     rig.autonomy.keep_in(Geofence.model_validate({"areas": [hole]}))
     rig.run(1.0)
     assert [each.kind for each in resumed(rig)] == [RefusalKind.GEOFENCE]
