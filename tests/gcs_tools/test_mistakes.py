@@ -365,7 +365,7 @@ MISTAKES = [
         "virtual obstacles beside a real sensor", f"{CHECK} --daemon-config onboard.yaml",
         ("beside the real sensor 'p'", "beside_real_sensors"),
         ("onboard.yaml", "require_preflight: false",
-         f"sources: [{{{VIRTUAL}, field: f.yaml}}, {{kind: obstacle_distance, name: p, {STATED}}}]"),
+         f"sources: [{{{VIRTUAL}, field: f.yaml}}, {{kind: range, name: p, topic: r, {STATED}}}]"),
     ),
     Mistake(
         "virtual obstacles of a file that is lost", "clearway-onboard --config onboard.yaml",
