@@ -31,6 +31,7 @@ PATIENCE_S = 60.0
 CHECK = "preflight --contract contract.yaml"
 STATED = "range_m: 9.0, uncertainty_m: 0.1"
 SOURCE = f"sources: [{{kind: laserscan, name: l, topic: /scan, {STATED}, mounting: "
+VIRTUAL = f"kind: field_file, name: v, {STATED}"
 READ_BACK = (
     f"sources: [{{kind: obstacle_distance, name: p, {STATED}}}]\n"
     "outputs: {obstacle_distance: {through_autopilot: true}}"
@@ -359,6 +360,17 @@ MISTAKES = [
     Mistake(
         "a map that is read back", f"{CHECK} --daemon-config onboard.yaml", ("read it back",),
         ("onboard.yaml", "require_preflight: false", READ_BACK),
+    ),
+    Mistake(
+        "virtual obstacles beside a real sensor", f"{CHECK} --daemon-config onboard.yaml",
+        ("beside the real sensor 'p'", "beside_real_sensors"),
+        ("onboard.yaml", "require_preflight: false",
+         f"sources: [{{{VIRTUAL}, field: f.yaml}}, {{kind: range, name: p, topic: r, {STATED}}}]"),
+    ),
+    Mistake(
+        "virtual obstacles of a file that is lost", "clearway-onboard --config onboard.yaml",
+        ("wood.yaml", "No such file"),
+        ("onboard.yaml", "require_preflight: false", f"sources: [{{{VIRTUAL}, field: wood.yaml}}]"),
     ),
     # ------------------------------------------------------------------------ live view, service
     Mistake("a port that is none", "watch --port 80000", ("--port", "80000")),
