@@ -150,6 +150,8 @@ def test_a_missed_limit_is_named(tmp_path: Path) -> None:
     found = judge_bench(tmp_path, "")
     assert found.problems == ("late: 4 ms, limit 3", "slow: 2 ms, limit 15 times its peer")
     assert found.figures["limits kept"] == "1 of 3"
+    assert steps(short=True)["bench"].judge(tmp_path, "").problems == ()
+    assert steps()["bench"].judge(tmp_path, "").problems == found.problems
 
 
 def test_an_empty_cell_is_named(tmp_path: Path) -> None:

@@ -10,6 +10,7 @@ from typing import Final
 from tests.tools.verify.judging import (
     Judge,
     judge_bench,
+    judge_bench_small,
     judge_benchmark,
     judge_campaign,
     judge_mutants,
@@ -127,7 +128,8 @@ def _benchmarks(request: Request) -> Iterator[Step]:
 def _bench(request: Request) -> Step:
     out = ("--output", str(request.folder / "bench" / "bench.json"))
     small = ("--small", "--only", "contract") if request.short else ()
-    return Step("bench", ("python", "-m", "tests.benchmarks", *small, *out), judge_bench)
+    judge = judge_bench_small if request.short else judge_bench
+    return Step("bench", ("python", "-m", "tests.benchmarks", *small, *out), judge)
 
 
 def _mutation(request: Request) -> Iterator[Step]:

@@ -82,7 +82,8 @@ def run_steps(
             told(f"{step.name}: {command}")
             records[step.name] = _run(step, folder, commit, run)
             told(f"{step.name}: {'; '.join(records[step.name].problems) or 'good'}")
-        write_records({**before, **records}, folder)
+        # Another run may have added to them meanwhile.
+        write_records({**read_records(folder), **records}, folder)
     return records
 
 
