@@ -14,7 +14,7 @@ from typing import Annotated, Any, Final, Literal, Self
 
 from pydantic import Field, model_validator
 
-from onboard.files.height_terms import height_objection
+from onboard.files.contract_terms.heights import RADIUS_Z, height_objection
 from onboard.files.yaml_file import (
     FileError,
     FileModel,
@@ -291,7 +291,18 @@ class Contract(FileModel):
 
     @model_validator(mode="after")
     def _heights_are_whole(self) -> Self:
-        if (objection := height_objection(self)) is not None:
+        vehicle, sensor = self.vehicle, self.sensor
+        stated = {
+            RADIUS_Z: vehicle.radius_z_m,
+            "vehicle.height_drift_m [m]": vehicle.height_drift_m,
+            "sensor.position_error_z_m [m]": sensor.position_error_z_m,
+            "sensor.vertical_field_of_view_deg [deg]": sensor.vertical_field_of_view_deg,
+        }
+        tilts_deg = (vehicle.roll_max_deg, vehicle.pitch_max_deg)
+        objection = height_objection(
+            stated, vehicle.radius_m, tilts_deg, stop=self.requirements.stop
+        )
+        if objection is not None:
             raise ValueError(objection)
         return self
 

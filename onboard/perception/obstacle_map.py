@@ -200,24 +200,27 @@ class ObstacleMap:
         """
         measured = self._leg_box(corners_ned_m)
         track = Track(corners_ned_m, measured, position_error_m, apart_from, down_m, filled_m)
-        known = self._tracks.get(track_id)
-        if known is None and len(self._tracks) >= MAX_TRACKS:
+        if track_id not in self._tracks and len(self._tracks) >= MAX_TRACKS:
             raise OverflowError(f"{len(self._tracks)} obstacles remembered, limit {MAX_TRACKS}")
         if not partial:
             self._whole.add(track_id)
+        known = self._tracks.get(track_id)
         if known is not None:
             track = known.updated(track, self._corners_of, error_max_m=error_max_m, in_full=in_full)
-            if track == known:
-                return False
+        if track == known:
+            return False
+        self._remember(track_id, track)
+        return True
+
+    def _remember(self, track_id: str, track: Track) -> None:
         self._tracks[track_id] = track
         self.revision += 1
         if not self._is_in_way(track):
-            return True  # it was not before either: heights only grow
+            return  # it was not before either: heights only grow
         merged = self._obstacle_of_track.get(track_id)
         members = (track_id,) if merged is None else self._forget(self._obstacles[merged])
         for member in members:
             self._place(self._obstacle((member,)))
-        return True
 
     def is_passed_over(
         self, track_id: str, corners_ned_m: Corners, error_m: float, filled_m: DownRange

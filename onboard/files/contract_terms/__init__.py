@@ -1,0 +1,1 @@
+"""Statements of a contract that belong together."""
