@@ -248,12 +248,17 @@ class ObstacleMap:
 
     def out_of_way(self, x_min_m: float, x_max_m: float) -> Iterator[Obstacle]:
         """Obstacles that are passed over or under, of which the region reaches into an interval."""
+        for track_id, _ in self.passed_over():
+            obstacle = self._obstacle((track_id,))
+            region = obstacle.region
+            if region.approach_x_m <= x_max_m and region.departure_x_m >= x_min_m:
+                yield obstacle
+
+    def passed_over(self) -> Iterator[tuple[str, Track]]:
+        """Tracks that are passed over or under, by their ids."""
         for track_id, track in self._tracks.items():
             if not self._is_in_way(track):
-                obstacle = self._obstacle((track_id,))
-                region = obstacle.region
-                if region.approach_x_m <= x_max_m and region.departure_x_m >= x_min_m:
-                    yield obstacle
+                yield track_id, track
 
     def _is_in_way(self, track: Track) -> bool:
         return self._band.meets(track.filled_m)
