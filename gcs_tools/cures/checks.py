@@ -23,6 +23,14 @@ RULE_CURES: Final[Mapping[str, Cure]] = MappingProxyType(
             "the mission is lower than body, height error and resets together",
             "raise the mission's altitude_m",
         ),
+        "terrain": Cure(
+            "the mission is lower than the highest ground, body, height error and drift together",
+            "raise the mission's altitude_m, or survey the ground and state terrain_max_m",
+        ),
+        "top_visibility": Cure(
+            "the view up and down is too narrow for the heights flown at",
+            f"a sensor of a taller view, smaller height errors, or fly slower; {_SOLVE}",
+        ),
         "detection_range": Cure(
             "an obstacle is seen too late to be avoided at this speed", f"fly slower; {_SOLVE}"
         ),

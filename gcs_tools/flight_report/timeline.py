@@ -155,7 +155,8 @@ def obstacle_spans(messages: Sequence[Obstacles], start_s: float) -> list[Docume
     current: dict[str, Document] = {}
     for message in messages:
         time_s = since(message, start_s)
-        known = {obstacle.id: _corners(obstacle) for obstacle in message.obstacles}
+        every_one = (*message.passed_over, *message.obstacles)
+        known = {obstacle.id: _corners(obstacle) for obstacle in every_one}
         for obstacle_id, before in list(current.items()):
             if known.get(obstacle_id) != before["corners"]:
                 before["until_s"] = time_s
@@ -172,14 +173,21 @@ def obstacle_spans(messages: Sequence[Obstacles], start_s: float) -> list[Docume
     return [{**obstacle.pop("corners"), **obstacle} for obstacle in every]
 
 
-def _corners(obstacle: KnownObstacle) -> dict[str, list[list[float]]]:
+def _corners(obstacle: KnownObstacle) -> Document:
     return {
         "measured_ned_m": _rounded_points(obstacle.measured_ned_m),
         "keep_out_ned_m": _rounded_points(obstacle.keep_out_ned_m),
         "region_ned_m": _rounded_points(obstacle.region_ned_m),
         "lane_ned_m": _rounded_points(obstacle.lane_ned_m),
         "boundary_ned_m": _rounded_points(obstacle.boundary_ned_m),
+        "down_m": _rounded_heights(obstacle),
     }
+
+
+def _rounded_heights(obstacle: KnownObstacle) -> list[float | None] | None:
+    if obstacle.down_m is None:
+        return None
+    return [each if each is None else round(each, _CORNER_DIGITS) for each in obstacle.down_m]
 
 
 def _rounded_points(points_m: Sequence[Sequence[float]]) -> list[list[float]]:

@@ -18,6 +18,17 @@ function polygon(points) {
   return points.length ? `${polyline(points)}Z` : "";
 }
 
+// What is lower or higher than the flight has no region: it is passed over or under.
+function kindOf({ region_ned_m = [] }) {
+  return region_ned_m.length ? "obstacle" : "passed-over";
+}
+
+// The id of an obstacle, with what it may reach to where that is known.
+function nameOf({ id, down_m }) {
+  const metres = (down, none) => (down === null ? none : `${(-down).toFixed(1)} m`);
+  return down_m ? `${id}: from ${metres(down_m[1], "below")} to ${metres(down_m[0], "above")}` : id;
+}
+
 class FlightMap {
   constructor(svg, radius) {
     this.svg = svg;
@@ -55,7 +66,7 @@ class FlightMap {
       svgElement("path", { class: "region", d: polygon(obstacle.region_ned_m ?? []) }),
       svgElement("path", { class: "keep-out", d: polygon(obstacle.keep_out_ned_m ?? []) }),
       svgElement("path", { class: "boundary", d: polyline(obstacle.boundary_ned_m ?? []) }),
-      this.#named(svgElement("path", { class: "obstacle", d: polygon(obstacle.measured_ned_m ?? []) }), obstacle.id),
+      this.#named(svgElement("path", { class: kindOf(obstacle), d: polygon(obstacle.measured_ned_m ?? []) }), nameOf(obstacle)),
     ]));
   }
 

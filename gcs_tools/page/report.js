@@ -99,9 +99,10 @@ map.frame([...pairs(own), ...flight.legs_ned_m, ...latest.flatMap(({ region_ned_
 const everything = [...flights.flatMap(({ path }) => triples(path)), ...latest.flatMap(({ region_ned_m }) => region_ned_m.map(([n, e]) => [n, e, 0]))];
 const bounds = [Infinity, -Infinity].map((start, i) => [0, 1, 2].map((axis) => everything.reduce((found, point) => Math[i ? "max" : "min"](found, point[axis]), start)));
 const space = new Space(byId("space"), everything.length ? bounds : [[0, 0, 0], [1, 1, 1]]);
-for (const { measured_ned_m, region_ned_m } of latest) {
-  space.prism(measured_ned_m, flight.height_m + 1, "obstacle");
-  space.lines.push({ points: [...region_ned_m, region_ned_m[0]].map(([n, e]) => [n, e, 0]), kind: "region", dash: [6, 4] });
+for (const { measured_ned_m, region_ned_m, down_m } of latest) {
+  const top = down_m?.[0] ?? null;
+  space.prism(measured_ned_m, top === null ? flight.height_m + 1 : Math.min(flight.height_m + 1, -top), "obstacle");
+  if (region_ned_m.length) space.lines.push({ points: [...region_ned_m, region_ned_m[0]].map(([n, e]) => [n, e, 0]), kind: "region", dash: [6, 4] });
 }
 for (const { path_ned_m } of flight.plans) space.lines.push({ points: path_ned_m.map(([n, e, d]) => [n, e, -d]), kind: "reference", width: 4 });
 space.lines.push({ points: triples(own).map(([n, e]) => [n, e, 0]), kind: "rule", width: 3 });

@@ -110,9 +110,9 @@ const show = {
     for (const { name, margin, unit, holds } of clauses) row(table, [name.replaceAll("_", " "), `${number(margin)} ${unit}`], ["", holds ? "good" : "bad"]);
   },
 
-  map({ obstacles }) {
+  map({ obstacles, passed_over = [] }) {
     around = obstacles.flatMap(({ region_ned_m }) => region_ned_m);
-    map.obstacles(obstacles);
+    map.obstacles([...passed_over, ...obstacles]);
   },
 
   seen_space(seen) {

@@ -20,7 +20,7 @@ from gcs_tools.preflight.field_check import check_field, legs_of
 from gcs_tools.preflight.field_placement import check_placement
 from gcs_tools.preflight.files import LiveTargets, PreflightFiles, check_options, daemon_key
 from gcs_tools.preflight.finding import VEHICLE_IDENTITY, VIRTUAL, Finding, Verdict
-from gcs_tools.preflight.heights import obstacles_in_way
+from gcs_tools.preflight.offline.heights import obstacles_in_way
 from gcs_tools.preflight.offline.sensors import check_sources
 from gcs_tools.preflight.remedy import Remedy, remedies
 from gcs_tools.preflight.rule import Rule
@@ -227,12 +227,10 @@ def run_preflight(
     result = check(contract, obstacles, mission, input_set, accept_no_progress=accept_no_progress)
     result = _with_files(result, mission, files)
     if obstacles is not None:
-        obstacles = obstacles_in_way(obstacles, contract, mission)
-        fastest_mps = fastest_speed_mps(contract, obstacles, mission, input_set)
-        rehearsal = _rehearsed(result, obstacles, mission)
-        result = replace(result, fastest_mps=fastest_mps, rehearsal=rehearsal)
+        met = obstacles_in_way(obstacles, contract, mission)
+        result = _with_field(result, met, mission, input_set)
         if files.picture is not None:
-            _draw(files.picture, result, obstacles, mission)
+            _draw(files.picture, result, met, mission)
     if vehicle_url is not None or zenoh_config is not None:
         targets = LiveTargets(vehicle_url, system_id, zenoh_config, endurance_s, *keys)
         findings = _check_live(result, mission, targets)
@@ -242,6 +240,16 @@ def run_preflight(
     if authorize_s is not None and vehicle_url is not None:
         _authorize(vehicle_url, system_id, result.verdict, authorize_s, signing_key)
     return result.verdict
+
+
+def _with_field(
+    result: Preflight, obstacles: ObstacleField, mission: Mission | None, input_set: InputSet
+) -> Preflight:
+    """Add what the obstacles in the way allow: the fastest speed, and how it may be flown."""
+    contract = result.assessment.contract
+    fastest_mps = fastest_speed_mps(contract, obstacles, mission, input_set)
+    rehearsal = _rehearsed(result, obstacles, mission)
+    return replace(result, fastest_mps=fastest_mps, rehearsal=rehearsal)
 
 
 def _with_files(result: Preflight, mission: Mission | None, files: PreflightFiles) -> Preflight:

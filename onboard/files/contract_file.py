@@ -14,7 +14,7 @@ from typing import Annotated, Any, Literal, Self
 
 from pydantic import Field, model_validator
 
-from onboard.files.contract_terms.height_terms import StatedHeights, height_objection
+from onboard.files.contract_terms.heights import RADIUS_Z, height_objection
 from onboard.files.contract_terms.later_keys import LATER_KEYS
 from onboard.files.contract_terms.mover_terms import (
     Declared,
@@ -302,17 +302,17 @@ class Contract(FileModel):
     @model_validator(mode="after")
     def _heights_are_whole(self) -> Self:
         vehicle, sensor = self.vehicle, self.sensor
-        stated = StatedHeights(
-            radius_z_m=vehicle.radius_z_m,
-            height_drift_m=vehicle.height_drift_m,
-            position_error_z_m=sensor.position_error_z_m,
-            vertical_field_of_view_deg=sensor.vertical_field_of_view_deg,
-            radius_m=vehicle.radius_m,
-            roll_max_deg=vehicle.roll_max_deg,
-            pitch_max_deg=vehicle.pitch_max_deg,
-            stop=self.requirements.stop,
+        stated = {
+            RADIUS_Z: vehicle.radius_z_m,
+            "vehicle.height_drift_m [m]": vehicle.height_drift_m,
+            "sensor.position_error_z_m [m]": sensor.position_error_z_m,
+            "sensor.vertical_field_of_view_deg [deg]": sensor.vertical_field_of_view_deg,
+        }
+        tilts_deg = (vehicle.roll_max_deg, vehicle.pitch_max_deg)
+        objection = height_objection(
+            stated, vehicle.radius_m, tilts_deg, stop=self.requirements.stop
         )
-        if (objection := height_objection(stated)) is not None:
+        if objection is not None:
             raise ValueError(objection)
         return self
 

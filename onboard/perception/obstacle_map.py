@@ -200,24 +200,27 @@ class ObstacleMap:
         """
         measured = self._leg_box(corners_ned_m)
         track = Track(corners_ned_m, measured, position_error_m, apart_from, down_m, filled_m)
-        known = self._tracks.get(track_id)
-        if known is None and len(self._tracks) >= MAX_TRACKS:
+        if track_id not in self._tracks and len(self._tracks) >= MAX_TRACKS:
             raise OverflowError(f"{len(self._tracks)} obstacles remembered, limit {MAX_TRACKS}")
         if not partial:
             self._whole.add(track_id)
+        known = self._tracks.get(track_id)
         if known is not None:
             track = known.updated(track, self._corners_of, error_max_m=error_max_m, in_full=in_full)
-            if track == known:
-                return False
+        if track == known:
+            return False
+        self._remember(track_id, track)
+        return True
+
+    def _remember(self, track_id: str, track: Track) -> None:
         self._tracks[track_id] = track
         self.revision += 1
         if not self._is_in_way(track):
-            return True  # it was not before either: heights only grow
+            return  # it was not before either: heights only grow
         merged = self._obstacle_of_track.get(track_id)
         members = (track_id,) if merged is None else self._forget(self._obstacles[merged])
         for member in members:
             self._place(self._obstacle((member,)))
-        return True
 
     def is_passed_over(
         self, track_id: str, corners_ned_m: Corners, error_m: float, filled_m: DownRange
@@ -245,12 +248,17 @@ class ObstacleMap:
 
     def out_of_way(self, x_min_m: float, x_max_m: float) -> Iterator[Obstacle]:
         """Obstacles that are passed over or under, of which the region reaches into an interval."""
+        for track_id, _ in self.passed_over():
+            obstacle = self._obstacle((track_id,))
+            region = obstacle.region
+            if region.approach_x_m <= x_max_m and region.departure_x_m >= x_min_m:
+                yield obstacle
+
+    def passed_over(self) -> Iterator[tuple[str, Track]]:
+        """Tracks that are passed over or under, by their ids."""
         for track_id, track in self._tracks.items():
             if not self._is_in_way(track):
-                obstacle = self._obstacle((track_id,))
-                region = obstacle.region
-                if region.approach_x_m <= x_max_m and region.departure_x_m >= x_min_m:
-                    yield obstacle
+                yield track_id, track
 
     def _is_in_way(self, track: Track) -> bool:
         return self._band.meets(track.filled_m)

@@ -20,6 +20,7 @@ from onboard.geometry.box import Box
 from onboard.geometry.frames import FloatArray, LegFrame
 from onboard.guidance.avoidance_step import PlannedStep
 from onboard.motion.trajectory import Trajectory
+from onboard.perception.detection import DownRange
 from onboard.perception.obstacle_map import Obstacle
 from onboard.recording.messages import (
     CertificateRecord,
@@ -97,6 +98,14 @@ class Journal:
                 time_s=state.time_s,
                 height_m=-navigator.leg.origin_ned_m[2],
                 obstacles=self._obstacles(navigator.leg),
+                passed_over=[
+                    KnownObstacle(
+                        id=track_id,
+                        measured_ned_m=list(track.corners_ned_m),
+                        down_m=_heights(track.filled_m),
+                    )
+                    for track_id, track in navigator.obstacles.passed_over()
+                ],
             )
 
     def _obstacles(self, leg: LegFrame) -> list[KnownObstacle]:
@@ -221,7 +230,13 @@ def _obstacle(obstacle: Obstacle, leg: LegFrame, assessment: Assessment) -> Know
         region_ned_m=outline_of(region.extent, leg),
         lane_ned_m=outline_of(lane, leg),
         boundary_ned_m=_seen_from_above(_collision_set_boundary(region, assessment), leg),
+        down_m=_heights(obstacle.filled_m),
     )
+
+
+def _heights(filled_m: DownRange) -> tuple[float | None, float | None] | None:
+    top_m, bottom_m = (finite(each) for each in filled_m)
+    return None if top_m is bottom_m is None else (top_m, bottom_m)
 
 
 def _collision_set_boundary(region: RegionOfInfluence, assessment: Assessment) -> FloatArray:

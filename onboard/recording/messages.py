@@ -202,6 +202,8 @@ class KnownObstacle:
         measured_ned_m, keep_out_ned_m, region_ned_m, lane_ned_m: corners of the measured box, of
             the box that the reference keeps out of, of the region of influence, of the lane.
         boundary_ned_m: points of the collision set boundary, from left to right.
+        down_m: heights that it may fill, top and bottom in local NED, errors included; None for a
+            face that is unknown, and for a pillar as a whole.
     """
 
     id: str
@@ -210,15 +212,23 @@ class KnownObstacle:
     region_ned_m: Outline = field(default_factory=list)
     lane_ned_m: Outline = field(default_factory=list)
     boundary_ned_m: Outline = field(default_factory=list)
+    down_m: tuple[Number | None, Number | None] | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Obstacles:
-    """The map, whenever it changes; ``height_m`` is that at which the leg is flown."""
+    """The map, whenever it changes.
+
+    Attributes:
+        height_m: at which the leg is flown.
+        obstacles: all that is in the way at that height.
+        passed_over: what is known and is not, since it is lower or higher; without regions.
+    """
 
     time_s: UnixTime
     height_m: Number | None = None
     obstacles: list[KnownObstacle]
+    passed_over: list[KnownObstacle] = field(default_factory=list)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

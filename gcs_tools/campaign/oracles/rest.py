@@ -15,7 +15,7 @@ import numpy as np
 
 from gcs_tools.campaign.generator.faults import MISLEADING
 from gcs_tools.campaign.oracles.evidence import ROUND_OFF, Evidence
-from gcs_tools.preflight.heights import obstacles_in_way
+from gcs_tools.preflight.offline.heights import obstacles_in_way
 from onboard.files.obstacle_field import ObstacleField
 from onboard.geometry.frames import FloatArray
 from onboard.guidance.phases import FLYING_PHASES, FlightState

@@ -1,1 +1,1 @@
-"""Parts of a contract file that belong together, and what they need of the rest."""
+"""Statements of a contract that belong together."""

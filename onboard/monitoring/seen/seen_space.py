@@ -22,8 +22,7 @@ from onboard.monitoring.seen.contradiction import contradiction
 from onboard.monitoring.seen.heights_seen import HeightsSeen
 from onboard.monitoring.seen.looks_around import LooksAround
 from onboard.monitoring.seen.operators_word import OperatorsWord
-from onboard.monitoring.seen.scan_limits import resolved_m, scan_of
-from onboard.monitoring.seen.sight import Sight, placed_corners_ned
+from onboard.monitoring.seen.sight import Sight, placed_corners_ned, view_of
 from onboard.monitoring.seen.sight_queue import SightQueue
 from onboard.monitoring.supervised_flight import SupervisedFlight
 from onboard.perception.detection import (
@@ -34,8 +33,7 @@ from onboard.perception.detection import (
     DownRange,
 )
 from onboard.perception.face_strips import enclosing_boxes, strip_around
-from onboard.perception.heights import shown_heights
-from onboard.perception.line_of_sight import BOXES_MAX, View
+from onboard.perception.line_of_sight import BOXES_MAX
 from onboard.perception.placement import POSE_TIMING_S
 from onboard.perception.pose_history import PoseHistory
 from onboard.perception.seen_free import CELL_M, SeenFree
@@ -328,28 +326,11 @@ class SeenSpace:
             track_id = frame.track_id(sight.detections[still[contradicting]])
             self.void(f"{track_id} is reported where all was seen free")
             return contradiction(track_id)
-        # A scan is placed by the pose as a whole; boxes carry that error in their faces already.
-        scan, view_rad = scan_of(frame, terms), math.radians(frame.field_of_view_deg)
-        shown = shown_heights(frame, pose, self._leg.origin_ned_m[2], terms)
-        range_m = min(frame.range_m, terms.detection_range_m, resolved_m(frame, terms))
-        view = View(
-            position_leg_m=(x_m, y_m),
-            heading_leg_rad=wrap_angle(pose.yaw_rad - self._leg.heading_rad),
-            half_view_rad=shown.half_view_rad(min(view_rad, terms.field_of_view_rad) / 2.0),
-            range_m=shown.level_range_m(range_m),
-            boxes=[
-                *enclosing_boxes(seen_leg_m, e),
-                *self._known_boxes(x_m, y_m, terms.detection_range_m),
-            ],
-            # A face that is turned by the error of the heading is off by as much more.
-            face_error_m=e * (1.0 + heading_error_rad),
-            pose_error_m=clock_error_m + (e if scan else 0.0),
-            placing_error_m=math.sqrt(2.0) * e,
-            heading_error_rad=heading_error_rad,
-            free_range_m=scan,
-            scan_half_view_rad=view_rad / 2.0,
-            blind_m=shown.blind_m,
-        )
+        boxes = [
+            *enclosing_boxes(seen_leg_m, e),
+            *self._known_boxes(x_m, y_m, terms.detection_range_m),
+        ]
+        view = view_of(sight, self._leg, terms, boxes, (clock_error_m, heading_error_rad))
         self._set.centre_on(x_m, y_m)
         self._set.see(view, frame.source)
         self._counted[frame.source] = self._counted.get(frame.source, 0) + 1

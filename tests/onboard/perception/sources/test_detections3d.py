@@ -140,3 +140,29 @@ def test_a_box_that_lies_on_its_side_has_the_footprint_of_that() -> None:
     payload = message([("log", (5.0, 0.0, 0.0), (0.4, 0.4, 4.0), 0.0)], lying)
     ((box,),) = (frame.obstacles for frame in detector().read(payload, 0.0))
     assert sorted(box.size_m) == pytest.approx([0.4, 4.0])
+
+
+def test_boxes_carry_their_heights_and_frames_what_they_show_of_them() -> None:
+    frame = read(TREE, height_band_m=[3.0, 4.0])
+    (box,) = frame.obstacles
+    assert box.down_m == pytest.approx((-2.0, 2.0))
+    assert box.down_uncertainty_m == 0.1
+    assert frame.vertical_field_of_view_deg == pytest.approx((30.0, 30.0))
+    assert frame.reported_height_m is not None
+    assert frame.reported_height_m[0] == 3.0
+    assert frame.reported_height_m[1] <= 4.0
+
+
+def test_heights_are_those_of_the_levelled_body() -> None:
+    pose = pose_at()._replace(pitch_rad=math.radians(5.0))
+    (box,) = read(("7", (6.0, 0.0, 0.0), (0.01, 0.01, 0.01), 0.0), pose=pose).obstacles
+    assert box.down_m is not None
+    top_m, bottom_m = box.down_m
+    assert top_m is not None
+    assert bottom_m is not None
+    assert (top_m + bottom_m) / 2.0 == pytest.approx(-6.0 * math.sin(math.radians(5.0)))
+
+
+def test_a_sensor_that_is_mounted_at_an_angle_shows_less_either_way() -> None:
+    frame = read(TREE, mounting={"pitch_deg": -20.0})
+    assert frame.vertical_field_of_view_deg == pytest.approx((10.0, 10.0))
