@@ -81,6 +81,7 @@ class SensorConfig(FileModel):
             a bridge on the vehicle does, or its ``position``, where bearings are known otherwise.
         errors: how faces err by face_noise_m, and which boxes are missing; ideal model only.
         message_version: 2 says what moves, and reports movers; ideal model only.
+        mover_motion: what it says of the motion of movers.
         mover_swap_share: share of the frames in which the names of two movers are exchanged.
     """
 
@@ -100,6 +101,7 @@ class SensorConfig(FileModel):
     placed_by: Literal["pose", "position"] = "pose"
     errors: DetectorErrorConfig = EXACT
     message_version: Literal[1, 2] = 1
+    mover_motion: Literal["moving", "unknown", "static"] = "moving"
     mover_swap_share: Annotated[float, Field(ge=0.0, le=1.0)] = 0.0
     scanner: ScannerConfig | None = None
     faults: Annotated[tuple[SensorFault, ...], Field(strict=False)] = ()
@@ -270,7 +272,8 @@ class ObstacleSensor:
             if self.config.frame == "body_frd":
                 velocity_mps = turned(velocity_mps, -truth.yaw_rad)
             reported = self._reported(box, truth, estimate)
-            found.append({**reported, **says, "velocity_mps": list(velocity_mps)})
+            says |= {"motion": self.config.mover_motion, "velocity_mps": list(velocity_mps)}
+            found.append({**reported, **says})
         return found
 
     def _boxes(self, truth: VehicleTruth, range_m: float) -> list[SeenBox]:

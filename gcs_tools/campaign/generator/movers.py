@@ -88,7 +88,7 @@ def _assessment(draw: random.Random, speed_mps: float) -> Assessment | None:
             "setpoint_loss_run_time_s": 3.0, "rest_settle_s": 0.4,
         },
         "requirements": {
-            "passive_safety": draw.random() < 0.5, "movers": "passive",
+            "passive_safety": draw.random() < 0.3, "movers": "passive",
             "progress": "best_effort" if best_effort else "guaranteed",
         },
         "sensor": {

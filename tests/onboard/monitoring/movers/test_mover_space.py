@@ -156,13 +156,13 @@ def test_without_the_requirement_everything_stands_still(contract: Contract) -> 
 def test_faster_than_its_class(scene: Scene) -> None:
     scene.look(person(5.0))
     (found,) = scene.look(person(4.0))
-    assert found.assumption is Assumption.MOVER_SPEED
+    assert found.assumption is Assumption.MOVER_CLASS
     assert found.limit == 1.5
     assert found.measured > 5.0
 
 
 def test_larger_than_its_class(scene: Scene) -> None:
-    assert names(scene.look(person(5.0, size_m=[1.5, 0.4]))) == [Assumption.MOVER_SIZE]
+    assert names(scene.look(person(5.0, size_m=[1.5, 0.4]))) == [Assumption.MOVER_CLASS]
 
 
 def test_a_static_claim_that_moves_is_a_mover_from_then_on(scene: Scene) -> None:
@@ -204,7 +204,7 @@ def test_the_ring_has_to_be_heard(scene: Scene) -> None:
     age_max_s = scene.flight.assessment.terms.frame_age_max_s
     silent = scene.movers.check_ring(scene.now_s)
     assert silent is not None
-    assert silent.assumption is Assumption.RING_AGE
+    assert silent.assumption is Assumption.DETECTION_AGE
     scene.look(field_of_view_deg=120.0)
     assert scene.movers.check_ring(scene.now_s) is not None
     scene.look()
