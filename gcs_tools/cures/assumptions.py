@@ -73,21 +73,13 @@ ASSUMPTION_CURES: Final[Mapping[Assumption, Cure]] = MappingProxyType(
             "hiding",
             "declare hidden: true for its class, or a range at which the sensor misses none",
         ),
-        Assumption.MOVER_SPEED: Cure(
-            "a mover was faster than speed_max_mps of its class",
-            "declare the speed that it has; `clearway contract show` says what that requires",
-        ),
-        Assumption.MOVER_SIZE: Cure(
-            "a mover was larger than size_max_m of its class",
-            "declare the larger size",
+        Assumption.MOVER_CLASS: Cure(
+            "a mover was faster than speed_max_mps of its class, or larger than size_max_m",
+            "declare what it is; `clearway contract show` says what that requires",
         ),
         Assumption.STATIC_CLAIM: Cure(
             "what a sensor says stands still has moved by more than its errors",
             "have the sensor state motion: unknown for what may move, such as parked cars",
-        ),
-        Assumption.RING_AGE: Cure(
-            "no frame of an all-round sensor has arrived for longer than frame_age_max_s",
-            "start the sensor again; `clearway sensor check` measures rate and delay",
         ),
         Assumption.REST_SPEED: Cure(
             "the vehicle moved although its setpoint had rested for rest_settle_s",

@@ -34,12 +34,7 @@ NOTICES: Final = frozenset({Assumption.OBSTACLE_SIZE, Assumption.ROI_INTERSECTIO
 # And these say only that nothing new is seen, or decided, for a while: what is held goes on, and is
 # renewed once that is over, or comes to rest.
 DELAYS: Final = frozenset(
-    {
-        Assumption.DETECTION_AGE,
-        Assumption.REACTION_TIME,
-        Assumption.TICK_OVERRUN,
-        Assumption.RING_AGE,
-    }
+    {Assumption.DETECTION_AGE, Assumption.REACTION_TIME, Assumption.TICK_OVERRUN}
 )
 
 

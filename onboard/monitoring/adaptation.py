@@ -37,7 +37,6 @@ PROGRESS_ASSUMPTIONS: Final = frozenset(
         Assumption.LATE_FIRST_SIGHT,
         Assumption.PLAN_EXISTS,
         Assumption.TICK_OVERRUN,
-        Assumption.RING_AGE,
     }
 )
 

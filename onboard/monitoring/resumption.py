@@ -31,9 +31,7 @@ RESUMABLE: Final = frozenset(
         Assumption.WIND,
         Assumption.TICK_OVERRUN,
         Assumption.LATE_TICKS,
-        Assumption.MOVER_SPEED,
-        Assumption.MOVER_SIZE,
-        Assumption.RING_AGE,
+        Assumption.MOVER_CLASS,
         Assumption.REST_SPEED,
         Assumption.YIELD_TIME,
     }

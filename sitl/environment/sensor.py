@@ -199,7 +199,8 @@ class ObstacleSensor:
             if self.config.frame == "body_frd":
                 velocity_mps = turned(velocity_mps, -truth.yaw_rad)
             reported = self._reported(box, truth, estimate)
-            found.append({**reported, **says, "velocity_mps": list(velocity_mps)})
+            says |= {"motion": self.config.mover_motion, "velocity_mps": list(velocity_mps)}
+            found.append({**reported, **says})
         return found
 
     def _boxes(self, truth: VehicleTruth, range_m: float) -> list[SeenBox]:

@@ -84,10 +84,11 @@ def _assessment(draw: random.Random, speed_mps: float) -> Assessment | None:
             "cruise_speed_mps": draw.uniform(1.0, 2.5), "radius_m": 0.3,
             "tracking_error_m": draw.uniform(0.1, 0.35), "velocity_error_mps": [0.1, 0.1],
             "reaction_time_s": 0.25, "attitude_lag_s": 0.25, "setpoint_loss_timeout_s": 0.5,
-            "setpoint_loss": {"model": "coast"}, "rest_settle_s": 0.4,
+            "setpoint_loss": {"model": "frozen", "gain_per_s": 0.95, "velocity_gain_per_s": 1.8},
+            "setpoint_loss_run_time_s": 3.0, "rest_settle_s": 0.4,
         },
         "requirements": {
-            "passive_safety": draw.random() < 0.5, "movers": "passive",
+            "passive_safety": draw.random() < 0.3, "movers": "passive",
             "progress": "best_effort" if best_effort else "guaranteed",
         },
         "sensor": {
@@ -191,7 +192,7 @@ def _movers(draw: random.Random, length_m: float, speed_mps: float) -> list[dict
     movers = []
     for number in range(draw.randrange(1, 4)):
         bearing_rad = draw.uniform(-math.pi, math.pi)
-        away_m = draw.uniform(8.0, 30.0)
+        away_m = draw.uniform(6.0, 18.0)
         start = [away_m * math.cos(bearing_rad), away_m * math.sin(bearing_rad)]
         beside_m = draw.uniform(2.0, 6.0)
         middle = [draw.uniform(6.0, length_m - 4.0), 0.0]

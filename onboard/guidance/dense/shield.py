@@ -215,10 +215,8 @@ class Shield:
         if cruise is None:
             return False
         head = cruise.until(now_s + _CLEAR_AHEAD_S)
-        return any(
-            self._certifies(way, at_rest, now_s, switch=head.final)
-            for way in ways_to_rest(head, cruise, situation.envelope)
-        )
+        way = next(ways_to_rest(head, cruise, situation.envelope))
+        return self._certifies(way, at_rest, now_s, switch=head.final)
 
     def divert(self, reason: str, now_s: float, *, yields: bool = False) -> None:
         """Come to rest on the way that is held, and fly the rest of the leg by THREAD.

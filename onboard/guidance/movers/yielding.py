@@ -25,7 +25,7 @@ _OTHER_REASON_S: Final = 2.0
 # A cruise is taken up again once it has been clear for so long.
 CLEAR_S: Final = 1.0
 # Whether it is clear is asked this often.
-_LOOK_S: Final = 0.2
+_LOOK_S: Final = 0.5
 # A way that leads nowhere but for movers has been refused within this: they are the reason.
 LATELY_S: Final = 1.0
 

@@ -146,7 +146,7 @@ class MoverSpace:
         )
         too_fast = self._tracker.take(frame.source, sightings, stamp_s, complete=is_complete(frame))
         found += [
-            Violation(Assumption.MOVER_SPEED, each.speed_mps, each.limit_mps, "m/s", each.track_id)
+            Violation(Assumption.MOVER_CLASS, each.speed_mps, each.limit_mps, "m/s", each.track_id)
             for each in too_fast
         ]
         return found
@@ -174,7 +174,9 @@ class MoverSpace:
         age_s = now_s - self.all_round_s
         if not self.active or age_s <= terms.frame_age_max_s:
             return None
-        return Violation(Assumption.RING_AGE, age_s, terms.frame_age_max_s, "s")
+        note = "nothing that sees all round is heard"
+        age = (age_s, terms.frame_age_max_s, "s", "all round", note)
+        return Violation(Assumption.DETECTION_AGE, *age)
 
     # ------------------------------------------------------------------ parts
 
@@ -204,7 +206,7 @@ class MoverSpace:
         largest_m = max(detection.size_m)
         if largest_m <= limit_m:
             return []
-        return [Violation(Assumption.MOVER_SIZE, largest_m, limit_m, "m", box.track_id)]
+        return [Violation(Assumption.MOVER_CLASS, largest_m, limit_m, "m", box.track_id)]
 
     def _check_claim(self, detection: Detection, box: PlacedBox) -> list[Violation]:
         if not (isinstance(detection, MovingDetection) and detection.box_whole and box.in_full):

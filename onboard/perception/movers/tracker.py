@@ -66,6 +66,8 @@ class MoverTrack:
         box: holds the whole mover at `seen_s`.
         seen_s: stamp of the newest frame that showed it.
         speed_max_mps: v_o, of its class, or more once it was faster.
+        witness: holds the mover if its name has been right all the time: by it a mover is found to
+            be too fast, and nothing else.
         velocity_ned_mps: as its sensor estimates it; for people.
         missed: complete frames of its sensor since that did not show it.
     """
@@ -75,6 +77,7 @@ class MoverTrack:
     box: Box
     seen_s: float
     speed_max_mps: float
+    witness: Box
     velocity_ned_mps: tuple[float, float] | None = None
     missed: int = 0
 
@@ -82,6 +85,11 @@ class MoverTrack:
         """Return what holds the mover at a time, if it keeps to its speed."""
         age_s = max(time_s - self.seen_s, 0.0) + stamp_error_s
         return self.box.inflated(self.speed_max_mps * age_s)
+
+    def expected(self, time_s: float, stamp_error_s: float = 0.0) -> Box:
+        """Return what holds the mover at a time, if its name has been right all the time."""
+        age_s = max(time_s - self.seen_s, 0.0) + stamp_error_s
+        return self.witness.inflated(self.speed_max_mps * age_s)
 
 
 class TooFast(NamedTuple):
@@ -175,12 +183,13 @@ class MoverTracker:
             told,
             stamp_s,
             bound.speed_max_mps,
+            told,
             sighting.velocity_ned_mps,
         )
         if known is None:
             return new, None
         new = replace(new, speed_max_mps=max(new.speed_max_mps, known.speed_max_mps))
-        at = known.predicted(stamp_s, self._error_s)
+        at = known.expected(stamp_s, self._error_s)
         beyond_m = _beyond_m(sighting.measured, at, error_m)
         # Where another one may be as well, the identities may have been exchanged.
         shared = any(
@@ -195,10 +204,12 @@ class MoverTracker:
             raised_mps = max(new.speed_max_mps, _RAISED * speed_mps)
             too_fast = TooFast(known.id, speed_mps, known.speed_max_mps)
             return replace(new, speed_max_mps=raised_mps), too_fast
-        if not (sighting.whole or shared):
+        if shared:
+            return new, None
+        if not sighting.whole:
             # What is not seen of it cannot have gone farther than all of it.
-            new = replace(new, box=_common(told, at))
-        return new, None
+            new = replace(new, box=_common(told, known.predicted(stamp_s, self._error_s)))
+        return replace(new, witness=_common(told, at)), None
 
     def _add_ghost(self, track: MoverTrack) -> None:
         """Let the old box go on growing: it may be another mover that is there."""

@@ -12,7 +12,7 @@ Point = tuple[float, float]
 # After a contact a pursuer goes away for so long.
 _RETREAT_S: Final = 6.0
 # So often it goes away instead of changing its way, so that the vehicle goes on.
-_RETREAT_SHARE: Final = 0.35
+_RETREAT_SHARE: Final = 0.25
 _FAR_M: Final = 1e3
 
 

@@ -76,7 +76,6 @@ class MoverReports:
                 index, low, high, sequence, math.dist(mover.position_ned_m, here_ned_m)
             )
             says = {
-                "motion": "moving",
                 "class": mover.config.kind,
                 "box_whole": whole,
                 "velocity_ned_mps": mover.velocity_ned_mps,

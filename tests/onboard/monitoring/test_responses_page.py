@@ -15,10 +15,8 @@ ADAPTED = {assumption for assumption, _ in WORSENINGS}
 THREADED = {Assumption.PLAN_EXISTS, Assumption.LEG_END_CLEAR, Assumption.TARGET_REACHED}
 OF_MOVERS = {
     Assumption.MOVER_FIRST_SIGHT,
-    Assumption.MOVER_SPEED,
-    Assumption.MOVER_SIZE,
+    Assumption.MOVER_CLASS,
     Assumption.STATIC_CLAIM,
-    Assumption.RING_AGE,
     Assumption.REST_SPEED,
     Assumption.YIELD_TIME,
 }

@@ -12,7 +12,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 from gcs_tools.scenario import load_scenario
 from onboard.contract.assessment import Assessment, assess_terms
@@ -39,6 +39,12 @@ TERMS: Final[dict[Assumption, tuple[str, ...]]] = {
     Assumption.OBSTACLE_SIZE: ("obstacle_size_max_m",),
     Assumption.ROI_INTERSECTION: ("obstacle_separation_min_m",),
     Assumption.LATE_FIRST_SIGHT: ("detection_range_m",),
+    # Movers are what the contract says of them, and the vehicle rests when it says so.
+    Assumption.MOVER_FIRST_SIGHT: ("detection_range_m", "all_round_range_m"),
+    Assumption.MOVER_CLASS: ("movers",),
+    Assumption.STATIC_CLAIM: ("movers",),
+    Assumption.REST_SPEED: ("rest_settle_s",),
+    Assumption.YIELD_TIME: ("movers",),
     # The vehicle is where its reference is, within that error: by its own controller, as told by a
     # link that is alive, and not by the setpoints of another commander.
     Assumption.TRACKING_ERROR: ("tracking_error_m",),
@@ -73,6 +79,10 @@ _STATED: Final = (
     "vehicle.heading_error_deg=1.0",
     "requirements.stop=true",
     "requirements.passive_safety=true",
+    "requirements.movers=passive",
+    "vehicle.rest_settle_s=0.4",
+    "sensor.all_round_range_m=10.0",
+    "environment.movers=[{class: person, speed_max_mps: 1.5, size_max_m: 1.0}]",
 )
 _CHANGE: Final = 0.01
 
@@ -132,7 +142,12 @@ def clauses_of(term: str) -> tuple[str, ...]:
     """Return the clauses whose margin moves when one term does."""
     base = full_assessment()
     value = getattr(base.terms, term)
-    changed = assess_terms(base.contract, replace(base.terms, **{term: value * (1.0 + _CHANGE)}))
+    if isinstance(value, tuple):  # classes of movers
+        faster = ({"speed_max_mps": each.speed_max_mps * (1.0 + _CHANGE)} for each in value)
+        more: Any = tuple(each.model_copy(update=u) for each, u in zip(value, faster, strict=True))
+    else:
+        more = value * (1.0 + _CHANGE)
+    changed = assess_terms(base.contract, replace(base.terms, **{term: more}))
     before = {clause.name: clause.margin for clause in base.clauses}
     return tuple(
         clause.name for clause in changed.clauses if abs(clause.margin - before[clause.name]) > 1e-9

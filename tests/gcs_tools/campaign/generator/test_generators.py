@@ -73,6 +73,7 @@ LATER: dict[str, tuple[Any, ...]] = {
     "all_round_range_m": (0.0,),
     "movers": ("none", [], ()),  # of requirements, of the environment and of the simulator
     "message_version": (1,),
+    "mover_motion": ("moving",),
     "mover_swap_share": (0.0,),
 }
 

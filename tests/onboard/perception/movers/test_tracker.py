@@ -86,6 +86,19 @@ def test_faster_than_declared_is_told_face_by_face() -> None:
     assert len(tracks) == 2
 
 
+def test_a_mover_that_is_a_little_too_fast_is_found_after_a_while() -> None:
+    """No two frames tell: the errors of both hide it; the way since the first one does."""
+    for share, found_by in ((0.99, None), (1.2, 40), (2.0, 8)):
+        tracks, first = tracker(), None
+        for step in range(60):
+            off_m = E_M if step % 2 else -E_M
+            if tracks.take(
+                "front", [seen(0.075 * share * step + off_m)], 0.05 * step, complete=True
+            ):
+                first = first or step
+        assert (first is None) if found_by is None else (first is not None and first <= found_by)
+
+
 def test_exchanged_identities_are_no_speed() -> None:
     tracks = tracker()
     tracks.take("front", [seen(5.0), seen(7.0, name="2")], 0.0, complete=True)
