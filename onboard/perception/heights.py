@@ -30,7 +30,8 @@ _NEAR_MIN_M: Final = 1e-3
 def tilt_rad(pose: Pose) -> float:
     """Return the angle between the body's down and down: it turns no direction by more."""
     upright = math.cos(pose.roll_rad) * math.cos(pose.pitch_rad)
-    return math.acos(min(max(upright, -1.0), 1.0))
+    aside = math.hypot(math.sin(pose.pitch_rad), math.cos(pose.pitch_rad) * math.sin(pose.roll_rad))
+    return math.atan2(aside, upright)  # exact for small angles, unlike the arc cosine
 
 
 @dataclass(frozen=True)
