@@ -35,8 +35,8 @@ _SETTINGS: dict[str, Any] = {
     "eps_abs": 1e-3,
     "eps_rel": 0.0,
     "check_termination": 15,
-    # Of 2800 QPs that have an optimum seven take longer; nearly all that do have none, and were most
-    # of the time of the slowest plans.
+    # Of 2800 QPs that have an optimum seven take longer; nearly all that do have none, and were
+    # most of the time of the slowest plans.
     "max_iter": 600,
     "polishing": False,
     "verbose": False,
