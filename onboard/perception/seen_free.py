@@ -165,10 +165,10 @@ class SeenFree:
         new = self._rows[source].count(i, j) >= self._needed
         if new.any():
             i, j = i[new], j[new]
-            self._free[i, j] = True
-            base, fresh = self._base, self._fresh
+            base, fresh, size = self._base, self._fresh, self.size
             self._has_changed()
-            self._base, self._fresh = base, [*fresh, (i, j)]
+            self._base, self._fresh, self._size = base, [*fresh, (i, j)], size + i.size
+            self._free[i, j] = True
 
     def holds(self, x_m: FloatArray, y_m: FloatArray) -> BoolArray:
         """Tell of each point whether the cell around it has been seen free."""

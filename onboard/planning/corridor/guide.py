@@ -244,7 +244,9 @@ class Guide:
         i = np.rint((np.asarray(x_m) - self._corner_m[0]) / CELL_M).astype(int)
         j = np.rint((np.asarray(y_m) - self._corner_m[1]) / CELL_M).astype(int)
         inside = (i >= 0) & (i < self._shape[0]) & (j >= 0) & (j < self._shape[1])
-        i, j = np.clip(i, 0, self._shape[0] - 1), np.clip(j, 0, self._shape[1] - 1)
+        # `np.clip` looks up the limits of integers first, which takes longer.
+        i = np.minimum(np.maximum(i, 0), self._shape[0] - 1)
+        j = np.minimum(np.maximum(j, 0), self._shape[1] - 1)
         return i, j, inside
 
     def _nearest_open(self, position_leg_m: tuple[float, float]) -> tuple[int, int] | None:

@@ -72,24 +72,35 @@ class Horizon:
     def trajectory(self, z_m: float) -> Trajectory:
         """Return the plan as a trajectory at one height."""
         count = len(self.jerk_mps3)
-        arrays = [np.zeros((count, 3)) for _ in range(4)]
-        for array, values in zip(arrays[:3], np.moveaxis(self.nodes[:-1], 1, 0), strict=True):
-            array[:, :2] = values
-        arrays[0][:, 2] = z_m
-        arrays[3][:, :2] = self.jerk_mps3
-        return Trajectory(self.start_s, np.full(count, PIECE_S), *arrays)
+        motion = np.zeros((4, count, 3))
+        motion[:3, :, :2] = np.moveaxis(self.nodes[:-1], 1, 0)
+        motion[0, :, 2] = z_m
+        motion[3, :, :2] = self.jerk_mps3
+        return Trajectory(self.start_s, np.full(count, PIECE_S), *motion)
 
     @cached_property
     def extent_m(self) -> tuple[FloatArray, FloatArray]:
         """Least and greatest Bernstein points of each piece: two arrays (n, 2)."""
-        points = _bernstein(self.nodes)[0]
+        points = self._bernstein[0]
         return points.min(axis=1), points.max(axis=1)
 
     def swept_m(self, run_on: RunOn) -> FloatArray:
         """Bernstein points (n, 4 m, 2) of the path and its run-on points."""
-        position, velocity, acceleration = _bernstein(self.nodes)
-        runs = [position + k * velocity + c * acceleration for k, c in run_on.gains]
-        return np.concatenate((position, *runs), axis=1)
+        if run_on not in self._swept_m:  # a plan is asked several times, with the contract's run
+            position, velocity, acceleration = self._bernstein
+            runs = [position + k * velocity + c * acceleration for k, c in run_on.gains]
+            self._swept_m[run_on] = np.concatenate((position, *runs), axis=1)
+        return self._swept_m[run_on]
+
+    @cached_property
+    def _swept_m(self) -> dict[RunOn, FloatArray]:
+        """What `swept_m` has returned."""
+        return {}
+
+    @cached_property
+    def _bernstein(self) -> FloatArray:
+        """Cubic Bernstein points (3, n, 4, 2) of position, velocity and acceleration."""
+        return _bernstein(self.nodes)
 
 
 def state_of(state: State) -> FloatArray:
@@ -97,16 +108,20 @@ def state_of(state: State) -> FloatArray:
     return np.array([vector[:2] for vector in state])
 
 
-def _bernstein(nodes: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Cubic Bernstein points (n, 4, k) of position, velocity and acceleration."""
+def _bernstein(nodes: FloatArray) -> FloatArray:
+    """Cubic Bernstein points (3, n, 4, k) of position, velocity and acceleration."""
     p, v, a = nodes[:-1, 0], nodes[:-1, 1], nodes[:-1, 2]
     p1, v1, a1 = nodes[1:, 0], nodes[1:, 1], nodes[1:, 2]
     t = PIECE_S
     middle = v + a * t / 2.0
-    position = np.stack((p, p + v * t / 3.0, p + 2.0 * v * t / 3.0 + a * t * t / 6.0, p1), axis=1)
-    velocity = np.stack((v, (v + 2.0 * middle) / 3.0, (2.0 * middle + v1) / 3.0, v1), axis=1)
-    acceleration = np.stack((a, (2.0 * a + a1) / 3.0, (a + 2.0 * a1) / 3.0, a1), axis=1)
-    return position, velocity, acceleration
+    points = np.empty((3, len(p), 4, p.shape[1]))
+    points[0, :, 0], points[0, :, 1] = p, p + v * t / 3.0
+    points[0, :, 2], points[0, :, 3] = p + 2.0 * v * t / 3.0 + a * t * t / 6.0, p1
+    points[1, :, 0], points[1, :, 1] = v, (v + 2.0 * middle) / 3.0
+    points[1, :, 2], points[1, :, 3] = (2.0 * middle + v1) / 3.0, v1
+    points[2, :, 0], points[2, :, 1] = a, (2.0 * a + a1) / 3.0
+    points[2, :, 2], points[2, :, 3] = (a + 2.0 * a1) / 3.0, a1
+    return points
 
 
 class JerkMaps:

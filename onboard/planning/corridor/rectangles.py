@@ -166,7 +166,8 @@ def unbroken_m(
         beside = np.maximum(np.maximum(r.x_min_m - x, x - r.x_max_m), 0.0) ** 2
         beside += np.maximum(np.maximum(r.y_min_m - y, y - r.y_max_m), 0.0) ** 2
         return float(lengths_m[int(beside.argmin())])
-    first = within[((path[within] - near_leg_m) ** 2).sum(axis=1).argmin()]
+    dx_m, dy_m = x[within] - near_leg_m[0], y[within] - near_leg_m[1]
+    first = within[(dx_m * dx_m + dy_m * dy_m).argmin()]
     (beyond,) = (~inside[first:]).nonzero()
     last = first + int(beyond[0]) - 1 if beyond.size else len(path) - 1
     return float(lengths_m[min(last + 1, len(path) - 1)])
