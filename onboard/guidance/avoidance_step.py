@@ -310,11 +310,12 @@ class AvoidanceStep:
         met_again = left_m > 0.0 and obstacle.region.on_collision_course(x_m, y_m)
         if not (met_again and beside and speed_mps > 0.0):
             return
+        # To the border of the region that plans are made in, which is larger than the map's.
+        obstacle = self._situation.to_avoid(obstacle)
+        left_m = obstacle.region.x_pob_m - x_m
         longer = plan.trajectory.coasting_for(left_m / speed_mps)
         if self._clear_check.is_clear(longer.from_time(now_s), [certified]):
             plan = replace(plan, trajectory=longer)
             self._situation.avoidance = replace(avoidance, plan=plan)
             self._situation.reference.schedule(longer, now_s)
-            # The region that plans are made in, which is larger than that of the map's obstacle.
-            obstacle = self._situation.to_avoid(obstacle)
             self._planned.append(PlannedStep(plan, obstacle, self._situation.leg, 0.0))

@@ -21,11 +21,11 @@ if TYPE_CHECKING:
 
 # Of one leg; then the vehicle gives up.
 PAUSES_MAX: Final = 25
-# At one place: so many and for so long.  Obstacles stand still, so that more looks from there show
-# nothing new, while the vehicle's battery empties.
+# About one place: so many and for so long.  Obstacles stand still, so that more looks from there
+# show nothing new, while the vehicle's battery empties.
 PAUSES_HERE_MAX: Final = 4
 HERE_MAX_S: Final = 90.0
-_HERE_M: Final = 0.3
+_HERE_M: Final = 4.0
 # This far ahead the guide's cost is raised.
 _COST_AHEAD_M: Final = 0.8
 # Nearer to the leg's end than before by this: what was tried has helped.

@@ -88,7 +88,7 @@ def test_looking_from_one_place_is_exhausted_after_a_time(pause: Pause, outlook:
         pause.begin(outlook, 1, 20.0 * number)
         said = pause.exhaustion(20.0 * (number + 1))
         assert (said is not None) is (20.0 * (number + 1) > module.HERE_MAX_S)
-    elsewhere = replace(outlook, position_leg_m=(0.0, 1.0))
+    elsewhere = replace(outlook, position_leg_m=(0.0, 5.0))
     pause.begin(elsewhere, 1, 200.0)
     assert pause.exhaustion(1000.0) is None
 

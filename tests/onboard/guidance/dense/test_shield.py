@@ -134,6 +134,8 @@ def test_a_plan_that_ends_later_is_recorded_with_the_region_that_it_was_made_in(
     flight.see(18.0, 0.1, size_m=(1.4, 1.4), name="0")
     (longer,) = flight.navigator.take_planned()
     assert longer.plan.trajectory.end_s > trajectory.end_s
+    end_x_m = longer.plan.trajectory.final.position_leg_m[0]
+    assert end_x_m == pytest.approx(longer.obstacle.region.x_pob_m)
     region, before = longer.obstacle.region.manoeuvre, planned.obstacle.region.manoeuvre
     assert region.enclosing(before) == region
 

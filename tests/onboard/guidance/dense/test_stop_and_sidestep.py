@@ -144,7 +144,7 @@ def resting(best_effort: Contract) -> BoxFlight:
 def test_before_a_wall_it_is_tried_before_each_pause_and_ends_at_rest(resting: BoxFlight) -> None:
     flight, manoeuvre = resting, resting.thread._leg.manoeuvre
     looked = 0
-    for _ in range(3000):
+    for _ in range(6000):
         flight.tick()
         looked += manoeuvre.looking
         if flight.thread.pauses == 3:
