@@ -69,6 +69,9 @@ def test_the_short_form_runs_every_kind_of_step_on_little() -> None:
         assert int(command[command.index("--flights") + 1]) <= 20
     assert len(short["scenarios"].command) < len(full["scenarios"].command) / 4
     assert "--small" in short["bench"].command
+    # The full form has to fill every cell by what it flies itself.
+    assert "--add" in short["traceability"].command
+    assert "--add" not in full["traceability"].command
     assert all("--legs" in step.command for name, step in short.items() if "benchmark-" in name)
 
 
