@@ -40,12 +40,26 @@ def says_once(event: str, text: str) -> Callable[[Log, Log], None]:
     return check
 
 
+def flies_over_all_but_the_tree(flight: Log, truth: Log) -> None:
+    """The hedge has no end within the leg, and the car stands in the way."""
+    assert {plan.obstacle for plan in flight.plans} == {"front/tree"}
+    crossed = [each.position_ned_m[1] for each in truth.truths if 15 < each.position_ned_m[0] < 33]
+    assert max(map(abs, crossed)) < 1.0
+
+
+def avoids_the_car(flight: Log, truth: Log) -> None:
+    del truth
+    assert {plan.obstacle for plan in flight.plans} == {"front/car"}
+
+
 # What a scenario shows besides what its file expects.
 ALSO: dict[str, Callable[[Log, Log], None]] = {
     "estimator_reset": stays_on_its_line,
     "disk_full": says_once(
         "log_ended", "flying on without a log: [Errno 28] No space left on device"
     ),
+    "low_hedge_and_car": flies_over_all_but_the_tree,
+    "car_of_unknown_height": avoids_the_car,
     "mission_changed": says_once("mission_changed", "mission changed: flying the new mission now"),
 }
 
