@@ -95,7 +95,7 @@ class MoverSpace:
 
     def begin_flight(self) -> None:
         """Begin again: none hides at the start, unless the contract says that some may."""
-        self._claims.clear()
+        self._claims = StaticClaims()
         if self._free is not None:
             self._free.begin()
 

@@ -92,6 +92,9 @@ def test_a_mover_that_is_a_little_too_fast_is_found_after_a_while() -> None:
         tracks, first = tracker(), None
         for step in range(60):
             off_m = E_M if step % 2 else -E_M
+            # Another sensor sees it, too.
+            ring = Sighting("ring/1", "person", box(0.075 * share * step, 0.0), E_M)
+            tracks.take("ring", [ring], 0.05 * step, complete=True)
             if tracks.take(
                 "front", [seen(0.075 * share * step + off_m)], 0.05 * step, complete=True
             ):
