@@ -246,9 +246,7 @@ class MoverSpace:
                 low, high = np.stack((low_n, low_e), axis=1), np.stack((high_n, high_e), axis=1)
                 until_s = np.full(len(low), sight.stamp_s + POSE_TIMING_S)
                 if self._free.are_free(low, high, until_s):
-                    sentence = f"mover {track_id} was first seen where none could be"
-                    late = Assumption.MOVER_FIRST_SIGHT
-                    found.append(Violation(late, 1.0, 0.0, "movers", track_id, sentence=sentence))
+                    found.append(_first_sight(track_id))
                     break
         return found
 
@@ -316,6 +314,11 @@ def bounds_of(classes: Sequence[MoverClass]) -> tuple[dict[str, Bound], Bound]:
         max((each.size_max_m for each in classes), default=0.0),
     )
     return bounds, bounds.get(UNKNOWN, largest)
+
+
+def _first_sight(track_id: str) -> Violation:
+    sentence = f"mover {track_id} was first seen where none could be"
+    return Violation(Assumption.MOVER_FIRST_SIGHT, 1.0, 0.0, "movers", track_id, sentence=sentence)
 
 
 def _turned(corners_m: Corners) -> float:
