@@ -54,6 +54,10 @@ RULE_CURES: Final[Mapping[str, Cure]] = MappingProxyType(
             "the run after the setpoint stream ends leads beyond what is seen",
             f"shorten the autopilot's setpoint-loss time and setpoint_loss_timeout_s; {_SOLVE}",
         ),
+        "stoppable": Cure(
+            "braking for a mover reaches into a region that was not to be entered yet",
+            "nothing for safety: the vehicle stops more often",
+        ),
         "recentring": Cure(
             "the view is too narrow to drift back to the line of the leg",
             f"switch recentring off, or take it slower; {_SOLVE}",
@@ -208,6 +212,10 @@ FINDING_CURES: Final[Mapping[str, Cure]] = MappingProxyType(
             "more bearings, a shorter detection_range_m, or a wider thinnest_obstacle_m",
         ),
         "declares": Cure("what the sensor states agrees with the contract", "nothing"),
+        "all_round": Cure(
+            "no sensor with a view of 360 degrees is heard, which movers require",
+            "start it; its frames state field_of_view_deg: 360",
+        ),
         "range_m": Cure("the sensor sees less far than the contract says", _RAISE_SENSOR),
         "uncertainty_m": Cure("the sensor errs more than position_error_m", _RAISE_SENSOR),
         "box_max_m": Cure(

@@ -37,6 +37,7 @@ _PHASES = {
     "avoid": "#fdeccf",
     "thread": "#eaf2fb",
     "pause": "#fdeccf",
+    "yield": "#e2eef0",
     "arrived": "#e3f1e1",
     "hold": "#f6dada",
 }

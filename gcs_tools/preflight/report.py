@@ -7,6 +7,7 @@ from rich.markup import escape
 from rich.table import Table
 from rich.text import Text
 
+from gcs_tools.contract.show import print_movers
 from gcs_tools.preflight.finding import NOT_SEEN, VIRTUAL, Finding, Verdict
 from gcs_tools.preflight.remedy import Remedy
 from gcs_tools.preflight.rule import Rule
@@ -82,6 +83,7 @@ def print_contract(assessment: Assessment, remedies: tuple[Remedy, ...], console
         numbers = f"{each.required:.2f}", f"{each.declared:.2f}", f"{each.margin:+.2f}"
         table.add_row(name, _mark(each), _bar(each), *numbers, each.unit)
     console.print(table)
+    print_movers(assessment, console)
     for each in assessment.clauses:
         if not each.holds:
             aim = "to satisfy" if each.concerns == "safety" else "to guarantee arrival, satisfy"

@@ -216,7 +216,7 @@ class LegProgress:
         elif self._cruises_again(thread, now_s):
             situation.fire(Trigger.BACK_TO_CRUISE, now_s)
             situation.rebuild_map()
-            self._align(state, now_s)
+            self._align(state, now_s, seen=True)
 
     def _cruises_again(self, thread: Thread, now_s: float) -> bool:
         """Tell whether the vehicle has waited for movers, and its cruise is clear of them again."""
@@ -237,11 +237,16 @@ class LegProgress:
         else:
             self._align(state, now_s)
 
-    def _align(self, state: State, now_s: float) -> None:
+    def _align(self, state: State, now_s: float, *, seen: bool = False) -> None:
         """Hover and turn the nose, and with it the sensor, along the leg.
 
         A vehicle that is to hold a way to rest comes to the height of the leg meanwhile, at which
         the space around it is seen.
+
+        Args:
+            state: where it is, leg frame.
+            now_s: the time.
+            seen: the place is certified already, and stays so.
         """
         situation = self._situation
         situation.reference.heading_rad = 0.0
@@ -249,7 +254,8 @@ class LegProgress:
             hover = situation.braking_from(state, now_s)
         else:
             # At rest already, but for what it stops within its tracking error.
-            self._thread.release()
+            if not seen:
+                self._thread.release()
             at_rest = State(state.position_leg_m, (0.0, 0.0, 0.0))
             hover = closed_form.cruise(at_rest, now_s, climbing(situation.envelope), 0.0, z_m=0.0)
         situation.reference.fly(hover)

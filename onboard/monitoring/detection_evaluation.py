@@ -143,7 +143,10 @@ class DetectionEvaluator:
     def _compare_bearings(
         self, frame: DetectionFrame, stamp_s: float, now_s: float, heading: HeadingMonitor
     ) -> Iterator[Violation]:
-        """Check the heading by the tracks that are seen from the body once more."""
+        """Check the heading by the tracks that are seen from the body once more.
+
+        What moves tells no heading.
+        """
         pose = self._poses.at(stamp_s)
         if frame.frame == "local_ned" or pose is None:
             return
@@ -153,6 +156,7 @@ class DetectionEvaluator:
         corners_ned_m = {
             frame.track_id(seen): corners_ned(seen, pose)
             for seen in frame.obstacles[:TRACKS_PER_FRAME]
+            if not self.movers.is_mover(frame, seen)
         }
         residuals = self.bearings.residuals(
             pose, corners_ned_m, terms.map_error_m, terms.heading_error_rad

@@ -14,6 +14,7 @@ from gcs_tools.campaign.generator.airframes import SEEN_LATE_S
 from gcs_tools.campaign.generator.case import NO_FAULT, FlightCase
 from gcs_tools.campaign.generator.scenarios import ATTEMPTS_MAX
 from gcs_tools.preflight.command import check
+from gcs_tools.preflight.tier import start_clear_radius_m
 from gcs_tools.scenario import Expectation, Plant, Scenario
 from onboard.contract.assessment import Assessment, assess
 from onboard.files.contract_file import Contract
@@ -30,7 +31,7 @@ _STRATEGIES: Final[tuple[FaceStrategy, ...]] = get_args(FaceStrategy)
 # By so much farther than the clauses require the sensors see.
 _SPARE: Final = (1.01, 1.8)
 _FASTER: Final = 1.3
-_TIME_LIMIT_S: Final = 50.0
+_TIME_LIMIT_S: Final = 40.0
 
 
 def mover_case(draw: random.Random, *, faster: bool = False) -> FlightCase:
@@ -126,6 +127,7 @@ def _mission(draw: random.Random, contract: Contract, length_m: float) -> Missio
         {
             "altitude_m": _ALTITUDE_M,
             "heading": draw.choice(("leg", nose)),
+            "start_clear_m": start_clear_radius_m(assess(contract)),
             "legs": [{"end_ned_m": [length_m, 0.0], "target_half_width_m": 4.0}],
         }
     )

@@ -12,7 +12,7 @@ from typing import Final
 from gcs_tools.preflight.finding import Finding, Verdict
 from onboard.contract.assessment import Terms
 from onboard.files.json_payload import MalformedPayloadError
-from onboard.monitoring.assumptions import check_frame
+from onboard.monitoring.assumptions import ALL_ROUND_DEG, check_frame
 from onboard.monitoring.detections import CLOCK_TOLERANCE_S
 from onboard.perception.detection import DetectionFrame
 from onboard.perception.sources.json_v1 import parse_frame
@@ -66,6 +66,11 @@ def check_detections(
     for source in sorted(set(announced) - frames.keys()):
         text = f"announced, but sent nothing in {listened_s:g} s"
         findings.append(Finding("detections", source, Verdict.BROKEN, text))
+    heard = [frame for arrivals in frames.values() for _, frame in arrivals]
+    if terms.movers_level != "none":
+        ring = any(frame.field_of_view_deg >= ALL_ROUND_DEG for frame in heard)
+        text = "a sensor with a view of 360° is heard" if ring else "no sensor sees all round"
+        findings.append(Finding("detections", "all_round", Verdict.of(holds=ring), text))
     if malformed:
         worst, count = malformed.most_common(1)[0]
         text = f"{malformed.total()} malformed frames, {count} of them: {worst}"

@@ -95,7 +95,8 @@ class MoverSpace:
 
     def begin_flight(self) -> None:
         """Begin again: none hides at the start, unless the contract says that some may."""
-        self._claims.clear()
+        self._claims = StaticClaims()
+        self._tracker.clear()  # what was too fast before is found again
         if self._free is not None:
             self._free.begin()
 
@@ -190,7 +191,7 @@ class MoverSpace:
             kind_of(detection),
             around(box.corners_ned_m),
             # What stamp and pose are apart displaces a box seen from the body.
-            math.sqrt(2.0) * error_m + self._clock_error_m(box),
+            _turned(box.corners_ned_m) * error_m + self._clock_error_m(box),
             is_whole(detection),
             turned_velocity_mps(detection, yaw_rad),
         )
@@ -214,6 +215,7 @@ class MoverSpace:
         terms = self._flight.assessment.terms
         error_m = max(box.uncertainty_m, terms.map_error_m) + box.blur_m
         error_m += box.displacement_m(terms.heading_error_rad) + self._clock_error_m(box)
+        error_m *= _turned(box.corners_ned_m)
         moved = self._claims.check(box.track_id, around(box.corners_ned_m), error_m)
         if moved is None:
             return []
@@ -244,9 +246,7 @@ class MoverSpace:
                 low, high = np.stack((low_n, low_e), axis=1), np.stack((high_n, high_e), axis=1)
                 until_s = np.full(len(low), sight.stamp_s + POSE_TIMING_S)
                 if self._free.are_free(low, high, until_s):
-                    sentence = f"mover {track_id} was first seen where none could be"
-                    late = Assumption.MOVER_FIRST_SIGHT
-                    found.append(Violation(late, 1.0, 0.0, "movers", track_id, sentence=sentence))
+                    found.append(_first_sight(track_id))
                     break
         return found
 
@@ -314,6 +314,21 @@ def bounds_of(classes: Sequence[MoverClass]) -> tuple[dict[str, Bound], Bound]:
         max((each.size_max_m for each in classes), default=0.0),
     )
     return bounds, bounds.get(UNKNOWN, largest)
+
+
+def _first_sight(track_id: str) -> Violation:
+    sentence = f"mover {track_id} was first seen where none could be"
+    return Violation(Assumption.MOVER_FIRST_SIGHT, 1.0, 0.0, "movers", track_id, sentence=sentence)
+
+
+def _turned(corners_m: Corners) -> float:
+    """Return how much farther along the axes a corner of a turned box is off than its faces."""
+    (x0_m, y0_m), (x1_m, y1_m), (x2_m, y2_m), _ = corners_m
+    sides = ((x1_m - x0_m, y1_m - y0_m), (x2_m - x1_m, y2_m - y1_m))
+    longer = max(sides, key=lambda side: math.hypot(*side))
+    length_m = math.hypot(*longer)
+    # A box without extent may be turned by any angle.
+    return math.sqrt(2.0) if length_m < 1e-3 else sum(map(abs, longer)) / length_m
 
 
 def around(corners_m: Corners) -> Box:

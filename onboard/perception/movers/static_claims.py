@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import math
 from typing import Final, NamedTuple
 
 from onboard.geometry.box import Box
 
 # More claims than these are not compared; a map of them has its own limit.
 _CLAIMS_MAX: Final = 10_000
+_ROUND_OFF_M: Final = 1e-6
 
 
 class Moved(NamedTuple):
@@ -44,15 +44,14 @@ class StaticClaims:
         Args:
             track_id: what it was made of.
             measured: its whole box, along north and east.
-            error_m: how far each face may be off in its own axes.
+            error_m: how far each face may be off along these axes.
         """
         first, first_error_m = self._first.get(track_id, (None, 0.0))
         if first is None:
             if len(self._first) < _CLAIMS_MAX:
                 self._first[track_id] = (measured, error_m)
             return None
-        # Along north and east, the corner of a turned box is off by more than its faces.
-        limit_m = math.sqrt(2.0) * (first_error_m + error_m)
+        limit_m = first_error_m + error_m + _ROUND_OFF_M
         displaced_m = max(
             abs(measured.x_min_m - first.x_min_m),
             abs(measured.x_max_m - first.x_max_m),

@@ -157,7 +157,12 @@ class MoverTracker:
             known = before.get(sighting.track_id)
             if known is not None and stamp_s <= known.seen_s:
                 continue
-            others = [track for track in before.values() if track.id != sighting.track_id]
+            # Another sensor's track of the same mover says nothing of its name.
+            others = [
+                track
+                for track in before.values()
+                if track.id != sighting.track_id and track.id.startswith(f"{source}/")
+            ]
             track, too_fast = self._updated(known, sighting, stamp_s, others)
             self._tracks[sighting.track_id] = track
             if too_fast is not None:

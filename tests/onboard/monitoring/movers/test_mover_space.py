@@ -153,6 +153,13 @@ def test_without_the_requirement_everything_stands_still(contract: Contract) -> 
     assert scene.movers.check_ring(100.0) is None
 
 
+def test_what_moves_tells_no_heading(scene: Scene) -> None:
+    """Seen from the body, a mover that passes turns as all would by an error of the heading."""
+    for step in range(60):
+        walks = person(4.0, -2.0 + 0.07 * step)
+        assert names(scene.look(walks, frame="body_frd")) == []
+
+
 def test_faster_than_its_class(scene: Scene) -> None:
     scene.look(person(5.0))
     (found,) = scene.look(person(4.0))
