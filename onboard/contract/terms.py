@@ -108,7 +108,6 @@ class Terms(Generic[Q]):
             drag_per_s=vehicle.drag_per_s,
             wind_max_mps=environment.wind_max_mps,
             position_drift_mps=vehicle.position_drift_mps,
-            flight_time_max_s=contract.requirements.flight_time_max_s,
             thinnest_obstacle_m=sensor.thinnest_obstacle_m,
             no_return_is_free_to_m=sensor.no_return_is_free_to_m,
             **_terrain(environment),
@@ -120,10 +119,8 @@ class Terms(Generic[Q]):
             obstacle_size_max_m=environment.obstacle_size_max_m,
             obstacle_size_min_m=environment.obstacle_size_min_m,
             obstacle_separation_min_m=environment.separation_any_way_m,
-            stop=contract.requirements.stop,
-            passive_safety=contract.requirements.passive_safety,
             mission_altitude_m=mission_altitude_m,
-            **_mover_terms(contract),
+            **_requirements(contract),
             input_set=input_set,
         )
 
@@ -240,6 +237,17 @@ def _terrain(environment: EnvironmentTerms) -> dict[str, Any]:
     return {
         "terrain_max_m": environment.terrain_max_m,
         "terrain_error_m": environment.terrain_error_m,
+    }
+
+
+def _requirements(contract: Contract) -> dict[str, Any]:
+    """Return the terms about what is required, of movers and else."""
+    requirements = contract.requirements
+    return {
+        "flight_time_max_s": requirements.flight_time_max_s,
+        "stop": requirements.stop,
+        "passive_safety": requirements.passive_safety,
+        **_mover_terms(contract),
     }
 
 

@@ -28,7 +28,7 @@ from onboard.perception.detection import (
 )
 from onboard.perception.heights import heights_filled_m
 from onboard.perception.intake import DetectionCounters
-from onboard.perception.moving_detection import is_complete
+from onboard.perception.movers.moving_detection import is_complete
 from onboard.perception.placement import PlacedBox, blurs_m, place
 from onboard.perception.pose_history import PoseHistory
 from onboard.vehicle_state import Pose

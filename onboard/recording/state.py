@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 from onboard.autonomy import Autonomy
 from onboard.monitoring.energy import SILENCE_S
 from onboard.recording.messages import DropCounters, SensorRecord, StateRecord
+from onboard.vehicle_state import Pose, Setpoint
 
 
 def state_of(autonomy: Autonomy, now_s: float) -> StateRecord:
@@ -23,14 +25,8 @@ def state_of(autonomy: Autonomy, now_s: float) -> StateRecord:
         airborne=status.airborne,
         position_ned_m=None if pose is None else pose.position_ned_m,
         velocity_ned_mps=None if pose is None else pose.velocity_ned_mps,
-        roll_rad=None if pose is None else pose.roll_rad,
-        pitch_rad=None if pose is None else pose.pitch_rad,
-        yaw_rad=None if pose is None else pose.yaw_rad,
-        reference_position_ned_m=None if setpoint is None else setpoint.position_ned_m,
-        reference_velocity_ned_mps=None if setpoint is None else setpoint.velocity_ned_mps,
-        reference_acceleration_ned_mps2=(
-            None if setpoint is None else setpoint.acceleration_ned_mps2
-        ),
+        **_attitude(pose),
+        **_reference(setpoint),
         tracking_error_m=tracking.position_error_m,
         tracking_error_z_m=tracking.vertical_error_m,
         velocity_error_mps=tracking.velocity_error_mps,
@@ -57,6 +53,18 @@ def state_of(autonomy: Autonomy, now_s: float) -> StateRecord:
         battery_charge=autonomy.link.battery.charge(now_s, SILENCE_S),
         dropped=_dropped(autonomy),
     )
+
+
+def _attitude(pose: Pose | None) -> dict[str, Any]:
+    names = ("roll_rad", "pitch_rad", "yaw_rad")
+    return {name: None if pose is None else getattr(pose, name) for name in names}
+
+
+def _reference(setpoint: Setpoint | None) -> dict[str, Any]:
+    names = ("position_ned_m", "velocity_ned_mps", "acceleration_ned_mps2")
+    return {
+        f"reference_{name}": None if setpoint is None else getattr(setpoint, name) for name in names
+    }
 
 
 def unix_time_s(autonomy: Autonomy, now_s: float) -> float:

@@ -23,9 +23,7 @@ from onboard.perception.detection import Corners, Detection, DetectionFrame
 from onboard.perception.face_strips import enclosing_boxes, strip_around
 from onboard.perception.line_of_sight import View
 from onboard.perception.movers.mover_free import Glance, MoverFree, boxes_array, without
-from onboard.perception.movers.static_claims import StaticClaims
-from onboard.perception.movers.tracker import Bound, MoverTracker, Sighting, with_hidden_part
-from onboard.perception.moving_detection import (
+from onboard.perception.movers.moving_detection import (
     MovingDetection,
     is_complete,
     is_mover,
@@ -33,6 +31,8 @@ from onboard.perception.moving_detection import (
     kind_of,
     turned_velocity_mps,
 )
+from onboard.perception.movers.static_claims import StaticClaims
+from onboard.perception.movers.tracker import Bound, MoverTracker, Sighting, with_hidden_part
 from onboard.perception.placement import POSE_TIMING_S, PlacedBox
 from onboard.planning.mover_certifier import Movers
 

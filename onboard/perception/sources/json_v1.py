@@ -9,7 +9,7 @@ from pydantic import BaseModel, ConfigDict
 
 from onboard.files.json_payload import MalformedPayloadError, parse
 from onboard.perception.detection import DetectionFrame
-from onboard.perception.moving_detection import MovingFrame
+from onboard.perception.movers.moving_detection import MovingFrame
 
 log = logging.getLogger(__name__)
 

@@ -50,6 +50,8 @@ DOCUMENT: dict[str, dict[str, Any]] = {
         "rest_settle_s": 0.0,
         "rest_speed_mps": 0.2,
         "setpoint_loss_run_time_s": None,
+        "radius_z_m": None,
+        "height_drift_m": None,
     },
     "requirements": {"stop": True, "passive_safety": True},
     "sensor": {
@@ -60,12 +62,16 @@ DOCUMENT: dict[str, dict[str, Any]] = {
         "thinnest_obstacle_m": None,
         "no_return_is_free_to_m": None,
         "all_round_range_m": 0.0,
+        "position_error_z_m": None,
+        "vertical_field_of_view_deg": None,
     },
     "environment": {
         "obstacle_size_max_m": 4.0,
         "obstacle_size_min_m": 0.0,
         "obstacle_separation_min_m": 20.0,
         "wind_max_mps": None,
+        "terrain_max_m": 0.0,
+        "terrain_error_m": 0.0,
         "movers": (),
     },
 }

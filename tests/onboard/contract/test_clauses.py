@@ -106,12 +106,16 @@ def test_a_heading_error_is_needed_on_both_sides_of_the_view() -> None:
 
 
 def test_what_costs_time_only_concerns_progress_where_only_seen_space_is_flown_into() -> None:
-    every = {"wind_max_mps": 1.0, "mission_altitude_m": 4.0, "recentring_speed_mps": 0.2}
+    every: dict[str, Any] = {
+        "wind_max_mps": 1.0, "mission_altitude_m": 4.0, "recentring_speed_mps": 0.2,
+        "radius_z_m": 0.4, "height_drift_m": 0.3, "position_error_z_m": 0.2,
+        "view_up_rad": 0.5, "view_down_rad": 0.5,
+    }  # fmt: skip
     concern = {name: clause.concerns for name, clause in found(**every).items()}
     progress = {name for name, each in concern.items() if each == "progress"}
     assert progress == PROGRESS_CLAUSES
     assert concern.keys() - progress == {
-        "thrust", "wind", "ground_clearance", "stop", "passive_safety", "seen_free_view"
+        "thrust", "wind", "ground_clearance", "stop", "passive_safety", "seen_free_view", "terrain"
     }  # fmt: skip
     assert {clause.concerns for clause in found(**every, stop=False).values()} == {"safety"}
 

@@ -38,6 +38,10 @@ def test_every_number_of_the_file_is_a_term(contract: Contract) -> None:
                 assert value is None
             elif key in ("clearance_wish_m", "rest_speed_mps"):
                 assert not hasattr(terms, key), "nothing in the contract follows from it"
+            elif key in ("terrain_max_m", "terrain_error_m"):
+                assert (value, getattr(terms, key)) == (0.0, None), "the plane of the origin"
+            elif key == "vertical_field_of_view_deg":
+                assert (value, terms.view_up_rad, terms.view_down_rad) == (None, None, None)
             elif key.endswith("_deg"):
                 radians = getattr(terms, key.replace("_deg", "_rad"))
                 assert radians == pytest.approx(math.radians(value))

@@ -10,7 +10,7 @@ import pytest
 
 from onboard.files.json_payload import MalformedPayloadError, parse
 from onboard.perception.detection import DetectionFrame
-from onboard.perception.moving_detection import (
+from onboard.perception.movers.moving_detection import (
     MovingFrame,
     is_complete,
     is_mover,

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from onboard.files.obstacle_field import ObstacleField
-from onboard.perception.moving_detection import MovingFrame, is_mover, is_whole, kind_of
+from onboard.perception.movers.moving_detection import MovingFrame, is_mover, is_whole, kind_of
 from onboard.perception.sources.json_v1 import parse_frame
 from sitl.environment.movers.config import MoverConfig
 from sitl.environment.movers.movers import REST_MPS, Movers
