@@ -34,7 +34,8 @@ from tests.gcs_tools.vehicle.fake_autopilot import (
     tells_time,
 )
 
-pytestmark = pytest.mark.real_time
+# MAVSDK waits for what does not come: all of these tests together compute for nine seconds of their minute.
+pytestmark = [pytest.mark.real_time, pytest.mark.waiting]
 
 ESTIMATOR_STATUS = 230
 
