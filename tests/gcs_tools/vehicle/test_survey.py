@@ -34,8 +34,7 @@ from tests.gcs_tools.vehicle.fake_autopilot import (
     tells_time,
 )
 
-# MAVSDK waits for what does not come: in their minute, all of these tests together compute for nine
-# seconds.
+# MAVSDK waits for what does not come: of their minute these tests compute for four seconds.
 pytestmark = [pytest.mark.real_time, pytest.mark.waiting]
 
 ESTIMATOR_STATUS = 230
