@@ -14,12 +14,13 @@ from dataclasses import dataclass
 from itertools import islice
 
 import numpy as np
-from shapely import STRtree, box
 
 from onboard.geometry.frames import FloatArray
 
 # These pairs suffice to refuse a field; counting more would take too long.
 PAIRS_MAX = 1_000_000
+# So many boxes are compared each with each, on a companion without Shapely, too.
+_COMPARED_MAX = 2000
 # Boxes looked up in the index at a time; limits the memory for the results.
 _QUERIES = 4096
 # Boxes grow within a round, so few rounds suffice; conflicts that remain are refused.
@@ -99,6 +100,16 @@ def _gathered(merged: Merged, parents: list[int], regions_of: Regions) -> Merged
 def intersecting_pairs(boxes_m: FloatArray) -> Iterator[tuple[int, int]]:
     """Yield the index pairs of boxes, (N, 4), that share a point."""
     x_min_m, x_max_m, y_min_m, y_max_m = boxes_m.T
+    if len(boxes_m) <= _COMPARED_MAX:
+        for one in range(len(boxes_m) - 1):
+            later = slice(one + 1, None)
+            along = (x_min_m[later] <= x_max_m[one]) & (x_max_m[later] >= x_min_m[one])
+            across = (y_min_m[later] <= y_max_m[one]) & (y_max_m[later] >= y_min_m[one])
+            yield from ((one, one + 1 + other) for other in np.flatnonzero(along & across).tolist())
+        return
+    # Shapely belongs to the extra ground; loaded only for a large field.
+    from shapely import STRtree, box  # noqa: PLC0415
+
     rectangles = box(x_min_m, y_min_m, x_max_m, y_max_m)
     tree = STRtree(rectangles)
     for begin in range(0, len(boxes_m), _QUERIES):

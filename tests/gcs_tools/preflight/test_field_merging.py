@@ -10,10 +10,10 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from gcs_tools.preflight import field_check
+from gcs_tools.preflight import field_check, field_merging
 from gcs_tools.preflight.command import check
 from gcs_tools.preflight.field_check import check_field
-from gcs_tools.preflight.field_merging import PAIRS_MAX, Merged, merge
+from gcs_tools.preflight.field_merging import PAIRS_MAX, Merged, intersecting_pairs, merge
 from gcs_tools.preflight.field_regions import region_boxes
 from onboard.contract.assessment import assess
 from onboard.files.contract_file import load_contract
@@ -139,3 +139,17 @@ def test_a_crowd_is_counted_only_so_far(monkeypatch: pytest.MonkeyPatch) -> None
     disjoint = check_field(PAPER, crowd, None)[3]
     assert (disjoint.holds, disjoint.required) == (False, limit)
     assert disjoint.note.endswith(f"counting stopped at {limit}")
+
+
+def test_a_small_field_is_compared_as_the_index_of_a_large_one_does(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    draw = np.random.default_rng(3)
+    corner_m = np.round(draw.uniform(-20.0, 20.0, (300, 2)))
+    size_m = np.round(draw.uniform(0.0, 4.0, (300, 2)))
+    far_m = corner_m + size_m  # whole numbers: many boxes only touch
+    boxes_m = np.column_stack((corner_m[:, 0], far_m[:, 0], corner_m[:, 1], far_m[:, 1]))
+    compared = list(intersecting_pairs(boxes_m))
+    monkeypatch.setattr(field_merging, "_COMPARED_MAX", 0)
+    assert compared == list(intersecting_pairs(boxes_m))
+    assert len(compared) > 100
