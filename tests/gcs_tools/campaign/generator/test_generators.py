@@ -66,6 +66,13 @@ LATER = {
     "corridor_half_width_m": None,
     "on_end": "hover",
     "energy": None,
+    "radius_z_m": None,
+    "height_drift_m": None,
+    "position_error_z_m": None,
+    "vertical_field_of_view_deg": None,
+    "terrain_max_m": 0.0,
+    "terrain_error_m": 0.0,
+    "down_m": None,
 }
 
 
