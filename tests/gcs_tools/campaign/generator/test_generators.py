@@ -75,6 +75,13 @@ LATER: dict[str, tuple[Any, ...]] = {
     "message_version": (1,),
     "mover_motion": ("moving",),
     "mover_swap_share": (0.0,),
+    "radius_z_m": (None,),
+    "height_drift_m": (None,),
+    "position_error_z_m": (None,),
+    "vertical_field_of_view_deg": (None,),
+    "terrain_max_m": (0.0,),
+    "terrain_error_m": (0.0,),
+    "down_m": (None,),
 }
 
 
