@@ -140,12 +140,15 @@ class MoverSpace:
             else:
                 found += self._check_claim(detection, box)
         known = {track.id for track in self._tracker}
-        self._new = frozenset(
+        unexplained = {
             each.track_id
             for each in sightings
-            if each.track_id not in known and each.whole and not self._is_explained(each, stamp_s)
-        )
-        too_fast = self._tracker.take(frame.source, sightings, stamp_s, complete=is_complete(frame))
+            if each.whole and not self._is_explained(each, stamp_s)
+        }
+        complete = is_complete(frame)
+        too_fast = self._tracker.take(frame.source, sightings, stamp_s, complete=complete)
+        new = {each.track_id for each in sightings} - known | self._tracker.renamed
+        self._new = frozenset(new & unexplained)
         found += [
             Violation(Assumption.MOVER_CLASS, each.speed_mps, each.limit_mps, "m/s", each.track_id)
             for each in too_fast

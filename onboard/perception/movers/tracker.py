@@ -112,6 +112,10 @@ class MoverTracker:
     Args:
         bounds: of each class; of ``unknown``, too, for what has none.
         stamp_error_s: how far the stamp of a frame may be off.
+
+    Attributes:
+        renamed: tracks of the last frame whose name is at a place where they cannot be at all: it
+            has been given to another mover.
     """
 
     def __init__(
@@ -121,6 +125,7 @@ class MoverTracker:
         self._error_s = stamp_error_s
         self._tracks: dict[str, MoverTrack] = {}
         self._ghosts = 0
+        self.renamed: set[str] = set()
 
     def __len__(self) -> int:
         return len(self._tracks)
@@ -151,6 +156,7 @@ class MoverTracker:
             Movers that have been faster than their class allows.
         """
         before = dict(self._tracks)
+        self.renamed = set()
         found, shown = [], set()
         for sighting in sightings:
             shown.add(sighting.track_id)
@@ -203,7 +209,10 @@ class MoverTracker:
         )
         if beyond_m > _ROUND_OFF_M:
             self._add_ghost(known)
-            if shared:
+            apart = not at.inflated(error_m).intersects(sighting.measured)
+            if apart and not shared:
+                self.renamed.add(known.id)
+            if apart or shared:
                 return new, None
             speed_mps = known.speed_max_mps + beyond_m / max(stamp_s - known.seen_s, 1e-3)
             raised_mps = max(new.speed_max_mps, _RAISED * speed_mps)

@@ -82,11 +82,16 @@ class FakeDetections:
     """Sensors that see, unless told otherwise."""
 
     blind: Violation | None = None
+    ring: Violation | None = None
     contradicting: list[str] = field(default_factory=list)
 
     @property
     def monitor(self) -> Any:
         return self
+
+    @property
+    def movers(self) -> Any:
+        return SimpleNamespace(check_ring=lambda _: self.ring)
 
     @property
     def consistency(self) -> Any:

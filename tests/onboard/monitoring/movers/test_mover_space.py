@@ -162,10 +162,16 @@ def test_what_moves_tells_no_heading(scene: Scene) -> None:
 
 def test_faster_than_its_class(scene: Scene) -> None:
     scene.look(person(5.0))
-    (found,) = scene.look(person(4.0))
+    (found,) = scene.look(person(4.5))
     assert found.assumption is Assumption.MOVER_CLASS
     assert found.limit == 1.5
     assert found.measured > 5.0
+
+
+def test_a_known_name_where_no_mover_could_be_is_a_first_sight(scene: Scene) -> None:
+    for _ in range(8):
+        assert scene.look(person(5.0)) == []
+    assert names(scene.look(person(-3.0))) == [Assumption.MOVER_FIRST_SIGHT]
 
 
 def test_larger_than_its_class(scene: Scene) -> None:

@@ -102,6 +102,17 @@ def test_a_mover_that_is_a_little_too_fast_is_found_after_a_while() -> None:
         assert (first is None) if found_by is None else (first is not None and first <= found_by)
 
 
+def test_a_name_that_is_given_to_a_newcomer_is_no_speed() -> None:
+    tracks = tracker()
+    tracks.take("front", [seen(5.0)], 0.0, complete=True)
+    assert tracks.take("front", [seen(9.0), seen(5.0, name="2")], 0.1, complete=True) == []
+    assert tracks.renamed == {"front/1"}
+    assert tracks.take("front", [seen(9.0), seen(5.0, name="2")], 0.2, complete=True) == []
+    assert tracks.renamed == set()
+    for place in (box(5.0, 0.0), box(9.0, 0.0)):
+        assert any(holds(track.predicted(0.2), place) for track in tracks)
+
+
 def test_exchanged_identities_are_no_speed() -> None:
     tracks = tracker()
     tracks.take("front", [seen(5.0), seen(7.0, name="2")], 0.0, complete=True)
