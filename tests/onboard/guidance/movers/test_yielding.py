@@ -114,8 +114,7 @@ def test_what_is_held_goes_on_when_a_mover_appears_beside_it(gated: GatedFlight)
     way = reference.guard or reference.upcoming or reference.current
     assert way is not None
     end_leg_m = way.final.position_leg_m
-    flight.run(12.0, until=lambda: flight.state is FlightState.YIELDING)
-    flight.run(1.0)
+    flight.run(9.0)
     assert flight.state is FlightState.YIELDING
     assert flight.reference.position_leg_m == pytest.approx(end_leg_m, abs=1e-6)
 
