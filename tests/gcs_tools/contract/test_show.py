@@ -180,3 +180,14 @@ def test_the_table_names_every_clause(clearway: Clearway, config: Path) -> None:
     assert ran.out.startswith("COMPLIANT")
     for name in ("thrust", "detection_range", "stop", "passive_safety", "separation"):
         assert name in ran.out
+
+
+def test_what_is_promised_against_each_class_of_movers(clearway: Clearway, config: Path) -> None:
+    drone = "[{class: drone, speed_max_mps: 15.0, size_max_m: 1.0}]"
+    path = config / "movers_contract.yaml"
+    covered = clearway("contract", "show", "--contract", path).out
+    assert "person 1.2 m/s: passive, if none hides behind an obstacle" in covered
+    found = clearway("contract", "show", "--contract", path, "--set", f"environment.movers={drone}")
+    assert "drone 15 m/s: NOT COVERED, needs" in found.out
+    plain = clearway("contract", "show", "--contract", config / "default_contract.yaml").out
+    assert "movers (required" not in plain

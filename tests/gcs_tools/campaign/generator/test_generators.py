@@ -37,8 +37,8 @@ DIGESTS = {
     "competition": "64368921318d0599",
     "best-effort": "f3ee36056536f338",
     "best-effort-faults": "28247b695c5c5f24",
-    "movers": "980f7d944d1b1966",
-    "faster-movers": "7b9f8abc482851a8",
+    "movers": "99e8b6259eee129f",
+    "faster-movers": "79a4946e3e8f2f6c",
     "quick": "c2ec896834344007",
     "quick-faults": "6098990d5ea11549",
 }

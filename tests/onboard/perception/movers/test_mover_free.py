@@ -273,7 +273,7 @@ def contradictions(seed: int, speed_mps: float) -> int:
         x_m, y_m = away_m * math.cos(bearing_rad), away_m * math.sin(bearing_rad)
         walkers.append(Walker(x_m, y_m, speed_mps))
     sensors, found = Sensors(walkers), 0
-    for tick in range(240):
+    for tick in range(160):
         time_s = tick * 0.025
         for walker in walkers:
             walker.go(random, 0.025)
@@ -288,14 +288,14 @@ def contradictions(seed: int, speed_mps: float) -> int:
     return found
 
 
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", range(3))
 def test_no_mover_of_declared_speed_is_where_none_can_be(seed: int) -> None:
     """Hostile and zigzagging, hidden behind each other and trees, with staggered late frames."""
     assert contradictions(seed, 1.0) == 0
 
 
 def test_movers_that_are_faster_are() -> None:
-    assert sum(contradictions(seed, 1.6) for seed in range(4)) > 0
+    assert sum(contradictions(seed, 1.6) for seed in range(3)) > 0
 
 
 def test_cells_are_not_larger_than_what_is_near() -> None:
