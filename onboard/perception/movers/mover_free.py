@@ -113,15 +113,13 @@ class MoverFree:
 
     def forget_seen(self) -> None:
         """Forget where none was seen, which holds at one height, but not who was seen to hide."""
-        self._free_until_s = np.full_like(self._free_until_s, -math.inf)
+        self._free_until_s = np.full((2 * self._half, 2 * self._half), -math.inf)
         self._steps.clear()
         self.version += 1
 
     def _clear(self, unvisited_until_s: float) -> None:
-        shape = (2 * self._half, 2 * self._half)
         # Until when no mover that was ever seen can be in a cell.
-        self._unvisited_until_s = np.full(shape, unvisited_until_s)
-        self._free_until_s: FloatArray = np.full(shape, -math.inf)
+        self._unvisited_until_s = np.full((2 * self._half, 2 * self._half), unvisited_until_s)
         self.forget_seen()
 
     def break_row(self, source: str) -> None:
