@@ -72,7 +72,13 @@ def print_movers(assessment: Assessment, console: Console) -> None:
     if not assessment.mover_levels:
         return
     required = assessment.terms.movers_level
-    console.print(f"movers (required: {required}, speeds as declared):")
+    title = f"movers (required: {required}, speeds as declared):"
+    if required == "none":
+        title = (
+            "movers: nothing is enforced against them, since requirements.movers = none; "
+            "requiring passive would make them, at the speeds declared:"
+        )
+    console.print(title)
     for level in assessment.mover_levels:
         console.print(f"  {level}", style="" if level.level else "red")
 

@@ -278,7 +278,8 @@ class Level:
         if self.level == "passive":
             return f"{name}: passive{hidden}"
         if self.level is not None:
-            return f"{name}: passive in view, in a steady cruise only{hidden}"
+            in_view = "passive in view, in a steady cruise only, and not enforced in flight"
+            return f"{name}: {in_view}{hidden}"
         needs = f"needs {self.front_m:.1f} m ahead and {self.ring_m:.1f} m all round"
         return f"{name}: NOT COVERED, {needs}"
 
@@ -286,6 +287,17 @@ class Level:
 def levels(terms: Terms[float], derived: Derived[float], tick_s: float) -> tuple[Level, ...]:
     """Return what the contract promises against each class that it declares."""
     return tuple(_level(terms, derived, tick_s, mover) for mover in terms.movers)
+
+
+def _can_be_required(terms: Terms[float]) -> bool:
+    """Tell whether nothing but classes and sensors speaks against requiring passive safety."""
+    frozen = terms.passive_safety and terms.setpoint_loss_model == "frozen"
+    return (
+        terms.stop
+        and terms.rest_settle_s > 0.0
+        and terms.radius_z_m is None
+        and not (frozen and terms.setpoint_loss_run_time_s is None)
+    )
 
 
 def _level(terms: Terms[float], derived: Derived[float], tick_s: float, mover: MoverClass) -> Level:
@@ -296,7 +308,7 @@ def _level(terms: Terms[float], derived: Derived[float], tick_s: float, mover: M
     view_rad = in_view_rad(terms, derived, stop, v_mps, SCALAR)
     sees_all = terms.field_of_view_rad >= 2.0 * math.pi - 1e-9
     level: Literal["passive", "passive in view"] | None = None
-    if terms.stop and terms.rest_settle_s > 0.0 and all(clause.holds for clause in front):
+    if _can_be_required(terms) and all(clause.holds for clause in front):
         if sees_all or (terms.all_round_range_m or 0.0) > ring_m:
             level = "passive"
         elif terms.field_of_view_rad > view_rad and not terms.best_effort:

@@ -89,10 +89,13 @@ class DetectionEvaluator:
             yield violation
         if doubted or not is_complete(frame):
             self.seen.skip(frame)
+            self.movers.skip(frame)
             return
         filled_m = self._filled_m(frame, self._poses.at(stamp_s), stamp_s)
         sight = self.seen.take(frame, stamp_s, now_s, self._placements_m(stamp_s), filled_m)
-        if sight is not None:
+        if sight is None:
+            self.movers.skip(frame)
+        else:
             yield from self.movers.see(sight)
 
     def _evaluate(
@@ -121,7 +124,10 @@ class DetectionEvaluator:
             yield late
         yield from check_frame(frame, terms)
         placed = place(frame, pose, blur_by_track_m, self._filled_m(frame, pose, stamp_s))
-        yield from self.movers.track(frame, placed, stamp_s)
+        shifts_m = self._placements_m(stamp_s)
+        if len(shifts_m) == 1:  # else it is not known where it saw them
+            here = [box.shifted_by(shifts_m[0]) if box.moves else box for box in placed]
+            yield from self.movers.track(frame, here, stamp_s)
         moving = {
             frame.track_id(seen) for seen in frame.obstacles if self.movers.is_mover(frame, seen)
         }

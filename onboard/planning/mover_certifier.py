@@ -9,6 +9,7 @@ its end.  A vehicle at rest may be touched: there nothing is asked.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final, Protocol
 
@@ -25,9 +26,13 @@ from onboard.planning.rest_certifier import (
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from numpy.typing import NDArray
+
     from onboard.geometry.box import Box
     from onboard.geometry.frames import FloatArray, LegFrame
     from onboard.motion.trajectory import Trajectory
+
+    IntArray = NDArray[np.intp]
 
 # A reference slower than this is at rest.
 REST_MPS: Final = 0.01
@@ -121,6 +126,8 @@ def mover_failures(
     if not moving.size:
         return ()
     last = int(moving[-1])
+    # A reference that pauses on the way leaves the vehicle moving for as long.
+    moving = _unsettled(moving, begins_s, ends_s, settling.rest_settle_s)
     grown_m = limits.body_radius_m + 2.0 * GRID_TOLERANCE_M
     low, high = _swept_ned(points[:, moving], limits, leg)
     until_s = ends_s[moving] + settling.after_s(speed_mps[moving], pull_mps2[moving])
@@ -134,6 +141,16 @@ def mover_failures(
     if reached is not None:
         return (f"a mover may be on the way from {begins_s[reached]:.3f} s on",)
     return _met(low, high, until_s, movers)
+
+
+def _unsettled(
+    moving: IntArray, begins_s: FloatArray, ends_s: FloatArray, rest_settle_s: float
+) -> IntArray:
+    """Return which pieces up to the last one that moves find the vehicle moving, or settling."""
+    moved_s = np.full(int(moving[-1]) + 1, -math.inf)
+    moved_s[moving] = ends_s[moving]
+    latest_s = np.maximum.accumulate(moved_s)
+    return np.flatnonzero(begins_s[: moved_s.size] < latest_s + rest_settle_s)
 
 
 def _short_pieces(way: Trajectory) -> tuple[FloatArray, FloatArray, FloatArray]:

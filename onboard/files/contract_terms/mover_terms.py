@@ -38,7 +38,7 @@ class MoverClass(FileModel):
 
 
 def check_movers(movers: Sequence[MoverClass]) -> None:
-    """Check that classes are stated once, and that unknown movers are no slower than known ones.
+    """Check that classes are stated once, and that unknown movers may be as any known one.
 
     Raises:
         ValueError: they are not; says which value is wrong.
@@ -55,6 +55,13 @@ def check_movers(movers: Sequence[MoverClass]) -> None:
                 f"does not name may be a {fastest.kind}: state at least "
                 f"{fastest.speed_max_mps:g} m/s, or leave the class out"
             )
+        largest = max(movers, key=lambda each: each.size_max_m)
+        if mover.kind == UNKNOWN and mover.size_max_m < largest.size_max_m:
+            raise ValueError(
+                f"class unknown has size_max_m = {mover.size_max_m:g} m, but what a sensor does "
+                f"not name may be a {largest.kind}: state at least {largest.size_max_m:g} m, or "
+                "leave the class out"
+            )
 
 
 class Declared(NamedTuple):
@@ -66,6 +73,7 @@ class Declared(NamedTuple):
         best_effort: whether passing obstacles is not guaranteed.
         rest_settle_s: as declared.
         sees_all_round: whether an all-round sensor is declared.
+        has_heights: whether heights of vehicle and obstacles are declared.
         run_time_known: whether it is known how long the vehicle runs on without setpoints, where
             that matters.
     """
@@ -75,6 +83,7 @@ class Declared(NamedTuple):
     best_effort: bool
     rest_settle_s: float
     sees_all_round: bool
+    has_heights: bool
     run_time_known: bool
 
 
@@ -95,6 +104,10 @@ def movers_objection(level: MoversLevel, declared: Declared) -> str | None:
         (
             declared.run_time_known,
             "vehicle.setpoint_loss_run_time_s: last setpoint to rest, where the setpoint is frozen",
+        ),
+        (
+            not declared.has_heights,
+            "vehicle.radius_z_m = null: near it, a view of some heights shows no place mover-free",
         ),
     )
     for holds, what in needed:

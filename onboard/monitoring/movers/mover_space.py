@@ -104,14 +104,16 @@ class MoverSpace:
         """Forget everything: the local frame has moved, or is in doubt.
 
         Args:
-            frame_stands: neither is the case; what was seen is of another height.
+            frame_stands: neither is the case; what was seen is of another height, where other
+                movers may be.
         """
         if frame_stands:
+            if self._free is not None:
+                self._free.forget_seen()
             return
         self._tracker.clear()
         self._claims.clear()
         self._new = frozenset()
-        self.all_round_s = -math.inf
         if self._free is not None:
             self._free.void()
 
@@ -171,6 +173,11 @@ class MoverSpace:
         self._free.see(glance, sight.frame.source)
         self._new = frozenset()
         return late
+
+    def skip(self, frame: DetectionFrame) -> None:
+        """Take note of a frame that does not count: its sensor's row of frames begins again."""
+        if self._free is not None:
+            self._free.break_row(frame.source)
 
     def check_ring(self, now_s: float) -> Violation | None:
         """Tell whether what sees all round has been silent for longer than the contract allows."""
@@ -275,19 +282,18 @@ class MoverSpace:
         for index, (detection, moves) in enumerate(zip(frame.obstacles, moving, strict=True)):
             if not moves:
                 continue
-            grown = raw[index].inflated(self._box_margin_m(sight, corners[index]))
+            margin_m = self._box_margin_m(sight, corners[index])
+            bound = self._tracker.bound(kind_of(detection))
+            grown = raw[index].inflated(margin_m)
             if not is_whole(detection):
-                size_m = self._tracker.bound(kind_of(detection)).size_max_m
-                grown = with_hidden_part(grown, size_m)
-                raw[index] = grown
-            speed_mps = self._tracker.bound(kind_of(detection)).speed_max_mps
-            grown = grown.inflated(speed_mps * POSE_TIMING_S)
+                raw[index] = grown = with_hidden_part(raw[index], margin_m, bound.size_max_m)
+            grown = grown.inflated(bound.speed_max_mps * POSE_TIMING_S)
             rows.append((grown.x_min_m, grown.x_max_m, grown.y_min_m, grown.y_max_m))
         view = View(
             position_leg_m=pose.position_ned_m[:2],
             heading_leg_rad=pose.yaw_rad,
             half_view_rad=self._half_view_rad(frame, terms),
-            range_m=min(frame.range_m, terms.detection_range_m, resolved_m(frame, terms)),
+            range_m=min(frame.range_m, _declared_range_m(frame, terms), resolved_m(frame, terms)),
             boxes=raw,
             face_error_m=e * (1.0 + heading_error_rad),
             pose_error_m=clock_error_m + (e if scan else 0.0),
@@ -307,6 +313,14 @@ class MoverSpace:
         if frame.field_of_view_deg >= ALL_ROUND_DEG:
             return math.pi
         return min(view_rad, terms.field_of_view_rad) / 2.0
+
+
+def _declared_range_m(frame: DetectionFrame, terms: Terms[float]) -> float:
+    """Return how far the contract counts on what a sensor says: a ring no farther than declared."""
+    ring_m = terms.all_round_range_m or 0.0
+    if ring_m > 0.0 and frame.field_of_view_deg >= ALL_ROUND_DEG:
+        return min(ring_m, terms.detection_range_m)
+    return terms.detection_range_m
 
 
 def bounds_of(classes: Sequence[MoverClass]) -> tuple[dict[str, Bound], Bound]:

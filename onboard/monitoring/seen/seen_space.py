@@ -297,6 +297,8 @@ class SeenSpace:
         if not trusted and (self._set.size or self._pending or self._looks):
             # It may drift without a jump: what was seen before is elsewhere once it is good again.
             self.void("the position is not to be believed")
+        elif not trusted:
+            self.on_void(False)
         seen = self._set.size or self._looks
         if seen and pose is not None and self._is_off_height(pose):
             self.void("the vehicle has left the height of the leg", frame_stands=True)

@@ -60,6 +60,8 @@ class _Step:
 
     stamp_s: float
     source: str
+    # Which of its sensor's rows of successive frames it belongs to.
+    row: int
     seen: BoolArray
     shaded: BoolArray
     occupied: BoolArray
@@ -97,6 +99,7 @@ class MoverFree:
         self._half = math.ceil(reach_m / CELL_M) + _STEP_CELLS
         self._corner = (-self._half, -self._half)
         self._steps: list[_Step] = []
+        self._rows: dict[str, int] = {}  # by sensor, how often it began again
         self.dropped = self.version = 0
         self._clear(unvisited_until_s=math.inf)
 
@@ -108,13 +111,20 @@ class MoverFree:
         """Forget everything, also that no mover is hidden: the local frame is in doubt."""
         self._clear(unvisited_until_s=-math.inf)
 
-    def _clear(self, unvisited_until_s: float) -> None:
-        shape = (2 * self._half, 2 * self._half)
-        self._free_until_s = np.full(shape, -math.inf)
-        # Until when no mover that was ever seen can be in a cell.
-        self._unvisited_until_s = np.full(shape, unvisited_until_s)
+    def forget_seen(self) -> None:
+        """Forget where none was seen, which holds at one height, but not who was seen to hide."""
+        self._free_until_s = np.full((2 * self._half, 2 * self._half), -math.inf)
         self._steps.clear()
         self.version += 1
+
+    def _clear(self, unvisited_until_s: float) -> None:
+        # Until when no mover that was ever seen can be in a cell.
+        self._unvisited_until_s = np.full((2 * self._half, 2 * self._half), unvisited_until_s)
+        self.forget_seen()
+
+    def break_row(self, source: str) -> None:
+        """Begin the row of a sensor again: it may have lost what it saw before one of them."""
+        self._rows[source] = self._rows.get(source, 0) + 1
 
     def centre_on(self, north_m: float, east_m: float) -> None:
         """Move the grid along with the vehicle; what leaves the grid is unseen."""
@@ -170,7 +180,8 @@ class MoverFree:
         occupied = np.zeros_like(seen)
         for box in glance.movers:
             occupied[self._window(*box)] = True
-        return _Step(glance.stamp_s, source, seen & ~occupied, shaded & ~occupied, occupied)
+        row = self._rows.get(source, 0)
+        return _Step(glance.stamp_s, source, row, seen & ~occupied, shaded & ~occupied, occupied)
 
     def _apply(self, position: int) -> None:
         """Account for a step, all before it being accounted for."""
@@ -196,7 +207,7 @@ class MoverFree:
         for earlier in reversed(self._steps[:position]):
             if left == 0:
                 break
-            if earlier.source == step.source:
+            if (earlier.source, earlier.row) == (step.source, step.row):
                 age_s = step.stamp_s - earlier.stamp_s + 2.0 * self._error_s
                 shown &= earlier.depth * CELL_M >= self._speed_mps * age_s
                 left -= 1

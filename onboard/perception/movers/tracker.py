@@ -187,7 +187,7 @@ class MoverTracker:
         bound, error_m = self.bound(sighting.kind), sighting.error_m
         told = sighting.measured.inflated(error_m)
         if not sighting.whole:
-            told = with_hidden_part(told, bound.size_max_m)
+            told = with_hidden_part(sighting.measured, error_m, bound.size_max_m)
         new = MoverTrack(
             sighting.track_id,
             sighting.kind,
@@ -242,14 +242,23 @@ class MoverTracker:
                     self._tracks[track_id] = replace(track, missed=track.missed + 1)
 
 
-def with_hidden_part(told: Box, size_max_m: float) -> Box:
-    """Return what holds a mover of which only a part was seen, turned by any angle."""
-    most_m = size_max_m * math.sqrt(2.0)
+def with_hidden_part(measured: Box, error_m: float, size_max_m: float) -> Box:
+    """Return what holds a mover of which only a part was seen, turned by any angle.
+
+    A face that was seen may be off either way: on its own side it may lie farther out, and what is
+    hidden on the other side is counted from where it lies farthest in.
+
+    Args:
+        measured: the part that was seen.
+        error_m: how far each of its faces may be off.
+        size_max_m: of the whole mover.
+    """
+    told, most_m = measured.inflated(error_m), size_max_m * math.sqrt(2.0) + error_m
     return Box(
-        min(told.x_min_m, told.x_max_m - most_m),
-        max(told.x_max_m, told.x_min_m + most_m),
-        min(told.y_min_m, told.y_max_m - most_m),
-        max(told.y_max_m, told.y_min_m + most_m),
+        min(told.x_min_m, measured.x_max_m - most_m),
+        max(told.x_max_m, measured.x_min_m + most_m),
+        min(told.y_min_m, measured.y_max_m - most_m),
+        max(told.y_max_m, measured.y_min_m + most_m),
     )
 
 

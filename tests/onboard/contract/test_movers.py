@@ -105,7 +105,17 @@ def test_at_their_defaults_the_keys_leave_the_hash_as_it_was() -> None:
             {"environment__movers": [DRONE, {**PERSON, "class": "unknown"}]},
             "may be a drone: state at least 15 m/s",
         ),
+        (
+            {"environment__movers": [PERSON, {**PERSON, "class": "unknown", "size_max_m": 0.5}]},
+            "may be a person: state at least 1 m",
+        ),
         ({"environment__movers": [PERSON, PERSON]}, "'person' is stated 2 times"),
+        (
+            {"vehicle__radius_z_m": 0.25, "vehicle__height_drift_m": 0.1,
+             "sensor__position_error_z_m": 0.1,
+             "sensor__vertical_field_of_view_deg": [45.0, 45.0]},
+            "needs vehicle.radius_z_m = null",
+        ),
     ],
 )  # fmt: skip
 def test_what_is_not_enforced_is_refused(changes: dict[str, Any], says: str) -> None:
@@ -133,7 +143,26 @@ def test_each_class_has_a_level() -> None:
     )
     said = [str(level) for level in assess(blind).mover_levels]
     assert said[0].startswith("person 1.5 m/s: NOT COVERED")
-    assert said[2].startswith("child 0.5 m/s: passive in view, in a steady cruise only")
+    assert said[2].startswith("child 0.5 m/s: passive in view, in a steady cruise only, and not")
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"vehicle__rest_settle_s": 0.0},
+        {"vehicle__setpoint_loss": {
+            "model": "frozen", "gain_per_s": 0.95, "velocity_gain_per_s": 1.8}},
+        {"vehicle__radius_z_m": 0.25, "vehicle__height_drift_m": 0.1,
+             "sensor__position_error_z_m": 0.1,
+         "sensor__vertical_field_of_view_deg": [45.0, 45.0]},
+    ],
+)  # fmt: skip
+def test_no_level_is_stated_that_could_not_be_required(changes: dict[str, Any]) -> None:
+    slow = [{**PERSON, "speed_max_mps": 0.2}]
+    far = {"sensor__detection_range_m": 40.0, "sensor__all_round_range_m": 40.0}
+    off = {"requirements__movers": "none", "environment__movers": slow, **far}
+    assert assess(contract(**off)).mover_levels[0].level == "passive"
+    assert assess(contract(**off, **changes)).mover_levels[0].level is None
 
 
 def test_an_uncovered_class_breaks_the_contract_that_requires_it() -> None:

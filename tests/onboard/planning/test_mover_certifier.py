@@ -15,7 +15,7 @@ from onboard.contract.run_on import NO_RUN_ON
 from onboard.geometry.box import Box
 from onboard.geometry.frames import FloatArray, LegFrame
 from onboard.motion.trajectory import State, Trajectory
-from onboard.planning.closed_form import brake_to_hover
+from onboard.planning.closed_form import brake_to_hover, stop_at
 from onboard.planning.mover_certifier import Movers, Settling, mover_failures
 from onboard.planning.problem import Envelope
 from onboard.planning.rest_certifier import RestLimits
@@ -55,6 +55,20 @@ class Until:
 
     def first_reached(self, low: FloatArray, high: FloatArray, until_s: FloatArray) -> int | None:  # noqa: ARG002  no bound
         bad = np.flatnonzero((low[:, 0] < self.north_m) | (until_s > self.time_s))
+        return int(bad[0]) if bad.size else None
+
+
+@dataclass(frozen=True)
+class Behind:
+    """A place that holds no mover before a time, and is asked about only while it is left."""
+
+    place_ned_m: tuple[float, float, float]
+    time_s: float
+
+    def first_reached(self, low: FloatArray, high: FloatArray, until_s: FloatArray) -> int | None:
+        middle = (low + high) / 2.0 - self.place_ned_m[:2]
+        there = np.hypot(*middle.T) < 1e-6  # pieces that rest there
+        bad = np.flatnonzero(there & (until_s > self.time_s))
         return int(bad[0]) if bad.size else None
 
 
@@ -176,3 +190,22 @@ def test_places_are_asked_for_in_local_ned_until_the_end_of_each_piece() -> None
         assert (mover_failures(way, LIMITS, SETTLING, LEG, Movers(late, (), 0.0)) == ()) == ends
         (why,) = mover_failures(way, LIMITS, SETTLING, LEG, Movers(early, (), 0.0))
         assert why.startswith("a mover may be on the way from ")
+
+
+def test_a_pause_on_the_way_counts_until_the_vehicle_has_settled() -> None:
+    """A reference that rests on its way leaves the vehicle moving for t_set, as at its end."""
+    first = stop(1.0)
+    first = first.until(rest_s(first))
+    (x_m, _, _), rests_s = first.final.position_leg_m, first.end_s
+    still = Trajectory(
+        rests_s, np.array((1.0,)), np.array(((x_m, 0.0, 0.0),)), *[np.zeros((1, 3))] * 3
+    )
+    there = State((x_m, 0.0, 0.0), (0.0, 0.0, 0.0))
+    again = stop_at(there, still.end_s, ENVELOPE, x_m + 9.0, speed_mps=2.0, z_m=0.0)
+    assert again is not None
+    way = first.followed_by(still).followed_by(again)
+    # No mover is on the second part; where the first ends one may be from a time on.
+    for later_s, stays in ((0.45, False), (0.65, True)):
+        places = Behind(LEG.position_ned((x_m, 0.0, 0.0)), rests_s + later_s)
+        found = mover_failures(way, LIMITS, Settling(0.5), LEG, Movers(places, (), 0.0))
+        assert (found == ()) == stays

@@ -150,6 +150,35 @@ def test_a_doubt_forgets_that_none_is_hidden() -> None:
     assert not free.is_free_at(3.5, 0.0, 0.25)
 
 
+def test_a_frame_that_does_not_count_begins_the_row_of_its_sensor_again() -> None:
+    free = MoverFree(1.0, RANGE_M, frames_needed=3)
+    empty_frames(free, 2)
+    free.break_row("ring")
+    empty_frames(free, 2, 0.1)
+    assert not free.is_free_at(1.0, 0.0, 0.15)
+    empty_frames(free, 1, 0.2)
+    assert free.is_free_at(1.0, 0.0, 0.2)
+    # A late frame of another sensor leaves the rows as they were.
+    other = MoverFree(1.0, RANGE_M, frames_needed=3)
+    empty_frames(other, 2)
+    other.break_row("ring")
+    empty_frames(other, 2, 0.1)
+    other.see(glance(0.01, [], [], math.pi / 3, RANGE_M), "front")
+    assert not other.is_free_at(1.0, 0.0, 0.15)
+
+
+def test_at_another_height_only_who_went_hiding_is_remembered() -> None:
+    tree = Box(2.0, 2.3, -0.6, 0.6)
+    free = MoverFree(1.0, RANGE_M)
+    now_s = empty_frames(free, 6)
+    free.forget_seen()
+    assert free.free_cells(now_s) == 0
+    for index in range(6):
+        stamp_s = now_s + 0.05 * (index + 1)
+        free.see(glance(stamp_s, [], [tree], math.pi, RING_M, hidden=False), "ring")
+    assert free.is_free_at(3.1, 0.0, stamp_s)
+
+
 def test_near_an_all_round_sensor_what_is_not_reported_is_not_there() -> None:
     front, ring = MoverFree(1.0, RANGE_M), MoverFree(1.0, RANGE_M)
     for index in range(5):

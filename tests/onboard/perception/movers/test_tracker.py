@@ -18,6 +18,7 @@ from onboard.perception.movers.tracker import (
     MoverTracker,
     Sighting,
     TooFast,
+    with_hidden_part,
 )
 
 E_M = 0.1
@@ -127,8 +128,33 @@ def test_of_a_part_the_rest_may_be_anywhere_within_the_size() -> None:
     part = Sighting("front/1", "person", Box(5.0, 5.1, 0.0, 0.1), E_M, whole=False)
     tracks.take("front", [part], 0.0, complete=True)
     most_m = 0.6 * math.sqrt(2.0)
-    assert only(tracks).box.x_max_m == pytest.approx(4.9 + most_m)
-    assert only(tracks).box.y_min_m == pytest.approx(0.2 - most_m)
+    # Whichever way the face that was seen is off.
+    assert only(tracks).box.x_max_m == pytest.approx(5.0 + E_M + most_m)
+    assert only(tracks).box.y_min_m == pytest.approx(0.1 - E_M - most_m)
+
+
+@given(
+    least_m=st.floats(-1.0, 1.0),
+    seen_from=st.floats(0.0, 1.0),
+    seen_to=st.floats(0.0, 1.0),
+    size_m=st.floats(0.1, 3.0),
+    errors_m=st.tuples(st.floats(-E_M, E_M), st.floats(-E_M, E_M)),
+)
+def test_no_part_of_a_mover_lies_outside(
+    least_m: float,
+    seen_from: float,
+    seen_to: float,
+    size_m: float,
+    errors_m: tuple[float, float],
+) -> None:
+    """Turned by 45 degrees it extends over the diagonal, of which any part is seen, faces off."""
+    extent_m = size_m * math.sqrt(2.0)
+    low, high = sorted(least_m + share * extent_m for share in (seen_from, seen_to))
+    one, other = sorted((low + errors_m[0], high + errors_m[1]))
+    held = with_hidden_part(Box(one, other, one, other), E_M, size_m)
+    assert held.x_min_m <= least_m + 1e-9
+    assert held.x_max_m >= least_m + extent_m - 1e-9
+    assert (held.y_min_m, held.y_max_m) == (held.x_min_m, held.x_max_m)
 
 
 def test_what_is_not_seen_of_a_known_mover_cannot_have_gone_farther_than_all_of_it() -> None:
@@ -142,7 +168,7 @@ def test_what_is_not_seen_of_a_known_mover_cannot_have_gone_farther_than_all_of_
     tracks.take("front", [part, near], 0.3, complete=True)
     kept = next(track for track in tracks if track.id == "front/1")
     # Another may be there, too: then nothing is cut.
-    assert kept.box.x_max_m == pytest.approx(4.6 + 0.6 * math.sqrt(2.0))
+    assert kept.box.x_max_m == pytest.approx(4.7 + E_M + 0.6 * math.sqrt(2.0))
 
 
 def test_who_is_in_none_of_a_few_complete_frames_is_unseen() -> None:
