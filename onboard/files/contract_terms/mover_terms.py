@@ -68,6 +68,7 @@ class Declared(NamedTuple):
         sees_all_round: whether an all-round sensor is declared.
         run_time_known: whether it is known how long the vehicle runs on without setpoints, where
             that matters.
+        as_pillars: whether obstacles count as pillars of any height.
     """
 
     movers: Sequence[MoverClass]
@@ -76,6 +77,7 @@ class Declared(NamedTuple):
     rest_settle_s: float
     sees_all_round: bool
     run_time_known: bool
+    as_pillars: bool
 
 
 def movers_objection(level: MoversLevel, declared: Declared) -> str | None:
@@ -95,6 +97,11 @@ def movers_objection(level: MoversLevel, declared: Declared) -> str | None:
         (
             declared.run_time_known,
             "vehicle.setpoint_loss_run_time_s: last setpoint to rest, where the setpoint is frozen",
+        ),
+        (
+            declared.as_pillars,
+            "vehicle.radius_z_m = null: near the vehicle a mover may be above or below the "
+            "vertical view, and is forgotten there",
         ),
     )
     for holds, what in needed:
