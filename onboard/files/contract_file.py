@@ -326,9 +326,9 @@ class Contract(FileModel):
             best_effort=requirements.progress == "best_effort",
             rest_settle_s=vehicle.rest_settle_s,
             sees_all_round=sensor.all_round_range_m > 0.0 or sensor.field_of_view_deg >= 360.0,
-            has_heights=vehicle.radius_z_m is not None,
             run_time_known=not (requirements.passive_safety and frozen)
             or vehicle.setpoint_loss_run_time_s is not None,
+            as_pillars=vehicle.radius_z_m is None,
         )
         objection = movers_objection(requirements.movers, declared)
         if objection is not None:

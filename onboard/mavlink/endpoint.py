@@ -43,6 +43,8 @@ from onboard.vehicle_state import Pose, Setpoint, Target, VehicleStatus
 TELEMETRY_RATE_HZ: Final = POSITION_RATE_HZ
 # Another daemon that has not been heard for so long has gone; a few heartbeats may be lost.
 OTHER_DAEMON_SILENCE_S: Final = 5.0
+# Each says so once a second: one that has just begun to listen does not know yet.
+LISTENED_MIN_S: Final = 1.5
 # A position makes a pose only with an attitude this recent.
 ATTITUDE_AGE_MAX_S: Final = 0.2
 # Beyond these a position is garbage, and what would follow from it fits no message.
@@ -154,6 +156,7 @@ class MavlinkEndpoint:
         self.security = LinkSecurity(signing)
         self.transmitter = Transmitter(system_id, signing, instance)
         self._instance, self._other_daemon_s = instance, -math.inf
+        self._listens_since_s = math.inf
         self._requests = MessageRequests()
         self._handlers: dict[int, Callable[[Any, float], None]] = {
             mavlink.MAVLINK_MSG_ID_HEARTBEAT: self._on_heartbeat,
@@ -251,7 +254,12 @@ class MavlinkEndpoint:
         """Whether another daemon of the same ids is on the link."""
         return now_s - self._other_daemon_s <= OTHER_DAEMON_SILENCE_S
 
+    def may_have_missed_other_daemon(self, now_s: float) -> bool:
+        """Whether another one may be on the link that has said nothing since the vehicle did."""
+        return self._instance != 0 and not now_s - self._listens_since_s >= LISTENED_MIN_S
+
     def _on_heartbeat(self, message: Any, now_s: float) -> None:
+        self._listens_since_s = min(self._listens_since_s, now_s)
         self.profile = profile_of(message.autopilot)
         self.position_reports.facts = self.profile.estimator
         modes = self.profile.modes

@@ -119,6 +119,8 @@ class MissionFromVehicle:
         self._keep_in(found.areas)
         objection = self._navigator.situation.fence_objection(found.mission)
         if objection is not None:
+            # Not flown: read once more, as over every arming, it has to be refused once more.
+            self._flown = None
             self._refused = f"the vehicle's mission cannot be flown: {objection}"
             return
         self._navigator.change_mission(found.mission, now_s)

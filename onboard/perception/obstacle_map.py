@@ -213,6 +213,9 @@ class ObstacleMap:
         return True
 
     def _remember(self, track_id: str, track: Track) -> None:
+        before = self._tracks.get(track_id)
+        if before is not None and not self._is_in_way(before):
+            del self._tracks[track_id]  # new once it comes to be in the way, for `each_new`
         self._tracks[track_id] = track
         self.revision += 1
         if not self._is_in_way(track):

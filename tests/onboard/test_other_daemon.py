@@ -49,6 +49,14 @@ def test_the_second_neither_commands_nor_departs_until_the_first_has_gone(rig: R
     assert rig.phase is Phase.CRUISE
 
 
+def test_the_second_listens_before_it_departs(rig: Rig) -> None:
+    """The first says once a second that it is there; the second may begin just after that."""
+    rig.run(0.96)
+    assert rig.phase.value == "standby"
+    hear(rig, heartbeat(8), 4.0)
+    assert rig.phase.value == "standby"
+
+
 def test_the_first_flies_on(rig: Rig) -> None:
     rig.run(4.0)
     assert rig.phase is Phase.CRUISE

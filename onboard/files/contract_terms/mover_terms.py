@@ -73,9 +73,9 @@ class Declared(NamedTuple):
         best_effort: whether passing obstacles is not guaranteed.
         rest_settle_s: as declared.
         sees_all_round: whether an all-round sensor is declared.
-        has_heights: whether heights of vehicle and obstacles are declared.
         run_time_known: whether it is known how long the vehicle runs on without setpoints, where
             that matters.
+        as_pillars: whether obstacles count as pillars of any height.
     """
 
     movers: Sequence[MoverClass]
@@ -83,8 +83,8 @@ class Declared(NamedTuple):
     best_effort: bool
     rest_settle_s: float
     sees_all_round: bool
-    has_heights: bool
     run_time_known: bool
+    as_pillars: bool
 
 
 def movers_objection(level: MoversLevel, declared: Declared) -> str | None:
@@ -106,8 +106,9 @@ def movers_objection(level: MoversLevel, declared: Declared) -> str | None:
             "vehicle.setpoint_loss_run_time_s: last setpoint to rest, where the setpoint is frozen",
         ),
         (
-            not declared.has_heights,
-            "vehicle.radius_z_m = null: near it, a view of some heights shows no place mover-free",
+            declared.as_pillars,
+            "vehicle.radius_z_m = null: near the vehicle a mover may be above or below the "
+            "vertical view, and is forgotten there",
         ),
     )
     for holds, what in needed:

@@ -20,16 +20,31 @@ class HeightsSeen:
     def __init__(self, flight: SupervisedFlight) -> None:
         self._flight = flight
         self._half_m = half_band_m(flight.assessment.terms)
+        # Of the leg from the height at which the oldest cells were seen, positive down.
+        self._off_m = 0.0
 
     @property
     def level_m(self) -> float:
         """How far from the height of the leg the set still holds; infinite among pillars."""
-        return LEVEL_M if math.isfinite(self._half_m) else math.inf
+        return LEVEL_M - abs(self._off_m) if math.isfinite(self._half_m) else math.inf
 
-    @property
-    def shift_max_m(self) -> float:
-        """How far the leg, or the estimate of the height, may move with the set."""
-        return min(self.level_m, self._flight.assessment.terms.tracking_error_z_m)
+    def leave(self, moved_m: float) -> bool:
+        """Tell whether what was seen is of another height, now that the leg has moved against it.
+
+        Many small moves are a large one.
+
+        Args:
+            moved_m: by how much, positive down.
+        """
+        self._off_m += moved_m
+        error_z_m = self._flight.assessment.terms.tracking_error_z_m
+        if math.isinf(self._half_m):
+            return abs(moved_m) > error_z_m
+        return abs(self._off_m) > min(LEVEL_M, error_z_m)
+
+    def forget(self) -> None:
+        """Nothing has been seen: what comes is seen at the height of the leg."""
+        self._off_m = 0.0
 
     def have_grown(self) -> bool:
         """Tell, once, whether the band has grown: what was free is not so at every height of it."""

@@ -202,8 +202,9 @@ class SeenSpace:
         self._set.limit(self._half_width_m)
         if self._fence is not None:
             self._set.keep_in(self._fence, leg)
-        if abs(origin_m[2]) > self._heights.shift_max_m:
+        if self._heights.leave(origin_m[2]):
             self.void("the leg is at another height", frame_stands=True)
+        self._set.level_m = self._heights.level_m
 
     def shift(self, shift_ned_m: Vector) -> None:
         """Move the set into the present local frame, which a declared reset has moved."""
@@ -212,9 +213,10 @@ class SeenSpace:
         self._pending.clear()
         self._looks.shift(shift_ned_m[0], shift_ned_m[1])
         self._word.shift(shift_ned_m[0], shift_ned_m[1])
-        if abs(z_m) > self._heights.shift_max_m:
+        if self._heights.leave(-z_m):
             self.void("the estimate of the height was reset")
         else:
+            self._set.level_m = self._heights.level_m
             self._set.shift(x_m, y_m)
             self.on_void(False)
 
@@ -229,6 +231,8 @@ class SeenSpace:
         self._word.forget(frame_stands=frame_stands)
         self.on_void(frame_stands)
         self._looks.forget()
+        self._heights.forget()
+        self._set.level_m = self._heights.level_m
         self._set.void()
         self.void_reason = reason
 

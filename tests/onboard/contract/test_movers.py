@@ -88,6 +88,15 @@ def test_at_their_defaults_the_keys_leave_the_hash_as_it_was() -> None:
     [
         ({"requirements__movers": "avoid"}, "avoiding movers in flight is not implemented"),
         ({"environment__movers": []}, "needs environment.movers"),
+        (
+            {
+                "vehicle__radius_z_m": 0.3,
+                "vehicle__height_drift_m": 0.3,
+                "sensor__position_error_z_m": 0.2,
+                "sensor__vertical_field_of_view_deg": (30.0, 30.0),
+            },
+            "needs vehicle.radius_z_m = null",
+        ),
         ({"requirements__stop": False}, "needs requirements.stop = true"),
         ({"vehicle__rest_settle_s": 0.0}, "needs vehicle.rest_settle_s above 0 s"),
         ({"sensor__all_round_range_m": 0.0}, "needs sensor.all_round_range_m above 0 m"),

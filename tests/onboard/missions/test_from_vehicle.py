@@ -1,6 +1,7 @@
 """Missions on board the autopilot: read, followed on the ground, refused with their items named."""
 
 import json
+import math
 
 import pytest
 
@@ -15,6 +16,7 @@ from onboard.recording.messages import as_json
 from onboard.recording.state import state_of
 from tests.onboard.missions.board import (
     FENCE,
+    HOME_E7,
     JUMP,
     MISSION,
     STANDARD,
@@ -187,6 +189,23 @@ def test_the_geofence_on_board_limits_the_flight(contract: Contract) -> None:
     assert rig.autonomy.navigator.situation.fence is None
     take_off(rig)
     rig.run(6.0, until=lambda: rig.phase is Phase.CRUISE)
+    assert rig.phase is Phase.CRUISE
+
+
+def test_what_the_geofence_forbids_stays_refused_over_the_arming(contract: Contract) -> None:
+    rig = board(contract)
+    rig.lists[FENCE] = ((3, 5003, 0, 1, 60.0, 0.0, 0.0, math.nan, *HOME_E7, 0.0),)
+    rig.run(3.0)
+    assert said_mission(rig) == [12.0, 24.0]
+    rig.be_uploaded(MISSION, item(TAKE_OFF, 0.0), item(WAYPOINT, 90.0))
+    rig.run(3.0)
+    assert "cannot be flown: legs.0" in rig.texts("mission_refused")[-1]
+    take_off(rig)  # all is read once more: neither this mission nor the last may be flown
+    rig.run(8.0)
+    assert rig.phase.value == "standby"
+    assert rig.position_ned_m[:2] == (0.0, 0.0)
+    rig.be_uploaded(MISSION, *STANDARD)
+    rig.run(10.0, until=lambda: rig.phase is Phase.CRUISE)
     assert rig.phase is Phase.CRUISE
 
 

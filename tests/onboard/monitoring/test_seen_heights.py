@@ -205,6 +205,23 @@ def test_a_small_shift_of_the_height_voids_the_set(contract: Contract) -> None:
     assert rig.seen.size == 0
 
 
+@pytest.mark.parametrize("by_reset", [False, True])
+def test_many_small_moves_of_the_height_add_up(contract: Contract, *, by_reset: bool) -> None:
+    """A band that was seen at 5 m says nothing of a leg that has come to 5.08 m by and by."""
+    rig = Rig(contract)
+    rig.look([])
+    for number in (1, 2):
+        if by_reset:
+            rig.seen.shift((0.0, 0.0, 0.04))
+        else:
+            rig.flight.leg = LegFrame((0.0, 0.0, -5.0 - 0.04 * number), 0.0)
+        if number == 1:
+            assert rig.seen.grid().level_m == pytest.approx(LEVEL_M - 0.04)
+            assert rig.is_free(6.0, 0.0)
+    assert rig.seen.grid().level_m == pytest.approx(LEVEL_M)
+    assert rig.seen.size == 0
+
+
 @pytest.mark.parametrize(("off_m", "valid"), [(0.0, True), (0.04, True), (-0.2, False)])
 def test_a_way_to_rest_at_another_height_is_not_certified(
     contract: Contract, off_m: float, *, valid: bool

@@ -84,6 +84,15 @@ def test_what_turns_out_taller_comes_into_the_way(known: ObstacleMap) -> None:
     assert is_in_way(known)
 
 
+def test_what_turns_out_taller_is_new_then(known: ObstacleMap) -> None:
+    """Also behind one that came into the way before: its first sight in the way has to count."""
+    add(known, LOW)
+    known.add("post", square((60.0, 0.0)), 0.05)
+    assert [each.id for each in known.each_new(())] == ["post"]
+    add(known, TALL)
+    assert [each.id for each in known.each_new({"post"})] == ["hedge"]
+
+
 def test_on_a_lower_leg_it_is_in_the_way(known: ObstacleMap) -> None:
     add(known, LOW)
     known.rebuild(LegFrame((0.0, 0.0, -2.5), 0.3), region_around, 0.0)
