@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Collection, Iterable
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Final
@@ -66,16 +66,26 @@ def check_detections(
     for source in sorted(set(announced) - frames.keys()):
         text = f"announced, but sent nothing in {listened_s:g} s"
         findings.append(Finding("detections", source, Verdict.BROKEN, text))
-    heard = [frame for arrivals in frames.values() for _, frame in arrivals]
-    if terms.movers_level != "none":
-        ring = any(frame.field_of_view_deg >= ALL_ROUND_DEG for frame in heard)
-        text = "a sensor with a view of 360° is heard" if ring else "no sensor sees all round"
-        findings.append(Finding("detections", "all_round", Verdict.of(holds=ring), text))
+    findings += _check_ring(frames, terms, needed=needed)
     if malformed:
         worst, count = malformed.most_common(1)[0]
         text = f"{malformed.total()} malformed frames, {count} of them: {worst}"
         findings.append(Finding("detections", "format", Verdict.BROKEN, text))
     return findings
+
+
+def _check_ring(
+    frames: Mapping[str, list[tuple[float, DetectionFrame]]], terms: Terms[float], *, needed: bool
+) -> list[Finding]:
+    """Check that a sensor sees all round, where movers are required; others than these may, too."""
+    if terms.movers_level == "none":
+        return []
+    heard = (frame for arrivals in frames.values() for _, frame in arrivals)
+    if any(frame.field_of_view_deg >= ALL_ROUND_DEG for frame in heard):
+        text = "a sensor with a view of 360° is heard"
+        return [Finding("detections", "all_round", Verdict.HOLDS, text)]
+    verdict = Verdict.BROKEN if needed else Verdict.UNKNOWN
+    return [Finding("detections", "all_round", verdict, "no sensor is heard that sees all round")]
 
 
 def _read(

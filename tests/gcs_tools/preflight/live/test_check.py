@@ -437,6 +437,20 @@ def test_the_rays_of_a_scan_must_meet_the_thinnest_obstacle(
     assert [each.verdict for each in resolutions] == ([] if verdict is None else [verdict])
 
 
+@pytest.mark.parametrize(
+    ("view_deg", "needed", "verdict"),
+    [(360.0, True, HOLDS), (120.0, True, BROKEN), (120.0, False, UNKNOWN)],
+)
+def test_against_movers_a_sensor_has_to_see_all_round(
+    view_deg: float, *, needed: bool, verdict: Verdict
+) -> None:
+    terms = dataclasses.replace(ASSESSMENT.terms, movers_level="passive")
+    samples = [frame(n, field_of_view_deg=view_deg) for n in range(60)]
+    found = check_detections(samples, ("front",), terms, 3.0, 0.0, needed=needed)
+    assert [each.verdict for each in found if each.name == "all_round"] == [verdict]
+    assert "all_round" not in detected(*samples)
+
+
 def test_garbage_is_reported() -> None:
     found = detected(*map(frame, range(60)), Sample(NOW_UNIX_S, b"\xff"))
     assert found["format"] is BROKEN
