@@ -60,7 +60,7 @@ class Navigator:
         self.obstacles, self.events = situation.obstacles, situation.events
         clear_check = ClearCheck(situation)
         induction_planner = InductionPlanner(situation, planner, stopwatch)
-        self._induction_planner = induction_planner
+        self._see_grid = induction_planner.see_by
         self.plan_times_s = induction_planner.plan_times_s
         self._fallback = fallback = Fallback(situation, clear_check, induction_planner)
         self.thread = thread = Thread(situation, fallback) if assessment.terms.stop else None
@@ -144,15 +144,10 @@ class Navigator:
         return self.situation.reference.setpoint(time_s, self.leg)
 
     def see_by(self, seen: SeenSpace, movers: KnownMovers | None = None) -> None:
-        """Fly, where a way to rest has to be held, in the space that this set says is free.
-
-        Args:
-            seen: the set.
-            movers: what is known of movers, against which ways are certified, too.
-        """
+        """Fly, where a way to rest has to be held, in space seen free, and clear of movers."""
         if self.shield is not None and self.thread is not None:
             self.shield.see_by(seen)
-            self._induction_planner.see_by(seen.grid)
+            self._see_grid(seen.grid)
             self.thread.guard.known = movers or self.thread.guard.known
 
     def departure_refusals(self, pose: Pose) -> list[Refusal]:

@@ -202,11 +202,7 @@ class MoverTracker:
         new = replace(new, speed_max_mps=max(new.speed_max_mps, known.speed_max_mps))
         at = known.expected(stamp_s, self._error_s)
         beyond_m = _beyond_m(sighting.measured, at, error_m)
-        # Where another one may be as well, the identities may have been exchanged.
-        shared = any(
-            other.predicted(stamp_s, self._error_s).inflated(error_m).intersects(sighting.measured)
-            for other in others
-        )
+        shared = self._is_shared(sighting, stamp_s, others)
         if beyond_m > _ROUND_OFF_M:
             self._add_ghost(known)
             apart = not at.inflated(error_m).intersects(sighting.measured)
@@ -224,6 +220,15 @@ class MoverTracker:
             # What is not seen of it cannot have gone farther than all of it.
             new = replace(new, box=_common(told, known.predicted(stamp_s, self._error_s)))
         return replace(new, witness=_common(told, at)), None
+
+    def _is_shared(self, sighting: Sighting, stamp_s: float, others: list[MoverTrack]) -> bool:
+        """Whether another one may be there as well: the identities may have been exchanged."""
+        return any(
+            other.predicted(stamp_s, self._error_s)
+            .inflated(sighting.error_m)
+            .intersects(sighting.measured)
+            for other in others
+        )
 
     def _add_ghost(self, track: MoverTrack) -> None:
         """Let the old box go on growing: it may be another mover that is there."""
