@@ -60,8 +60,7 @@ class Navigator:
         self.obstacles, self.events = situation.obstacles, situation.events
         clear_check = ClearCheck(situation)
         induction_planner = InductionPlanner(situation, planner, stopwatch)
-        self._see_grid = induction_planner.see_by
-        self.plan_times_s = induction_planner.plan_times_s
+        self.plan_times_s, self._see_grid = induction_planner.plan_times_s, induction_planner.see_by
         self._fallback = fallback = Fallback(situation, clear_check, induction_planner)
         self.thread = thread = Thread(situation, fallback) if assessment.terms.stop else None
         self.shield = shield = Shield(situation, thread) if thread else None

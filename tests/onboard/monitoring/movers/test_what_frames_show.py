@@ -6,7 +6,6 @@ import math
 from collections.abc import Iterator
 
 import pytest
-from onboard.perception.moving_detection import MovingFrame
 
 from onboard.monitoring.assumptions import Violation
 from onboard.monitoring.detection_evaluation import DetectionEvaluator
@@ -14,6 +13,7 @@ from onboard.monitoring.estimator.heading import HeadingMonitor
 from onboard.monitoring.movers.mover_space import MoverSpace
 from onboard.perception.intake import DetectionCounters
 from onboard.perception.movers.mover_free import MoverFree
+from onboard.perception.movers.moving_detection import MovingFrame
 from onboard.perception.pose_history import PoseHistory
 from onboard.vehicle_state import Pose
 from tests.onboard.contract.test_movers import contract
