@@ -62,6 +62,8 @@ class ContractKey:
         """
         value: Any = contract.model_dump()
         for part in self.path.split("."):
+            if value is None:  # the pair that the number is one of
+                return None
             value = value[int(part)] if part.isdecimal() else value[part]
         if isinstance(value, tuple):
             return math.hypot(*value)
@@ -78,7 +80,7 @@ class ContractKey:
         section = document[section_name]
         name, is_item, index = name.partition(".")
         if is_item:
-            items = list(section[name])
+            items = list(section[name] or (value, value))
             items[int(index)] = value
             section[name] = tuple(items)
         else:

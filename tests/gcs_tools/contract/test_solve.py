@@ -19,8 +19,14 @@ from onboard.files.contract_file import Contract, load_contract
 from tests.gcs_tools.running import CONTRACTS, Clearway
 
 EXAMPLE_PATH = CONTRACTS / "precise_vehicle.yaml"
-# A drift is nothing without the time that it lasts.
-EXAMPLE = load_contract(EXAMPLE_PATH, ("requirements.flight_time_max_s=600",))
+# A drift is nothing without the time that it lasts; heights are stated all together.
+EXAMPLE = load_contract(
+    EXAMPLE_PATH,
+    (
+        "requirements.flight_time_max_s=600", "vehicle.radius_z_m=0.5", "vehicle.height_drift_m=0.2",
+        "sensor.position_error_z_m=0.1", "sensor.vertical_field_of_view_deg=[80, 80]",
+    ),
+)  # fmt: skip
 
 # All but the two that any value of satisfies, see below.
 KEYS = [key for key in numeric_keys() if key != "environment.obstacle_size_min_m"]
