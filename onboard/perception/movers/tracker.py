@@ -184,19 +184,7 @@ class MoverTracker:
         others: list[MoverTrack],
     ) -> tuple[MoverTrack, TooFast | None]:
         """Return a track after a sighting, and whether the mover was too fast."""
-        bound, error_m = self.bound(sighting.kind), sighting.error_m
-        told = sighting.measured.inflated(error_m)
-        if not sighting.whole:
-            told = with_hidden_part(sighting.measured, error_m, bound.size_max_m)
-        new = MoverTrack(
-            sighting.track_id,
-            sighting.kind,
-            told,
-            stamp_s,
-            bound.speed_max_mps,
-            told,
-            sighting.velocity_ned_mps,
-        )
+        error_m, new = sighting.error_m, self._track_of(sighting, stamp_s)
         if known is None:
             return new, None
         new = replace(new, speed_max_mps=max(new.speed_max_mps, known.speed_max_mps))
@@ -218,8 +206,19 @@ class MoverTracker:
             return new, None
         if not sighting.whole:
             # What is not seen of it cannot have gone farther than all of it.
-            new = replace(new, box=_common(told, known.predicted(stamp_s, self._error_s)))
-        return replace(new, witness=_common(told, at)), None
+            new = replace(new, box=_common(new.box, known.predicted(stamp_s, self._error_s)))
+        return replace(new, witness=_common(new.witness, at)), None
+
+    def _track_of(self, sighting: Sighting, stamp_s: float) -> MoverTrack:
+        """Return a track that knows nothing but one sighting."""
+        bound = self.bound(sighting.kind)
+        told = sighting.measured.inflated(sighting.error_m)
+        if not sighting.whole:
+            told = with_hidden_part(sighting.measured, sighting.error_m, bound.size_max_m)
+        speed_mps, velocity_ned_mps = bound.speed_max_mps, sighting.velocity_ned_mps
+        return MoverTrack(
+            sighting.track_id, sighting.kind, told, stamp_s, speed_mps, told, velocity_ned_mps
+        )
 
     def _is_shared(self, sighting: Sighting, stamp_s: float, others: list[MoverTrack]) -> bool:
         """Whether another one may be there as well: the identities may have been exchanged."""
