@@ -250,12 +250,8 @@ class ControlAuthority:
         if self._hold_stands:
             text = "holding: the pilot has to take over first"
             found.append(Refusal(RefusalKind.HOLDING, text))
-        if self._link.hears_other_daemon(now_s):
-            text = "another Clearway daemon is on the vehicle's link: stop one of both"
-            found.append(Refusal(RefusalKind.OTHER_DAEMON, text))
-        elif self._link.may_have_missed_other_daemon(now_s):
-            text = "listening for another Clearway daemon on the vehicle's link"
-            found.append(Refusal(RefusalKind.OTHER_DAEMON, text))
+        if (other := self._link.other_daemon(now_s)) is not None:
+            found.append(Refusal(RefusalKind.OTHER_DAEMON, other))
         broken = broken_clauses(assessment)
         if broken and not self._fly_outside_contract:
             text = f"the contract does not comply ({', '.join(broken)})"

@@ -100,8 +100,7 @@ def movers_objection(level: MoversLevel, declared: Declared) -> str | None:
         ),
         (
             declared.as_pillars,
-            "vehicle.radius_z_m = null: near the vehicle a mover may be above or below the "
-            "vertical view, and is forgotten there",
+            "vehicle.radius_z_m = null: a mover near by may be above or below the vertical view",
         ),
     )
     for holds, what in needed:
