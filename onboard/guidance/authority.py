@@ -250,7 +250,8 @@ class ControlAuthority:
         if self._hold_stands:
             text = "holding: the pilot has to take over first"
             found.append(Refusal(RefusalKind.HOLDING, text))
-        found += self._other_daemon_refusals(now_s)
+        if (other := self._link.other_daemon(now_s)) is not None:
+            found.append(Refusal(RefusalKind.OTHER_DAEMON, other))
         broken = broken_clauses(assessment)
         if broken and not self._fly_outside_contract:
             text = f"the contract does not comply ({', '.join(broken)})"
@@ -282,15 +283,6 @@ class ControlAuthority:
                 for violation in supervisor.environment_violations(now_s)
             ]
         return found
-
-    def _other_daemon_refusals(self, now_s: float) -> list[Refusal]:
-        if self._link.hears_other_daemon(now_s):
-            text = "another Clearway daemon is on the vehicle's link: stop one of both"
-        elif self._link.may_have_missed_other_daemon(now_s):
-            text = "listening for another Clearway daemon on the vehicle's link"
-        else:
-            return []
-        return [Refusal(RefusalKind.OTHER_DAEMON, text)]
 
     def _energy_refusals(self, now_s: float) -> list[Refusal]:
         mission = self._navigator.situation.route.mission

@@ -254,9 +254,13 @@ class MavlinkEndpoint:
         """Whether another daemon of the same ids is on the link."""
         return now_s - self._other_daemon_s <= OTHER_DAEMON_SILENCE_S
 
-    def may_have_missed_other_daemon(self, now_s: float) -> bool:
-        """Whether another one may be on the link that has said nothing since the vehicle did."""
-        return self._instance != 0 and not now_s - self._listens_since_s >= LISTENED_MIN_S
+    def other_daemon(self, now_s: float) -> str | None:
+        """Return why another daemon may be on the link; None if none is."""
+        if self.hears_other_daemon(now_s):
+            return "another Clearway daemon is on the vehicle's link: stop one of both"
+        if self._instance != 0 and not now_s - self._listens_since_s >= LISTENED_MIN_S:
+            return "listening for another Clearway daemon on the vehicle's link"
+        return None
 
     def _on_heartbeat(self, message: Any, now_s: float) -> None:
         self._listens_since_s = min(self._listens_since_s, now_s)

@@ -107,7 +107,7 @@ def movers_objection(level: MoversLevel, declared: Declared) -> str | None:
         ),
         (
             declared.as_pillars,
-            "vehicle.radius_z_m = null: a mover near it may be above or below the vertical view",
+            "vehicle.radius_z_m = null: a mover near by may be above or below the vertical view",
         ),
     )
     for holds, what in needed:
