@@ -9,7 +9,6 @@ from typing import Any
 from gcs_tools.console.arguments import positive
 from gcs_tools.console.errors import EXIT_NO, CommandError
 from gcs_tools.geodesy.utm import UtmZone
-from onboard.geometry.local_frame import GeographicPoint
 
 VEHICLES = ("px4", "ardupilot")
 PLACE = "LAT,LON[,ALT]"
@@ -30,6 +29,8 @@ def place(text: str) -> tuple[float, ...]:
         raise argparse.ArgumentTypeError(
             f"{text[:60]!r} is not {PLACE} in degrees and metres, such as 47.3977,8.5456,488"
         )
+    from onboard.geometry.local_frame import GeographicPoint  # noqa: PLC0415  help loads no daemon
+
     if (problem := GeographicPoint(*numbers).problem()) is not None:
         raise argparse.ArgumentTypeError(problem)
     return numbers

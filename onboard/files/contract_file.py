@@ -233,7 +233,7 @@ class EnvironmentTerms(FileModel):
         None, description="steady wind, horizontally; null: not declared, and not monitored"
     )
     terrain_max_m: float = Field(
-        0.0, description="highest ground below the mission, above the local origin"
+        0.0, ge=-9000.0, description="highest ground below the mission, above the local origin"
     )
     terrain_error_m: NonNegative = Field(0.0, description="of terrain_max_m")
     movers: Annotated[tuple[MoverClass, ...], Field(strict=False)] = Field(

@@ -19,17 +19,24 @@ from onboard.files.contract_file import Contract, load_contract
 from tests.gcs_tools.running import CONTRACTS, Clearway
 
 EXAMPLE_PATH = CONTRACTS / "precise_vehicle.yaml"
-# A drift is nothing without the time that it lasts; heights are stated all together.
-EXAMPLE = load_contract(
-    EXAMPLE_PATH,
-    (
-        "requirements.flight_time_max_s=600", "vehicle.radius_z_m=0.5", "vehicle.height_drift_m=0.2",
-        "sensor.position_error_z_m=0.1", "sensor.vertical_field_of_view_deg=[80, 80]",
-    ),
-)  # fmt: skip
+# A drift is nothing without the time that it lasts.
+EXAMPLE = load_contract(EXAMPLE_PATH, ("requirements.flight_time_max_s=600",))
 
+# Heights are stated all together; what else they need is no clause.
+HEIGHTS = (
+    "vehicle.radius_z_m=0.5", "vehicle.height_drift_m=0.2", "sensor.position_error_z_m=0.1",
+    "sensor.vertical_field_of_view_deg=[60, 60]",
+)  # fmt: skip
+OF_HEIGHTS = [
+    "vehicle.radius_z_m", "vehicle.height_drift_m", "sensor.position_error_z_m",
+    "sensor.vertical_field_of_view_deg.0", "sensor.vertical_field_of_view_deg.1",
+]  # fmt: skip
 # All but the two that any value of satisfies, see below.
-KEYS = [key for key in numeric_keys() if key != "environment.obstacle_size_min_m"]
+KEYS = [
+    key
+    for key in numeric_keys()
+    if key != "environment.obstacle_size_min_m" and key not in OF_HEIGHTS
+]
 
 
 def complies(key: str, value: float, contract: Contract = EXAMPLE) -> bool:
@@ -72,6 +79,23 @@ def test_the_answer_agrees_with_dense_trials(key: str) -> None:
     for step in range(200):
         value = low + (high - low) * step / 199.0
         assert complies(key, value) == any(lo <= value <= hi for lo, hi in bounds), value
+
+
+@pytest.mark.parametrize("key", OF_HEIGHTS)
+def test_a_height_has_an_answer_where_the_others_are_stated(key: str) -> None:
+    alone = solve(EXAMPLE, key)
+    assert not alone.intervals
+    assert alone.closest is not None
+    assert "pillars of any height" in str(alone.closest.reason)
+    stated = load_contract(EXAMPLE_PATH, HEIGHTS)
+    assert assess(stated).compliant
+    value, intervals = contract_key(key).value_in(stated), solve(stated, key).intervals
+    assert value is not None
+    assert any(
+        (each.lower is None or each.lower.value <= value)
+        and (each.upper is None or value <= each.upper.value)
+        for each in intervals
+    )
 
 
 def test_fastest_speed_has_its_closed_form() -> None:
@@ -282,13 +306,20 @@ def test_keys_that_are_no_numbers(clearway: Clearway, config: Path, key: str) ->
     assert "did you mean vehicle." in ran.err or "expected one of vehicle." in ran.err
 
 
-@pytest.mark.parametrize("key", list(numeric_keys()))
+# No clause depends on wish and speed at rest; the ground is a term where it is stated.
+NO_TERMS = {
+    "vehicle.clearance_wish_m", "vehicle.rest_speed_mps",
+    "environment.terrain_max_m", "environment.terrain_error_m",
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("key", sorted(set(numeric_keys()) - set(OF_HEIGHTS)))
 def test_every_key_is_a_term(key: str) -> None:
     described = contract_key(key)
     value = described.value_in(EXAMPLE)
     changed = described.changed(EXAMPLE, 3.5)
     assert described.value_in(changed) == 3.5
-    if value is not None and key != "vehicle.clearance_wish_m":  # no clause depends on the wish
+    if value is not None and key not in NO_TERMS:
         term = getattr(assess(EXAMPLE).terms, described.term)
         assert term == pytest.approx(value * described.term_per_unit)
     assert described.changed(changed, value if value is not None else 3.5) in {EXAMPLE, changed}

@@ -14,7 +14,6 @@ from tests.tools.troubleshooting.texts import check_names
 # whose callers are searched.
 NAMED_ELSEWHERE = {
     "bus.py:authorize",
-    "clauses.py:_concerning",
     "daemon.py:_age_finding",
     "daemon.py:_sensor_finding",
     "detections.py:_check_declared",
