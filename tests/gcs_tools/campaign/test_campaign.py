@@ -42,6 +42,7 @@ from onboard.events import EventData, EventName
 from onboard.geometry.frames import wrap_angle
 from onboard.guidance.phases import Phase
 from onboard.recording.messages import CertificateRecord, EventRecord, PlanRecord, StateRecord
+from sitl.virtual import simulation
 from sitl.virtual.faults.schema import Fault
 from tests.gcs_tools.running import Clearway, is_alive, until
 
@@ -484,8 +485,9 @@ def _outside(variant: str, count: int) -> list[FlightRow]:
 # ---------------------------------------------------------------------------- what is left of it
 
 
-def test_a_failing_flight_shrinks_to_what_fails() -> None:
+def test_a_failing_flight_shrinks_to_what_fails(monkeypatch: pytest.MonkeyPatch) -> None:
     """Of two faults and a windy field only what makes the flight wait for ever is left."""
+    monkeypatch.setattr(simulation, "PAUSE_PATIENCE_S", 15.0)  # for ever takes a minute otherwise
     case = QUICK.case(SEED, 0)
     document = scenario_document(case.scenario)
     document["faults"] = [
