@@ -1,7 +1,9 @@
 """The commands of docs/quick_start.md are read, typed and checked; `make quick-start` plays all."""
 
+import re
 import shlex
 import socket
+import sys
 from pathlib import Path
 
 import pytest
@@ -79,3 +81,14 @@ def test_the_ports_are_those_of_the_files() -> None:
         for each in ("px4/sitl.yaml", "both/onboard.yaml")
     }
     assert all(any(str(number) in text for text in files.values()) for _, number in PORTS)
+
+
+def test_the_check_on_paper_ends_as_the_page_says(tmp_path: Path) -> None:
+    """Refused and cured, with the contract as it is shipped; what flies is left out."""
+    played = [step for block in steps(PAGE.read_text(encoding="utf-8")) for step in block]
+    flies = next(i for i, step in enumerate(played) if " fly " in step.command)
+    path = f"{Path(sys.executable).parent}:{ENVIRONMENT['PATH']}"
+    printed = play(played[:flies], tmp_path, {"PATH": path})
+    assert printed.count("DO NOT FLY") == 2  # the verdict is repeated
+    (refused,) = re.findall(r"• (passive_safety: requires .*)", printed)
+    assert refused in PAGE.read_text(encoding="utf-8")
