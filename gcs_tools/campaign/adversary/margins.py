@@ -26,7 +26,9 @@ class Margin(NamedTuple):
     Attributes:
         promise: ``clearance``: the vehicle touches nothing; ``rest``: every way to rest that was
             held is free for vehicle and tracking error; ``plan``: so is every avoidance that was
-            flown; ``run_on``: so is the run after the daemon dies, in every tick.
+            flown, or, where a way to rest is held, all of the reference that was flown: what a
+            plan intends beyond the space seen is flown only as far as it certifies; ``run_on``:
+            so is the run after the daemon dies, in every tick.
         metres: what is left.
     """
 
@@ -50,15 +52,19 @@ def margins(evidence: Evidence) -> Iterator[Margin]:
     if requirements.stop and evidence.ways:
         points_m = np.concatenate([way.points_ned_m for way in evidence.ways])
         yield Margin("rest", _nearest_m(points_m, evidence) - body_m)
-    paths_m = [
-        np.array(plan.path_ned_m)[:, :2] for plan in evidence.flight.plans if plan.kind != "brake"
-    ]
-    if paths_m:
-        yield Margin("plan", _nearest_m(np.concatenate(paths_m), evidence) - body_m)
     states = _setpoints(evidence)
+    path_m = states[:, 0] if requirements.stop else _planned_m(evidence)
+    if len(path_m):
+        yield Margin("plan", _nearest_m(path_m, evidence) - body_m)
     if requirements.passive_safety and len(states):
         points_m = runs_m(vehicle, states).reshape(-1, 2)
         yield Margin("run_on", _nearest_m(points_m, evidence) - body_m)
+
+
+def _planned_m(evidence: Evidence) -> FloatArray:
+    """Return the points, (n, 2), of every avoidance that was flown."""
+    plans = [plan for plan in evidence.flight.plans if plan.kind != "brake"]
+    return np.array([point[:2] for plan in plans for point in plan.path_ned_m]).reshape(-1, 2)
 
 
 def _nearest_m(points_ned_m: FloatArray, evidence: Evidence) -> float:

@@ -13,7 +13,7 @@ from gcs_tools.campaign.generator.case import FlightCase
 from gcs_tools.campaign.held_ways import HeldWay
 from gcs_tools.campaign.oracles.evidence import Evidence
 from onboard.files.obstacle_field import Obstacle, ObstacleField
-from onboard.recording.messages import StateRecord
+from onboard.recording.messages import PlanRecord, StateRecord
 from tests.gcs_tools.campaign.oracles.evidence import flown, result
 
 WALL = Obstacle(id="wall", center_ned_m=(10.0, 0.0), size_m=(2.0, 8.0))
@@ -48,11 +48,32 @@ def body_m(found: Evidence) -> float:
 def test_each_promise_has_a_margin() -> None:
     found = evidence(passive=True)
     assert dict(margins(found)) == pytest.approx(
-        {"clearance": 3.0, "rest": 3.0 - body_m(found), "run_on": 5.0 - body_m(found)}
+        {
+            "clearance": 3.0,
+            "rest": 3.0 - body_m(found),
+            "plan": 5.0 - body_m(found),
+            "run_on": 5.0 - body_m(found),
+        }
     )
     least = least_margin(found)
     assert least is not None
     assert least.promise == "rest"
+
+
+@pytest.mark.parametrize("stop", [True, False])
+def test_a_plan_counts_as_far_as_it_is_flown_where_a_way_to_rest_is_held(*, stop: bool) -> None:
+    """Without one, the whole of it does."""
+    found = evidence(passive=False)
+    plan = PlanRecord(
+        time_s=1_790_000_001.0, kind="qp", path_ned_m=[(0.0, 0.0, -3.0), (9.5, 0.0, -3.0)]
+    )
+    scenario = found.case.scenario
+    requirements = scenario.contract.requirements.model_copy(update={"stop": stop})
+    contract = scenario.contract.model_copy(update={"requirements": requirements})
+    of_it = replace(found.case, scenario=replace(scenario, contract=contract))
+    found = replace(found, case=of_it, flight=replace(found.flight, plans=[plan]))
+    left_m = dict(margins(found))["plan"] + body_m(found)
+    assert left_m == pytest.approx(5.0 if stop else 0.0)
 
 
 def test_a_run_into_an_obstacle_is_negative() -> None:
