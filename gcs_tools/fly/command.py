@@ -171,7 +171,7 @@ def _fly_live(
     mavlink_key: bytes | None,
 ) -> tuple[Result, tuple[Log, Log]]:
     # Loads MAVSDK and Zenoh, which a virtual flight does not need.
-    from gcs_tools.fly.live_flight import fly_live  # noqa: PLC0415
+    from gcs_tools.fly.live_flight import fly_live  # noqa: PLC0415  loads MAVSDK
 
     with _progress(scenario, "preparing") as report:
         aborted = fly_live(
@@ -196,8 +196,8 @@ def _fly_virtual(
     mavlink_key: bytes | None,
 ) -> tuple[Result, tuple[Log, Log]]:
     # A live flight runs the simulation in another process; only a virtual one loads it here.
-    from sitl.autopilot.flavours.parameters import ParameterError  # noqa: PLC0415
-    from sitl.virtual.simulation import Simulation, fly  # noqa: PLC0415
+    from sitl.autopilot.flavours.parameters import ParameterError  # noqa: PLC0415  simulator
+    from sitl.virtual.simulation import Simulation, fly  # noqa: PLC0415  loads the simulator
 
     planned = _planned(scenario, seed, mavlink_key, outside=fly_outside_contract)
     try:
@@ -228,7 +228,7 @@ def _fly_virtual(
 def _planned(
     scenario: Scenario, seed: int, mavlink_key: bytes | None, *, outside: bool
 ) -> SimulatedFlight:
-    from sitl.virtual.simulation import SimulatedFlight  # noqa: PLC0415  as in `_fly_virtual`
+    from sitl.virtual.simulation import SimulatedFlight  # noqa: PLC0415  loads the simulator
 
     return SimulatedFlight(
         contract=scenario.contract,
@@ -270,7 +270,7 @@ def _progress(scenario: Scenario, text: str) -> Iterator[Report]:
 
 def _draw(scenario: Scenario, logs: tuple[Log, Log], result: Result, path: Path) -> None:
     # matplotlib takes a second to import; after the flight nothing waits for it.
-    from gcs_tools.fly.picture import draw_flight  # noqa: PLC0415
+    from gcs_tools.fly.picture import draw_flight  # noqa: PLC0415  loads Matplotlib
 
     try:
         draw_flight(scenario, *logs, result, path)

@@ -290,7 +290,7 @@ def _authorize(
     duration_s: float,
     signing_key: bytes | None,
 ) -> None:
-    from gcs_tools.preflight.arm_authorization import answer_arm_requests  # noqa: PLC0415  as in `_check_live`
+    from gcs_tools.preflight.arm_authorization import answer_arm_requests  # noqa: PLC0415  loads MAVSDK
 
     console = Console(stderr=True, highlight=False)
     answer_arm_requests(
@@ -307,8 +307,8 @@ def _check_live(
     result: Preflight, mission: Mission | None, targets: LiveTargets
 ) -> tuple[Finding, ...]:
     # MAVSDK and Zenoh are large native libraries: load them only for a live check.
-    from gcs_tools.preflight.live.bus import load_bus  # noqa: PLC0415
-    from gcs_tools.preflight.live.check import STEPS, LiveRequest, check_live  # noqa: PLC0415
+    from gcs_tools.preflight.live.bus import load_bus  # noqa: PLC0415  loads Zenoh
+    from gcs_tools.preflight.live.check import STEPS, LiveRequest, check_live  # noqa: PLC0415  MAVSDK
 
     path = targets.zenoh_config
     request = LiveRequest(

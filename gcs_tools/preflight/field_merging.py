@@ -107,8 +107,7 @@ def intersecting_pairs(boxes_m: FloatArray) -> Iterator[tuple[int, int]]:
             across = (y_min_m[later] <= y_max_m[one]) & (y_max_m[later] >= y_min_m[one])
             yield from ((one, one + 1 + other) for other in np.flatnonzero(along & across).tolist())
         return
-    # Shapely belongs to the extra ground; loaded only for a large field.
-    from shapely import STRtree, box  # noqa: PLC0415
+    from shapely import STRtree, box  # noqa: PLC0415  extra ``ground``, for large fields only
 
     rectangles = box(x_min_m, y_min_m, x_max_m, y_max_m)
     tree = STRtree(rectangles)

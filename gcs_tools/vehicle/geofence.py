@@ -9,8 +9,9 @@ from typing import Final, NamedTuple
 
 from shapely import LineString, Point, Polygon
 
-from onboard.geometry.local_frame import longitude_difference_deg
-from onboard.mission_items.fence_items import FenceError, FenceItem, Placing, fence_outlines
+from onboard.geometry import fence
+from onboard.geometry.local_frame import GeographicPoint, longitude_difference_deg
+from onboard.mission_items.fence_items import FenceError, FenceItem, areas_of
 
 _EARTH_RADIUS_M: Final = 6_371_000.0
 
@@ -21,11 +22,11 @@ class GeographicOrigin(NamedTuple):
     latitude_deg: float
     longitude_deg: float
 
-    def north_east_m(self, item: FenceItem) -> tuple[float, float]:
-        """Return an item's position in local NED; the Earth is a sphere, good for kilometres."""
-        north_m = math.radians(item.latitude_deg - self.latitude_deg) * _EARTH_RADIUS_M
+    def north_east_m(self, place: GeographicPoint) -> tuple[float, float]:
+        """Return a place in local NED; the Earth is a sphere, good for kilometres."""
+        north_m = math.radians(place.latitude_deg - self.latitude_deg) * _EARTH_RADIUS_M
         per_rad_m = _EARTH_RADIUS_M * math.cos(math.radians(self.latitude_deg))
-        east_deg = longitude_difference_deg(item.longitude_deg, self.longitude_deg)
+        east_deg = longitude_difference_deg(place.longitude_deg, self.longitude_deg)
         return north_m, math.radians(east_deg) * per_rad_m
 
     @classmethod
@@ -41,18 +42,8 @@ class GeographicOrigin(NamedTuple):
 
 
 @dataclass(frozen=True)
-class FenceArea:
-    """One polygon or circle, in local NED (north, east).
-
-    Attributes:
-        corners_ned_m: of a polygon; of a circle, its centre alone.
-        radius_m: of a circle; None for a polygon.
-        keeps_in: whether the vehicle must stay inside, rather than outside.
-    """
-
-    corners_ned_m: tuple[tuple[float, float], ...]
-    radius_m: float | None
-    keeps_in: bool
+class FenceArea(fence.FenceArea):
+    """One polygon or circle, in local NED, measured against paths by Shapely."""
 
     def __str__(self) -> str:
         kind = "inclusion" if self.keeps_in else "exclusion"
@@ -76,10 +67,13 @@ class FenceArea:
         return float(path.distance(area.exterior)) if right else -math.inf
 
 
-def fence_areas(items: Sequence[FenceItem], origin: Placing) -> list[FenceArea]:
+def fence_areas(items: Sequence[FenceItem], origin: GeographicOrigin) -> list[FenceArea]:
     """Assemble the areas of a geofence from its items.
 
     Raises:
         FenceError: an item does not belong to a geofence, or a polygon is not complete.
     """
-    return [FenceArea(*each) for each in fence_outlines(items, origin)]
+    return [
+        FenceArea(tuple(map(origin.north_east_m, area.corners)), area.radius_m, area.keeps_in)
+        for area in areas_of(items)
+    ]

@@ -1,10 +1,13 @@
-"""The items of a geofence (MAV_CMD_NAV_FENCE_*) as polygons and circles in local NED."""
+"""The items of a geofence (MAV_CMD_NAV_FENCE_*) as polygons and circles."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Final, NamedTuple, Protocol
+from typing import Final, NamedTuple
+
+from onboard.geometry.local_frame import GeographicPoint
+from onboard.mission_items.planned_flight import GeographicArea
 
 _RETURN_POINT: Final = 5000
 _POLYGON: Final = {5001: True, 5002: False}  # whether the vehicle must stay inside
@@ -29,30 +32,13 @@ class FenceItem(NamedTuple):
     latitude_deg: float
     longitude_deg: float
 
-
-class FenceOutline(NamedTuple):
-    """One polygon or circle, in local NED (north, east).
-
-    Attributes:
-        corners_ned_m: of a polygon; of a circle, its centre alone.
-        radius_m: of a circle; None for a polygon.
-        keeps_in: whether the vehicle must stay inside, rather than outside.
-    """
-
-    corners_ned_m: tuple[tuple[float, float], ...]
-    radius_m: float | None
-    keeps_in: bool
+    @property
+    def place(self) -> GeographicPoint:
+        """Where it is; no item of a geofence has an altitude."""
+        return GeographicPoint(self.latitude_deg, self.longitude_deg)
 
 
-class Placing(Protocol):
-    """What places the items of a geofence."""
-
-    def north_east_m(self, item: FenceItem) -> tuple[float, float]:
-        """Return an item's position."""
-        ...
-
-
-def fence_outlines(items: Sequence[FenceItem], origin: Placing) -> list[FenceOutline]:
+def areas_of(items: Sequence[FenceItem]) -> list[GeographicArea]:
     """Assemble the areas of a geofence from its items.
 
     Raises:
@@ -66,15 +52,14 @@ def fence_outlines(items: Sequence[FenceItem], origin: Placing) -> list[FenceOut
             corners, left = left[:count], left[count:]
             if len(corners) < count or {each[:2] for each in corners} != {first[:2]}:
                 raise FenceError(f"a polygon has {len(corners)} corners in a row, expected {count}")
-            outline = tuple(map(origin.north_east_m, corners))
-            areas.append(FenceOutline(outline, None, _POLYGON[first.command]))
+            outline = tuple(each.place for each in corners)
+            areas.append(GeographicArea(outline, None, _POLYGON[first.command]))
             continue
         del left[0]
         if first.command in _CIRCLE:
             if not 0.0 < first.amount < math.inf:
                 raise FenceError(f"a circle has radius {first.amount:g} m, expected more than 0 m")
-            centre = origin.north_east_m(first)
-            areas.append(FenceOutline((centre,), first.amount, _CIRCLE[first.command]))
+            areas.append(GeographicArea((first.place,), first.amount, _CIRCLE[first.command]))
         elif first.command != _RETURN_POINT:
             raise FenceError(f"MAV_CMD {first.command} does not belong to a geofence")
     return areas

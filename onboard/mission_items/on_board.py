@@ -7,8 +7,8 @@ from collections.abc import Sequence
 from typing import Any, Final, NamedTuple
 
 from onboard.geometry.local_frame import Autopilot, GeographicPoint
-from onboard.mission_items.fence_items import FenceError, FenceItem, fence_outlines
-from onboard.mission_items.planned_flight import FileItem, GeographicArea, PlannedFlight
+from onboard.mission_items.fence_items import FenceError, FenceItem, areas_of
+from onboard.mission_items.planned_flight import FileItem, PlannedFlight
 
 _AUTOPILOTS: Final[tuple[Autopilot, ...]] = ("px4", "ardupilot")
 _SCALE_DEG: Final = 1e-7
@@ -37,13 +37,6 @@ class OnBoard(NamedTuple):
     origin: dict[str, Any] | None
 
 
-class _AsStated:
-    """Leaves fence items in latitude and longitude."""
-
-    def north_east_m(self, item: FenceItem) -> tuple[float, float]:
-        return item.latitude_deg, item.longitude_deg
-
-
 def planned_of(on_board: OnBoard) -> PlannedFlight:
     """Return what an autopilot has sent as the content of a ground station's file would be.
 
@@ -57,17 +50,9 @@ def planned_of(on_board: OnBoard) -> PlannedFlight:
     if not items:
         raise OnBoardError("the vehicle has no mission on board")
     try:
-        areas = fence_outlines([_fence_item(each) for each in on_board.fence], _AsStated())
+        fence = tuple(areas_of([_fence_item(each) for each in on_board.fence]))
     except FenceError as error:
         raise OnBoardError(f"the geofence of the vehicle: {error}") from error
-    fence = tuple(
-        GeographicArea(
-            tuple(GeographicPoint(*corner) for corner in area.corners_ned_m),
-            area.radius_m,
-            area.keeps_in,
-        )
-        for area in areas
-    )
     home, origin = _point(on_board.home), _point(on_board.origin)
     return PlannedFlight(home, autopilot, tuple(map(_item, items)), fence, origin=origin)
 

@@ -145,7 +145,7 @@ class Flight:
 
 @contextlib.asynccontextmanager
 async def udp_peer(port: int, peer: Peer) -> AsyncIterator[Callable[[bytes], None]]:
-    """Open a program on a port; yield what sends to whoever spoke to it last."""
+    """Open a program on a port; yield a function that answers the latest sender."""
     last: list[Address] = []
 
     class End(asyncio.DatagramProtocol):
