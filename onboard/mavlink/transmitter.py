@@ -69,7 +69,7 @@ class Transmitter:
             self._heartbeat_due_s = now_s + HEARTBEAT_PERIOD_S
             state = mavlink.MAV_STATE_ACTIVE if active else mavlink.MAV_STATE_STANDBY
             kind, autopilot = mavlink.MAV_TYPE_ONBOARD_CONTROLLER, mavlink.MAV_AUTOPILOT_INVALID
-            # What is no autopilot has no mode: the field is free (HEARTBEAT.custom_mode).
+            # Only an autopilot has a mode: the field is free otherwise (HEARTBEAT.custom_mode).
             self._mavlink.heartbeat_send(kind, autopilot, 0, self._instance, state)
         if self._texts and now_s >= self._text_due_s:
             self._text_due_s = now_s + _TEXT_PERIOD_S

@@ -16,7 +16,7 @@ _SCALE_M: Final = 1e-3
 
 
 class OnBoardError(ValueError):
-    """What is on board is no mission, or its geofence is none; the message is for the operator."""
+    """The items on board do not form a mission, or its geofence; the message is for the operator."""
 
 
 class OnBoard(NamedTuple):
@@ -41,7 +41,7 @@ def planned_of(on_board: OnBoard) -> PlannedFlight:
     """Return what an autopilot has sent as the content of a ground station's file would be.
 
     Raises:
-        OnBoardError: it has no mission, or a geofence that is none.
+        OnBoardError: it has no mission, or items of a geofence that do not form one.
     """
     items = list(on_board.items)
     autopilot = next((each for each in _AUTOPILOTS if each == on_board.autopilot), None)
