@@ -16,7 +16,7 @@ _SCALE_M: Final = 1e-3
 
 
 class OnBoardError(ValueError):
-    """The items on board do not form a mission, or its geofence; the message is for the operator."""
+    """The items on board form no mission or geofence; the message is for the operator."""
 
 
 class OnBoard(NamedTuple):
