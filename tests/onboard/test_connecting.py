@@ -231,7 +231,7 @@ def test_a_router_with_a_ground_station_beside(scheme: str) -> None:
     # The ground station sees the autopilot and us, each under its own number.
     assert station.senders("HEARTBEAT") == {(1, 1), (1, 196)}
     assert flight.endpoint.counters.foreign_messages > 0
-    # A ground station's heartbeat, disarmed, in the mode of setpoints, does not count as a vehicle's.
+    # A ground station's heartbeat does not count as a vehicle's, whatever its mode.
     assert (flight.endpoint.status.mode, flight.endpoint.status.armed) == ("LOITER", True)
 
 
