@@ -8,9 +8,10 @@ from typing import BinaryIO, Final, cast
 
 from onboard.recording.directory_quota import DirectoryQuota
 
-# A part holds hours; together they are what a log may take of the disk.
-PART_BYTES: Final = 64 * 1024 * 1024
-PARTS_KEPT: Final = 16
+# A part holds some 20 minutes, and the index of an open part stays in memory: about 1 MB for each
+# 20 MB of log.  All parts together are what a log may take of the disk.
+PART_BYTES: Final = 32 * 1024 * 1024
+PARTS_KEPT: Final = 32
 
 
 class LogRotation:
