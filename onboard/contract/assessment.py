@@ -11,7 +11,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from functools import cached_property
 
-from onboard.contract.agility import AccelerationLimits, available_limits, reserved_trim_mps2
+from onboard.contract.agility import AccelerationLimits, reserved_trim_mps2
 from onboard.contract.arithmetic import SCALAR
 from onboard.contract.clauses import TICK_S, Clause, clauses, recentring_drift
 from onboard.contract.derivation import (
@@ -143,7 +143,8 @@ def assess_terms(contract: Contract, terms: Terms[float]) -> Assessment:
         terms: its numbers, some of them replaced.
     """
     inflated = derive(terms, SCALAR)
-    x_mps2, y_mps2 = available_limits(terms, SCALAR)
+    x_mps2 = inflated.manoeuvre_encounter.brake_mps2
+    y_mps2 = inflated.manoeuvre_encounter.left_mps2
     return Assessment(
         contract=contract,
         terms=terms,

@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Any, Generic, Literal
+from typing import Any, Generic, Literal, NamedTuple
 
 from onboard.geometry.frames import Q
 
 Concern = Literal["safety", "progress"]
 
 
-@dataclass(frozen=True)
-class Clause(Generic[Q]):
+class Clause(NamedTuple, Generic[Q]):
     """One requirement; the declared value must exceed it strictly (erratum 13).
 
     Attributes:

@@ -6,8 +6,7 @@ Proofs: THEORY.md; the formulas run on floats and on arrays alike.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
-from typing import Generic
+from typing import Generic, NamedTuple
 
 from onboard.contract.agility import available_limits
 from onboard.contract.arithmetic import Arithmetic
@@ -18,8 +17,7 @@ from onboard.contract.terms import Terms
 from onboard.geometry.frames import Q, heading_displacement_m
 
 
-@dataclass(frozen=True)
-class Derived(Generic[Q]):
+class Derived(NamedTuple, Generic[Q]):
     """Quantities derived from the terms for the largest obstacle; lengths in metres.
 
     Attributes:

@@ -81,7 +81,7 @@ def test_what_cannot_be_checked_stays_2(clearway: Clearway) -> None:
 @pytest.mark.parametrize("clause", assess(load_contract(DEFAULT)).clauses, ids=lambda c: c.name)
 def test_a_broken_clause_costs_progress_or_safety_as_it_says(clause: Clause[float]) -> None:
     good = checked()
-    broken = replace(clause, declared=clause.required)
+    broken = clause._replace(declared=clause.required)
     others = [each for each in good.assessment.clauses if each.name != clause.name]
     bad = replace(good, assessment=replace(good.assessment, clauses=(*others, broken)))
     expected = Tier.SAFE if broken.concerns == "progress" else Tier.DO_NOT_FLY

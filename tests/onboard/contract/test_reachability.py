@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 
 import numpy as np
 from hypothesis import Phase, given, settings
@@ -75,7 +74,7 @@ def test_from_outside_a_safe_manoeuvre_exists(
 ) -> None:
     """Start at the front of the region, at any speed: Theorem 1's policy meets Eq. 14."""
     obstacle, e, step_s = encounter(limits, speed_mps, (0.5, size_m))
-    e = replace(e, reaction_time_s=2.0 * steps_of_notice(limits) * step_s)
+    e = e._replace(reaction_time_s=2.0 * steps_of_notice(limits) * step_s)
     region = RegionOfInfluence.around(obstacle, e)
     flight = fly(
         starts(region, speed_mps, np.random.default_rng(seed)), obstacle, limits, step_s=step_s
@@ -103,8 +102,7 @@ def test_from_outside_with_drift_and_lag(
     """Theory A and D, with asymmetric limits too: all inputs act late, all events are seen late."""
     obstacle, e, step_s = encounter(limits, speed_mps, (0.5, size_m))
     lag_s = round(lag_share * STEPS / 2) * step_s
-    e = replace(
-        e,
+    e = e._replace(
         lateral_speed_mps=drift_mps,
         attitude_lag_s=lag_s,
         reaction_time_s=2.0 * steps_of_notice(limits) * step_s,
@@ -134,8 +132,7 @@ def test_a_dead_daemon_does_no_harm(
 ) -> None:
     """Theory H: the stream stops at any instant; nothing is touched, nobody leaves the region."""
     obstacle, e, step_s = encounter(limits, speed_mps, (0.5, size_m))
-    e = replace(
-        e,
+    e = e._replace(
         lateral_speed_mps=drift_mps,
         reaction_time_s=2.0 * steps_of_notice(limits) * step_s,
         run_on_m=speed_mps * (coast_s + speed_mps / (2.0 * limits.brake_mps2)),

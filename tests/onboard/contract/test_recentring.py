@@ -1,7 +1,7 @@
 """Theory F: the clause, the corridor, and a slow simulation of what they promise."""
 
 import math
-from dataclasses import fields, replace
+from dataclasses import fields
 from typing import Any
 
 import numpy as np
@@ -24,8 +24,7 @@ from tests.onboard.planning.avoidance_cases import Variety
 from tests.onboard.planning.avoidance_cases import draw as drawn_problem
 
 LIMITS = AccelerationLimits(2.0, 4.0, 1.0, 3.0)
-ENCOUNTER = replace(
-    ideal_encounter(LIMITS, 2.5, (2.0, 2.0)),
+ENCOUNTER = ideal_encounter(LIMITS, 2.5, (2.0, 2.0))._replace(
     lateral_speed_mps=0.5,
     attitude_lag_s=0.2,
     coast_drift_m=0.1,
@@ -50,7 +49,7 @@ def test_room_to_come_to_rest_by_hand() -> None:
 
 
 def test_the_weaker_side_decides_how_soon_a_drift_ends() -> None:
-    mirrored = replace(ENCOUNTER, left_mps2=LIMITS.right_mps2, right_mps2=LIMITS.left_mps2)
+    mirrored = ENCOUNTER._replace(left_mps2=LIMITS.right_mps2, right_mps2=LIMITS.left_mps2)
     for e in (ENCOUNTER, mirrored):
         drift = drift_of(e, speed_min_mps=2.0, margin_m=0.7, notice_s=0.3, ops=SCALAR)
         assert drift.ending_s == pytest.approx(0.5 + 0.4 + 0.3)
@@ -247,7 +246,7 @@ def test_nothing_is_met_that_was_not_seen_in_time(
     points has been in view, and then only after the notice time.
     """
     limit_mps2, lag_s, notice_s, range_m, step_s, margin_m = 1.5, 0.2, 0.3, 12.0, 0.02, 0.6
-    e = replace(ENCOUNTER, left_mps2=limit_mps2, right_mps2=limit_mps2, lateral_speed_mps=w)
+    e = ENCOUNTER._replace(left_mps2=limit_mps2, right_mps2=limit_mps2, lateral_speed_mps=w)
     drift = drift_of(e, speed_min_mps=v, margin_m=margin_m, notice_s=notice_s, ops=SCALAR)
     view_rad = required_view(drift, range_m, SCALAR) + 1e-3 + extra_rad
     corridor = Corridor.of(drift, view_rad)

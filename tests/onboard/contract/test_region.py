@@ -41,8 +41,7 @@ LAGS_S = st.one_of(st.just(0.0), st.floats(0.0, 0.6))
 @st.composite
 def encounters(draw: st.DrawFn) -> Encounter[float]:
     ideal = ideal_encounter(draw(LIMITS), draw(SPEEDS_MPS), (draw(SIZES_M), draw(SIZES_M)))
-    return replace(
-        ideal,
+    return ideal._replace(
         lateral_speed_mps=draw(DRIFTS_MPS),
         attitude_lag_s=draw(LAGS_S),
         reaction_time_s=draw(LAGS_S),
@@ -252,17 +251,17 @@ def test_slow_drift_costs_no_time_and_fast_drift_must_be_outrun() -> None:
     still = symmetric(2.0, 2.0, 5.0, (4.0, 4.0))
     t_s = math.sqrt(2.0)
     assert time_to_clear(still, SCALAR) == pytest.approx(t_s)
-    assert time_to_clear(replace(still, lateral_speed_mps=2.0 * t_s), SCALAR) == pytest.approx(t_s)
-    assert time_to_clear(replace(still, lateral_speed_mps=2.4), SCALAR) == pytest.approx(t_s)
+    assert time_to_clear(still._replace(lateral_speed_mps=2.0 * t_s), SCALAR) == pytest.approx(t_s)
+    assert time_to_clear(still._replace(lateral_speed_mps=2.4), SCALAR) == pytest.approx(t_s)
     # Outrun: 3 t + t² = 4 + 9/4 m.
     outrun_s = (math.sqrt(9.0 + 25.0) - 3.0) / 2.0
-    assert time_to_clear(replace(still, lateral_speed_mps=3.0), SCALAR) == pytest.approx(outrun_s)
+    assert time_to_clear(still._replace(lateral_speed_mps=3.0), SCALAR) == pytest.approx(outrun_s)
     # A drift that only the weak side cannot turn back, whichever side that is: 1.5 t + 2 t² =
     # 2 + 1.125 m.
     outrun_s = (math.sqrt(2.25 + 25.0) - 1.5) / 4.0
     for left_mps2, right_mps2 in ((1.0, 4.0), (4.0, 1.0)):
         limits = AccelerationLimits(2.0, 2.0, left_mps2, right_mps2)
-        e = replace(ideal_encounter(limits, 5.0, (2.0, 2.0)), lateral_speed_mps=1.5)
+        e = ideal_encounter(limits, 5.0, (2.0, 2.0))._replace(lateral_speed_mps=1.5)
         assert time_to_clear(e, SCALAR) == pytest.approx(outrun_s)
 
 
@@ -273,7 +272,7 @@ def test_the_lane_covers_an_entry_beside_the_face_that_drifts_on() -> None:
     """Next to no obstacle: 0.5 m/s are stopped within 1/16 m by 2 m/s² and 1/32 m by 4 m/s²."""
     for left_mps2, right_mps2 in ((4.0, 2.0), (2.0, 4.0)):
         limits = AccelerationLimits(2.0, 2.0, left_mps2, right_mps2)
-        e = replace(ideal_encounter(limits, 5.0, (1e-9, 1e-9)), lateral_speed_mps=0.5)
+        e = ideal_encounter(limits, 5.0, (1e-9, 1e-9))._replace(lateral_speed_mps=0.5)
         region = dimensions(e, SCALAR)
         # Towards the side that is pushed to the harder, outrunning the drift needs more.
         narrower_m = min(region.overhang_left_m, region.overhang_right_m)
@@ -324,12 +323,12 @@ def test_lane_with_drift_and_lag(e: Encounter[float], share_of_lag: float) -> No
 def test_drift_and_lag_break_the_printed_lane() -> None:
     """Erratum 14: 0.2 m/s of drift alone adds 0.22 m a side at 15°, 4 m, 2.8 m/s."""
     ideal = ideal_encounter(paper_box_15_deg(), 2.8, (4.0, 4.0))
-    drifting = replace(ideal, lateral_speed_mps=0.2)
+    drifting = ideal._replace(lateral_speed_mps=0.2)
     printed_m = dimensions(ideal, SCALAR).overhang_right_m
     assert dimensions(drifting, SCALAR).overhang_right_m - printed_m == pytest.approx(
         0.22, abs=0.01
     )
-    for worse in (drifting, replace(ideal, attitude_lag_s=0.1)):
+    for worse in (drifting, ideal._replace(attitude_lag_s=0.1)):
         went_m = furthest_beyond_face_m(worse, 2.7213, 2.7213, worse.attitude_lag_s)
         assert went_m > printed_m + 0.2
 
@@ -337,8 +336,7 @@ def test_drift_and_lag_break_the_printed_lane() -> None:
 def test_lane_of_a_worked_example() -> None:
     """Numbers by hand: u = 3, d = 1, V/b = 1 s, w = 0.5 m/s, T = 0.2 s, coasting 0.4 s."""
     limits = AccelerationLimits(2.0, 4.0, 1.0, 3.0)
-    e = replace(
-        ideal_encounter(limits, 2.0, (6.0, 8.0)),
+    e = ideal_encounter(limits, 2.0, (6.0, 8.0))._replace(
         lateral_speed_mps=0.5,
         attitude_lag_s=0.2,
         reaction_time_s=0.3,
@@ -365,7 +363,7 @@ def test_lane_of_a_worked_example() -> None:
 def test_lane_of_an_entry_from_outside() -> None:
     """A strong drift near a narrow post: the entry lies farther out than the overshoot."""
     limits = AccelerationLimits(10.0, 10.0, 100.0, 1.0)
-    e = replace(ideal_encounter(limits, 1.0, (0.1, 0.1)), lateral_speed_mps=2.0)
+    e = ideal_encounter(limits, 1.0, (0.1, 0.1))._replace(lateral_speed_mps=2.0)
     assert dimensions(e, SCALAR).overhang_right_m == pytest.approx(2.0 + 0.02)
 
 
@@ -407,7 +405,7 @@ def worst_recovery_m(e: Encounter[float]) -> float:
 
 @given(encounters())
 def test_border_is_that_of_the_worst_crossing(e: Encounter[float]) -> None:
-    e = replace(e, attitude_lag_s=0.0)
+    e = e._replace(attitude_lag_s=0.0)
     t_m = min(e.speed_mps / e.brake_mps2, time_to_clear(e, SCALAR))
     # With a drift, the closed form takes the worse of each from both sides, and never assumes
     # the lateral speed to be gone before the entry speed is back: it may be more than needed.
@@ -433,7 +431,7 @@ def test_printed_eq_15_is_too_short_for_lopsided_limits() -> None:
 
 def test_printed_eq_15_is_too_short_with_drift() -> None:
     """The faster the drift, the longer the lateral speed outlasts the speed deficit."""
-    e = replace(symmetric(2.0, 2.0, 3.0, (0.0, 8.0)), lateral_speed_mps=1.0)
+    e = symmetric(2.0, 2.0, 3.0, (0.0, 8.0))._replace(lateral_speed_mps=1.0)
     printed_m = 3.0**2 / (2.0 * 2.0)
     assert worst_recovery_m(e) > printed_m + 0.1
     assert recovery_distance(e, 1.5, SCALAR) == pytest.approx(worst_recovery_m(e), rel=1e-3)
@@ -463,7 +461,7 @@ def test_border_with_lag_covers_inputs_that_act_late(e: Encounter[float]) -> Non
 @given(encounters())
 def test_border_with_drift_is_exact_for_equal_sides(e: Encounter[float]) -> None:
     brake_mps2 = min(e.brake_mps2, e.forward_mps2)
-    e = replace(e, attitude_lag_s=0.0, left_mps2=e.right_mps2, brake_mps2=brake_mps2)
+    e = e._replace(attitude_lag_s=0.0, left_mps2=e.right_mps2, brake_mps2=brake_mps2)
     t_m = min(e.speed_mps / e.brake_mps2, time_to_clear(e, SCALAR))
     needed_m = max(worst_recovery_m(e), e.speed_mps**2 / (2.0 * e.forward_mps2))
     assert needed_m == pytest.approx(recovery_distance(e, t_m, SCALAR), rel=1e-4)
@@ -472,23 +470,23 @@ def test_border_with_drift_is_exact_for_equal_sides(e: Encounter[float]) -> None
 def test_border_with_drift_by_hand() -> None:
     """b = 4a: k = 4, m_1 = 0, m_0 = 0.1 s, C = 16 m/s², worst t = 0.875 s, q = 0.975 s."""
     limits = AccelerationLimits(4.0, 1.0, 2.0, 2.0)
-    e = replace(ideal_encounter(limits, 4.0, (1.0, 8.0)), lateral_speed_mps=1.0)
+    e = ideal_encounter(limits, 4.0, (1.0, 8.0))._replace(lateral_speed_mps=1.0)
     assert recovery_distance(e, 1.0, SCALAR) == pytest.approx(5.0 * 1.99875 - 1.96875)
     # A drift that outlasts everything: the worst crossing is at once, m_0 = 0.75 s.
-    fast = replace(symmetric(2.0, 1.0, 2.0, (1.0, 8.0)), lateral_speed_mps=1.5)
+    fast = symmetric(2.0, 1.0, 2.0, (1.0, 8.0))._replace(lateral_speed_mps=1.5)
     assert recovery_distance(fast, 1.0, SCALAR) == pytest.approx(2.0 * 0.9375)
 
 
 def test_border_with_lag_by_hand() -> None:
-    e = replace(symmetric(2.0, 2.0, 3.0, (0.0, 8.0)), attitude_lag_s=0.2)
+    e = symmetric(2.0, 2.0, 3.0, (0.0, 8.0))._replace(attitude_lag_s=0.2)
     assert recovery_distance(e, 1.5, SCALAR) == pytest.approx(3.0**2 / 4.0 + 3.0 * 2.0 * 0.2)
-    strong = replace(e, brake_mps2=4.0)
+    strong = e._replace(brake_mps2=4.0)
     assert recovery_distance(strong, 0.75, SCALAR) == pytest.approx(3.0**2 / 4.0 + 3.0 * 3.0 * 0.2)
 
 
 def test_border_of_lopsided_sides_with_lag_by_hand() -> None:
     limits = AccelerationLimits(brake_mps2=1.0, forward_mps2=1.0, left_mps2=1.0, right_mps2=4.0)
-    e = replace(ideal_encounter(limits, 10.0, (1.0, 1.0)), attitude_lag_s=0.5)
+    e = ideal_encounter(limits, 10.0, (1.0, 1.0))._replace(attitude_lag_s=0.5)
     # The sides differ fourfold: braking goes on for 1.5 t.  The lag lets the crossing last 0.5 s
     # longer, t = 2 s: 2 Φ(2.5 t) - Φ(t), with Φ(t) = 10 t - t²/2; and 10 (1 + 1) 0.5 for the lag.
     assert recovery_distance(e, 1.5, SCALAR) == pytest.approx(2.0 * 37.5 - 18.0 + 10.0)
@@ -516,13 +514,13 @@ def test_weak_forward_acceleration_still_meets_the_post_condition(
 
 
 def as_arrays(e: Encounter[float], count: int = 3) -> Encounter[FloatArray]:
-    return Encounter(**{name: np.full(count, value) for name, value in vars(e).items()})
+    return Encounter(**{name: np.full(count, value) for name, value in e._asdict().items()})
 
 
 @given(encounters())
 def test_arrays_and_floats_agree(e: Encounter[float]) -> None:
     scalar, array = dimensions(e, SCALAR), dimensions(as_arrays(e), ARRAY)
-    for name, value in vars(scalar).items():
+    for name, value in scalar._asdict().items():
         np.testing.assert_allclose(getattr(array, name), np.full(3, value), rtol=1e-14)
 
 
@@ -530,7 +528,7 @@ GROWING = ("collision_set_depth_m", "front_m", "overhang_left_m", "overhang_righ
 
 
 def grown(e: Encounter[float], name: str, by: float) -> Encounter[float]:
-    return replace(e, **{name: getattr(e, name) + by})
+    return e._replace(**{name: getattr(e, name) + by})
 
 
 @given(
@@ -554,7 +552,7 @@ def test_no_dimension_jumps(e: Encounter[float], name: str) -> None:
     """Printed, D jumps at Eq. 9; nothing here may, or bisection would be lost."""
     step = 1e-9
     before, after = dimensions(e, SCALAR), dimensions(grown(e, name, step), SCALAR)
-    for quantity, value in vars(before).items():
+    for quantity, value in before._asdict().items():
         if quantity != "flat":
             assert getattr(after, quantity) == pytest.approx(value, abs=2e-5), quantity
 
@@ -572,10 +570,10 @@ def test_no_dimension_jumps_at_the_branches() -> None:
     ]
     for name, threshold in branches:
         sides: list[Dimensions[float]] = [
-            dimensions(replace(e, **{name: threshold * (1.0 + sign * 1e-9)}), SCALAR)
+            dimensions(e._replace(**{name: threshold * (1.0 + sign * 1e-9)}), SCALAR)
             for sign in (-1.0, 1.0)
         ]
-        for quantity, value in vars(sides[0]).items():
+        for quantity, value in sides[0]._asdict().items():
             if quantity != "flat":
                 assert getattr(sides[1], quantity) == pytest.approx(value, rel=1e-6), quantity
 
@@ -583,16 +581,15 @@ def test_no_dimension_jumps_at_the_branches() -> None:
 def test_shape_follows_the_speed() -> None:
     e = symmetric(2.0, 1.0, 1.0, (4.0, 4.0))
     threshold_mps = 2.0 * math.sqrt(2.0 * 4.0 / 2.0)
-    assert dimensions(replace(e, speed_mps=threshold_mps), SCALAR).flat
-    assert dimensions(replace(e, speed_mps=0.99 * threshold_mps), SCALAR).flat
-    assert not dimensions(replace(e, speed_mps=1.01 * threshold_mps), SCALAR).flat
+    assert dimensions(e._replace(speed_mps=threshold_mps), SCALAR).flat
+    assert dimensions(e._replace(speed_mps=0.99 * threshold_mps), SCALAR).flat
+    assert not dimensions(e._replace(speed_mps=1.01 * threshold_mps), SCALAR).flat
 
 
 def test_the_region_lies_around_its_obstacle() -> None:
     limits = AccelerationLimits(2.0, 4.0, 1.0, 3.0)
     obstacle = Box(10.0, 10.5, -3.0, 5.0)
-    e = replace(
-        ideal_encounter(limits, 2.0, obstacle.size_m),
+    e = ideal_encounter(limits, 2.0, obstacle.size_m)._replace(
         lateral_speed_mps=0.5,
         attitude_lag_s=0.2,
         run_on_m=0.3,
@@ -622,7 +619,7 @@ def test_the_region_lies_around_its_obstacle() -> None:
 
 def test_what_is_on_a_collision_course() -> None:
     limits = AccelerationLimits(2.0, 4.0, 1.0, 3.0)
-    e = replace(ideal_encounter(limits, 2.0, (1.0, 8.0)), lateral_speed_mps=0.6)
+    e = ideal_encounter(limits, 2.0, (1.0, 8.0))._replace(lateral_speed_mps=0.6)
     region = RegionOfInfluence.around(Box(10.0, 11.0, -3.0, 5.0), e)
     # A drift of 0.6 m/s towards the face needs 18 cm on the left and 6 cm on the right to end.
     assert region.on_collision_course(0.0, -3.179)
@@ -634,8 +631,7 @@ def test_what_is_on_a_collision_course() -> None:
 
 
 def stopping_encounter(obstacle: Box) -> Encounter[float]:
-    return replace(
-        ideal_encounter(AccelerationLimits(2.0, 4.0, 1.0, 3.0), 2.0, obstacle.size_m),
+    return ideal_encounter(AccelerationLimits(2.0, 4.0, 1.0, 3.0), 2.0, obstacle.size_m)._replace(
         lateral_speed_mps=0.5,
         coast_time_s=0.4,
     )

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -236,8 +235,7 @@ def test_sides_that_differ_by_hand(
 ) -> None:
     """2 m/s against 2 m/s², 0.4 m/s aside, a lag of 0.2 s, a reaction of 0.3 s, a run of 0.5 s."""
     limits = AccelerationLimits(2.0, 3.0, left_mps2, right_mps2)
-    e = replace(
-        ideal_encounter(limits, 2.0, (1.5, 2.5)),
+    e = ideal_encounter(limits, 2.0, (1.5, 2.5))._replace(
         lateral_speed_mps=0.4,
         attitude_lag_s=0.2,
         reaction_time_s=0.3,
@@ -255,7 +253,7 @@ def test_sides_that_differ_by_hand(
     assert (region.recovery_m, region.pob_depth_m) == (1.5, 1.5)
     assert region.avoidance_time_s == pytest.approx(1.0)
     assert region.flat
-    still = replace(e, lateral_speed_mps=0.0, speed_mps=0.0)
+    still = e._replace(lateral_speed_mps=0.0, speed_mps=0.0)
     assert stop_dimensions(still, 0.0, passive_safety=passive_safety, ops=SCALAR).flat
 
 

@@ -344,7 +344,7 @@ def test_the_ideal_encounter_of_the_paper_is_planned(planner: Planner) -> None:
         left_mps2=across_mps2,
         right_mps2=across_mps2,
     )
-    encounter = dataclasses.replace(ideal_encounter(limits, 2.8, (1.0, 1.5)), attitude_lag_s=0.1)
+    encounter = ideal_encounter(limits, 2.8, (1.0, 1.5))._replace(attitude_lag_s=0.1)
     region = RegionOfInfluence.around(Box(0.0, 1.0, -0.75, 0.75), encounter)
     jerk = (across_mps2 / 0.1,) * 3
     envelope = dataclasses.replace(
