@@ -25,6 +25,7 @@ from onboard.files.contract_file import Contract
 from onboard.files.daemon_config import DaemonConfig, VehicleMission
 from onboard.files.geofence_file import Geofence
 from onboard.files.mission_file import Mission
+from onboard.heap import freeze_gc_heap, return_freed_arrays
 from onboard.mavlink.connections import Link, open_link
 from onboard.metrics.figures import Figures
 from onboard.metrics.server import serve as serve_metrics
@@ -39,7 +40,7 @@ from onboard.recording.messages import Record
 from onboard.recording.recorder import FlightRecorder, LogPlace
 from onboard.saved_state import kept, restore
 from onboard.service_manager import ServiceManager
-from onboard.timing import Clock, ProcessorTimes, freeze_gc_heap, request_realtime_priority
+from onboard.timing import Clock, ProcessorTimes, request_realtime_priority
 from onboard.zenoh_session import open_session
 
 log = logging.getLogger(__name__)
@@ -64,6 +65,7 @@ async def run(
         zenoh.ZError: no Zenoh session with this configuration.
     """
     request_realtime_priority()
+    return_freed_arrays()
     clock = Clock()
     autonomy = _service(config, contract, mission, clock, keys, geofence, state)
     recorder: FlightRecorder | None = None

@@ -9,7 +9,6 @@ apart.
 from __future__ import annotations
 
 import contextlib
-import gc
 import logging
 import os
 import threading
@@ -189,12 +188,3 @@ def request_realtime_priority() -> None:
                 os.sched_setscheduler(thread.native_id or 0, os.SCHED_RR, parameters)
     except PermissionError:
         log.info("cannot set real-time priority (needs CAP_SYS_NICE)")
-
-
-def freeze_gc_heap() -> None:
-    """Exclude everything allocated so far from later garbage collections.
-
-    A collection that visits every imported module takes several ticks on a small computer.
-    """
-    gc.collect()
-    gc.freeze()

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import gc
 import os
 import threading
 import time
@@ -26,7 +25,6 @@ from onboard.timing import (
     STEP_MIN_S,
     Clock,
     ProcessorTimes,
-    freeze_gc_heap,
     request_realtime_priority,
 )
 
@@ -283,14 +281,6 @@ def test_real_time_priority_is_asked_for_and_its_refusal_is_survived(
     assert "cannot set real-time priority (needs CAP_SYS_NICE)" in caplog.text
     monkeypatch.delattr(os, "sched_setscheduler")  # as on macOS
     request_realtime_priority()
-
-
-def test_what_start_up_has_left_is_not_collected_again() -> None:
-    try:
-        freeze_gc_heap()
-        assert gc.get_freeze_count() > 1000
-    finally:
-        gc.unfreeze()
 
 
 def test_the_longest_wait_of_any_thread_counts_and_the_run_of_the_main_one(

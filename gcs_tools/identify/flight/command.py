@@ -36,12 +36,13 @@ from onboard.files.daemon_config import (
 )
 from onboard.files.geofence_file import Geofence
 from onboard.files.yaml_file import FileError, load_yaml
+from onboard.heap import freeze_gc_heap
 from onboard.mavlink.connections import open_link
 from onboard.mavlink.endpoint import MavlinkEndpoint
 from onboard.mavlink.link_url import LinkError
 from onboard.recording.messages import Record
 from onboard.recording.recorder import FlightRecorder, LogFileError, LogPlace
-from onboard.timing import Clock, freeze_gc_heap, request_realtime_priority
+from onboard.timing import Clock, request_realtime_priority
 
 _VOUCHED: Final = "free"
 
