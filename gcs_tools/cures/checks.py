@@ -101,6 +101,10 @@ RULE_CURES: Final[Mapping[str, Cure]] = MappingProxyType(
         "geofence": Cure(
             "legs with their avoidances leave the geofence", "widen the fence, or move the legs"
         ),
+        "corridors": Cure(
+            "vehicles of a fleet may meet, or nothing keeps one of them in its corridor",
+            "give each a geofence of its own, narrow corridor_half_width_m, or move the legs apart",
+        ),
     }
 )
 

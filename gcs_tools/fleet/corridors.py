@@ -1,0 +1,218 @@
+"""The clause `corridors` (C0): vehicles whose corridors are disjoint need no protocol.
+
+A vehicle whose contract requires `stop` flies only ways that are certified, body and tracking error
+included, in the space seen free.  Nothing beyond its geofence counts as free, nor, on a leg with
+`corridor_half_width_m`, anything farther than that from the line of the leg.  So its *region*,
+where it may be from taking control on, is the geofence, and within it the strips of such legs.  A
+strip alone has no ends: an avoidance may lead past the end of a leg.  Recentring bounds nothing
+either: where obstacles stand beside the way, there is no drift back.
+
+Two vehicles never meet if their regions are farther apart than both margins rho and both errors A
+of a position on the Earth together, since each knows its region by its own position.  Heights do
+not separate: what fails, falls.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from functools import cached_property, partial
+from itertools import combinations, pairwise
+from typing import Final
+
+import numpy as np
+from shapely import LineString, Point, Polygon, union_all
+from shapely import transform as transformed
+from shapely.geometry.base import BaseGeometry
+
+from gcs_tools.fleet.reading import Member
+from onboard.files.geofence_file import FenceAreaFile
+from onboard.geometry.frames import FloatArray
+from onboard.geometry.local_frame import LocalFrame
+from onboard.mission_items.fence_items import FenceError
+
+# Segments of a quarter of a circle; a polygon around it is larger by 1 / cos(π / 4n).
+_QUARTER: Final = 64
+_AROUND: Final = 1.0 / math.cos(math.pi / (4.0 * _QUARTER))
+# WGS84's curvature is between 6,335 and 6,400 km; distances by the autopilots' spheres of 6,371
+# and 6,378 km may be too long by this share.
+_SPHERE_SHARE: Final = 0.007
+
+
+@dataclass(frozen=True)
+class CorridorPair:
+    """Two vehicles, and how far apart their regions are.
+
+    Attributes:
+        first, second: names.
+        required_m: the distance that their regions need.
+        apart_m: their distance.
+    """
+
+    first: str
+    second: str
+    required_m: float
+    apart_m: float
+
+    @property
+    def disjoint(self) -> bool:
+        """Whether the vehicles can never meet."""
+        return self.apart_m > self.required_m
+
+    def sentence(self) -> str:
+        """Return what is wrong, for people."""
+        both = f"{self.first} and {self.second}"
+        need = f"{self.required_m:.1f} m for bodies and errors"
+        if self.apart_m <= 0.0:
+            return f"{both} may fly in the same place: their corridors overlap and need {need}"
+        return f"{both} fly {self.apart_m:.1f} m apart and need {need}"
+
+
+@dataclass(frozen=True)
+class Corridors:
+    """The clause: where each vehicle may be, and every pair.
+
+    Attributes:
+        unbounded: a sentence for each vehicle that nothing keeps in a region.
+        pairs: every two vehicles that are kept in one.
+    """
+
+    unbounded: tuple[str, ...]
+    pairs: tuple[CorridorPair, ...]
+
+    @property
+    def hold(self) -> bool:
+        """Whether all vehicles are bounded and every two disjoint."""
+        return not self.sentences
+
+    @cached_property
+    def sentences(self) -> tuple[str, ...]:
+        """What is wrong, a sentence for each vehicle or pair."""
+        met = tuple(pair.sentence() for pair in self.pairs if not pair.disjoint)
+        return self.unbounded + met
+
+
+def check_corridors(members: Sequence[Member]) -> Corridors:
+    """Check that no two vehicles of a fleet may meet.
+
+    Raises:
+        FenceError: the edges of a geofence's polygon cross each other.
+    """
+    unbounded, regions = [], []
+    common = members[0].frame
+    for member in members:
+        problem = _without_bound(member)
+        if problem is not None:
+            unbounded.append(f"{member.name}: {problem}")
+            continue
+        try:
+            region = region_of(member)
+        except FenceError as error:
+            raise FenceError(f"{member.vehicle.geofence}: {error}") from error
+        if (problem := _outside(member, region)) is not None:
+            unbounded.append(f"{member.name}: {problem}")
+            continue
+        regions.append((member, _in_common_frame(region, member.frame, common)))
+    pairs = tuple(
+        CorridorPair(
+            first.name,
+            second.name,
+            first.margin_m + second.margin_m + first.error_m + second.error_m,
+            float(one.distance(other)) * (1.0 - _SPHERE_SHARE),
+        )
+        for (first, one), (second, other) in combinations(regions, 2)
+    )
+    return Corridors(tuple(unbounded), pairs)
+
+
+def _without_bound(member: Member) -> str | None:
+    """Return why nothing keeps a vehicle in a region; None if something does."""
+    if not member.assessment.terms.stop:
+        return (
+            "requirements.stop is false in its contract: nothing keeps its avoidances in a corridor"
+        )
+    areas = () if member.geofence is None else member.geofence.areas
+    if not any(area.keep == "inside" for area in areas):
+        return "no geofence keeps it inside an area: an avoidance may lead it anywhere"
+    return None
+
+
+def _outside(member: Member, region: BaseGeometry) -> str | None:
+    """Return why a region is not that of a mission; None if it is."""
+    room_m = member.assessment.inflation_m()
+    mission = member.mission
+    places = [("start_ned_m", mission.start_ned_m)]
+    places += [(f"legs.{n}.end_ned_m", leg.end_ned_m) for n, leg in enumerate(mission.legs)]
+    for key, place_ned_m in places:
+        if not region.contains(Point(place_ned_m).buffer(room_m)):
+            return (
+                f"{key} = {list(place_ned_m)} m has less than {room_m:.2f} m of its corridor around"
+                " it: the flight cannot begin or end there"
+            )
+    return None
+
+
+def region_of(member: Member) -> BaseGeometry:
+    """Return where a vehicle may be by its own position, local NED [m]; at least that.
+
+    Args:
+        member: whose geofence keeps it inside an area.
+    """
+    areas = () if member.geofence is None else member.geofence.areas
+    region: BaseGeometry | None = None
+    for area in areas:
+        if area.keep == "inside":
+            polygon = _polygon(area, _AROUND)
+            region = polygon if region is None else region.intersection(polygon)
+    if region is None:
+        raise ValueError("no area of the geofence keeps the vehicle inside")
+    for area in areas:
+        if area.keep == "outside":
+            region = region.difference(_polygon(area, 1.0))
+    strips = tuple(_strips(member, region))
+    return region if None in strips else region.intersection(union_all(strips))
+
+
+def _polygon(area: FenceAreaFile, scale: float) -> Polygon:
+    if area.center_ned_m is not None and area.radius_m is not None:
+        return Point(area.center_ned_m).buffer(area.radius_m * scale, quad_segs=_QUARTER)
+    polygon = Polygon(area.corners_ned_m)
+    if not polygon.is_valid:
+        raise FenceError("its edges cross each other, expected a simple polygon")
+    return polygon
+
+
+def _strips(member: Member, within: BaseGeometry) -> Iterator[Polygon | None]:
+    """Yield the strip of each leg, long enough to leave a region; None where it has no width."""
+    mission = member.mission
+    places = [mission.start_ned_m, *(leg.end_ned_m for leg in mission.legs)]
+    for (start_m, end_m), leg in zip(pairwise(places), mission.legs, strict=True):
+        if leg.corridor_half_width_m is None:
+            yield None
+            continue
+        low_n, low_e, high_n, high_e = within.union(Point(start_m)).bounds
+        reach_m = math.hypot(high_n - low_n, high_e - low_e)
+        north, east = (
+            (end_m[axis] - start_m[axis]) / math.dist(start_m, end_m) * reach_m for axis in (0, 1)
+        )
+        line = LineString(
+            [(start_m[0] - north, start_m[1] - east), (start_m[0] + north, start_m[1] + east)]
+        )
+        yield line.buffer(leg.corridor_half_width_m, cap_style="flat")
+
+
+def _in_common_frame(
+    region: BaseGeometry, frame: LocalFrame | None, common: LocalFrame | None
+) -> BaseGeometry:
+    """Return a region in the local frame of the first vehicle."""
+    if frame is None or common is None or frame == common:
+        return region
+    return transformed(region, partial(_moved, frame=frame, common=common))
+
+
+def _moved(places_m: FloatArray, *, frame: LocalFrame, common: LocalFrame) -> FloatArray:
+    """Return places in another local frame, by way of the Earth, (N, 2) -> (N, 2)."""
+    return np.array(
+        [common.north_east_m(*frame.latitude_longitude_deg(*place)) for place in places_m.tolist()]
+    )
