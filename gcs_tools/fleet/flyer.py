@@ -1,8 +1,8 @@
 """A vehicle of the fleet simulation: a point mass on a polyline that flies by the protocol.
 
-The protocol's core is the daemon's (`onboard.fleet.reservation`).  What is simple here is the
-flight: no planner, no obstacles, no attitude; the vehicle keeps to straight lines, speeds up and
-brakes at one rate, and turns at rest.  Its true place is off by as much as its errors allow.
+The protocol is `onboard.fleet.reservation`.  What is simple here is the flight: no planner, no
+obstacles, no attitude; the vehicle keeps to straight lines, speeds up and brakes at one rate, and
+turns at rest.  Its true place is off by as much as its errors allow.
 """
 
 from __future__ import annotations

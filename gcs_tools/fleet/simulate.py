@@ -1,8 +1,8 @@
 """``clearway fleet simulate``: flies a fleet's missions by the protocol, in many bad episodes.
 
-A shortcut in place of the whole service: the protocol's core is the daemon's, but the vehicles are
-point masses on the lines of their missions, without obstacles, sensors or planner
-(`gcs_tools.fleet.flyer`).
+A shortcut in place of the whole service, which does not fly by it yet: the protocol is
+`onboard.fleet`, but the vehicles are point masses on the lines of their missions, without
+obstacles, sensors or planner (`gcs_tools.fleet.flyer`).
 """
 
 from __future__ import annotations
@@ -152,7 +152,7 @@ def _print(simulated: Simulated, request: SimulateRequest, console: Console) -> 
         verdict += f" (seeds {seeds})"
     console.print(
         f"{verdict}  {escape(str(request.fleet))}: {document['episodes']} episodes of "
-        f"{simulated.vehicles} point masses, protocol as in the daemon's code",
+        f"{simulated.vehicles} point masses",
         soft_wrap=True,
     )
     console.print(

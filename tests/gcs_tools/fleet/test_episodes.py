@@ -15,6 +15,7 @@ import pytest
 from gcs_tools.fleet.episode import Episode, EpisodeTerms, Outcome, random_way, starts
 from gcs_tools.fleet.flyer import Flyer, FlyerTerms
 from gcs_tools.fleet.network import Network, NetworkTerms
+from onboard.fleet.area import Place
 from onboard.fleet.messages import Commit, Head, Message
 from onboard.fleet.reservation import OwnVehicle, Proposal, Reservation
 from onboard.fleet.wire import FleetWire
@@ -56,8 +57,18 @@ def flown(
     return Episode(flyers, terms or EpisodeTerms(), draw, carried, onward).run()
 
 
+class Watched(Reservation):
+    """Counts reports of motion after a tube has expired."""
+
+    def report(self, position_m: Place, now_s: float) -> bool:
+        moved = position_m != self._position_m
+        self.counts["moved_late"] += moved and now_s > self.expires_s
+        self.counts["moved_in_time"] += moved and now_s <= self.expires_s < math.inf
+        return super().report(position_m, now_s)
+
+
 def test_no_two_vehicles_touch_while_one_of_them_moves() -> None:
-    outcomes = [flown(seed) for seed in range(80)]
+    outcomes = [flown(seed, Watched) for seed in range(80)]
     assert [seed for seed, each in enumerate(outcomes) if each.contacts] == []
     counts = sum((each.counts for each in outcomes), Counter[str]())
     # They did fly, and met: legs, restarts, leave given, refused and withdrawn.
@@ -67,6 +78,9 @@ def test_no_two_vehicles_touch_while_one_of_them_moves() -> None:
     assert counts["withdrawn"] > 1200
     assert counts["held"] > 50
     assert counts["outside"] == 0
+    # Some flew without having asked all, and were at rest in time.
+    assert counts["moved_in_time"] > 300
+    assert counts["moved_late"] == 0
 
 
 def test_in_bytes_the_same() -> None:
