@@ -102,8 +102,8 @@ RULE_CURES: Final[Mapping[str, Cure]] = MappingProxyType(
             "legs with their avoidances leave the geofence", "widen the fence, or move the legs"
         ),
         "corridors": Cure(
-            "vehicles of a fleet may meet, or nothing keeps one of them in its corridor",
-            "give each a geofence of its own, narrow corridor_half_width_m, or move the legs apart",
+            "vehicles of a fleet may meet, or no geofence keeps one of them in a corridor",
+            "give each a geofence of its own, or move the legs apart",
         ),
     }
 )

@@ -1,28 +1,28 @@
 """The clause `corridors` (C0): vehicles whose corridors are disjoint need no protocol.
 
 A vehicle whose contract requires `stop` flies only ways that are certified, body and tracking error
-included, in the space seen free.  Nothing beyond its geofence counts as free, nor, on a leg with
-`corridor_half_width_m`, anything farther than that from the line of the leg.  So its *region*,
-where it may be from taking control on, is the geofence, and within it the strips of such legs.  A
-strip alone has no ends: an avoidance may lead past the end of a leg.  Recentring bounds nothing
-either: where obstacles stand beside the way, there is no drift back.
+included, in the space seen free, of which nothing beyond its geofence is part.  So its corridor is
+its geofence, whatever it does from taking control on: avoid, return, or fly another mission.  What
+a leg states does not bound it: an avoidance may lead past the end of the strip of
+`corridor_half_width_m`, and a way back has strips of its own about what was flown.  Recentring
+bounds nothing either: where obstacles stand beside the way, there is no drift back.
 
-Two vehicles never meet if their regions are farther apart than both margins rho and both errors A
-of a position on the Earth together, since each knows its region by its own position.  Heights do
+Two vehicles never meet if their corridors are farther apart than both margins rho and both errors
+A of a position on the Earth together, since each knows its own by its own position.  Heights do
 not separate: what fails, falls.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property, partial
-from itertools import combinations, pairwise
+from itertools import combinations
 from typing import Final
 
 import numpy as np
-from shapely import LineString, Point, Polygon, union_all
+from shapely import Point, Polygon
 from shapely import transform as transformed
 from shapely.geometry.base import BaseGeometry
 
@@ -170,8 +170,7 @@ def region_of(member: Member) -> BaseGeometry:
     for area in areas:
         if area.keep == "outside":
             region = region.difference(_polygon(area, 1.0))
-    strips = tuple(_strips(member, region))
-    return region if None in strips else region.intersection(union_all(strips))
+    return region
 
 
 def _polygon(area: FenceAreaFile, scale: float) -> Polygon:
@@ -181,25 +180,6 @@ def _polygon(area: FenceAreaFile, scale: float) -> Polygon:
     if not polygon.is_valid:
         raise FenceError("its edges cross each other, expected a simple polygon")
     return polygon
-
-
-def _strips(member: Member, within: BaseGeometry) -> Iterator[Polygon | None]:
-    """Yield the strip of each leg, long enough to leave a region; None where it has no width."""
-    mission = member.mission
-    places = [mission.start_ned_m, *(leg.end_ned_m for leg in mission.legs)]
-    for (start_m, end_m), leg in zip(pairwise(places), mission.legs, strict=True):
-        if leg.corridor_half_width_m is None:
-            yield None
-            continue
-        low_n, low_e, high_n, high_e = within.union(Point(start_m)).bounds
-        reach_m = math.hypot(high_n - low_n, high_e - low_e)
-        north, east = (
-            (end_m[axis] - start_m[axis]) / math.dist(start_m, end_m) * reach_m for axis in (0, 1)
-        )
-        line = LineString(
-            [(start_m[0] - north, start_m[1] - east), (start_m[0] + north, start_m[1] + east)]
-        )
-        yield line.buffer(leg.corridor_half_width_m, cap_style="flat")
 
 
 def _in_common_frame(

@@ -162,7 +162,12 @@ class Reservation:
         Returns:
             Whether it was proposed; not where a peer holds a part of it, nor while another proposal
             is outstanding.
+
+        Raises:
+            ValueError: the duration is not above 0.
         """
+        if not duration_s > 0.0:
+            raise ValueError(f"duration_s = {duration_s:g}: expected more than 0 s")
         if self.outstanding is not None:
             return False
         boxes_m = np.concatenate((self._still_occupied(), onward_m))

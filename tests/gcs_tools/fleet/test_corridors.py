@@ -57,8 +57,8 @@ def test_lanes_beside_each_other_are_disjoint(clearway: Clearway) -> None:
     (pair,) = document["pairs"]
     assert document["holds"]
     assert pair["vehicles"] == ["left", "right"]
-    # Strips of 12 m about lines that are 40 m apart; two bodies, and 2 m of error each.
-    assert pair["apart_m"] == pytest.approx(16.0, rel=0.01)
+    # 15 m on both sides of lines that are 40 m apart; two bodies, and 2 m of error each.
+    assert pair["apart_m"] == pytest.approx(10.0, rel=0.01)
     (left, right) = read_fleet(LANES)[1]
     assert pair["required_m"] == left.margin_m + right.margin_m + 4.0
 
@@ -72,18 +72,20 @@ def test_ways_that_cross_are_a_sentence_for_each_pair(clearway: Clearway) -> Non
 
 def test_the_position_error_of_both_counts(lanes: Changed) -> None:
     def worse(fleet: dict[str, Any]) -> None:
-        fleet["vehicles"][1]["absolute_position_error_m"] = 10.0
+        fleet["vehicles"][1]["absolute_position_error_m"] = 4.0
 
     (sentence,) = sentences(lanes(lanes=worse))
-    assert sentence == "left and right fly 15.9 m apart and need 16.0 m for bodies and errors"
+    assert sentence == "left and right fly 9.9 m apart and need 10.0 m for bodies and errors"
 
 
-def test_without_a_corridor_the_whole_geofence_counts(lanes: Changed) -> None:
-    def wide(mission: dict[str, Any]) -> None:
-        del mission["legs"][0]["corridor_half_width_m"]
+@pytest.mark.parametrize("half_m", [None, 3.0])
+def test_what_a_leg_states_is_no_bound(lanes: Changed, half_m: float | None) -> None:
+    """A way back about what was flown may lead out of the strip of the leg."""
 
-    path = lanes(left_mission=wide, right_mission=wide)
-    (pair,) = check_corridors(read_fleet(path)[1]).pairs
+    def stated(mission: dict[str, Any]) -> None:
+        mission["legs"][0]["corridor_half_width_m"] = half_m
+
+    (pair,) = check_corridors(read_fleet(lanes(left_mission=stated, right_mission=stated))[1]).pairs
     assert pair.apart_m == pytest.approx(10.0, rel=0.01)
 
 
@@ -154,7 +156,7 @@ def test_other_origins_are_compared_on_the_earth(
 
     (pair,) = check_corridors(read_fleet(lanes(lanes=placed))[1]).pairs
     # The spheres differ by 0.11 %, over the places of a mission that is 120 m long.
-    assert pair.apart_m == pytest.approx(0.993 * (16.0 + east_m), abs=0.2)
+    assert pair.apart_m == pytest.approx(0.993 * (10.0 + east_m), abs=0.2)
 
 
 @settings(max_examples=30, deadline=None)

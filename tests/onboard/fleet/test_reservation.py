@@ -78,6 +78,12 @@ def test_silence_lets_a_peer_be_anywhere_near() -> None:
     assert first.outstanding is not None
 
 
+@pytest.mark.parametrize("duration_s", [0.0, -1.0, math.nan])
+def test_a_tube_lasts_for_some_time(duration_s: float) -> None:
+    with pytest.raises(ValueError, match="duration_s = "):
+        vehicle("a", (0.0, 0.0)).propose(way((0.0, 0.0), (5.0, 0.0)), duration_s, 0.0)
+
+
 # ------------------------------------------------------------------------ leave
 
 
