@@ -13,8 +13,8 @@ from rich.table import Table
 from gcs_tools.console.errors import CommandError
 from gcs_tools.console.output import Format, write_document
 from gcs_tools.cures.checks import RULE_CURES
-from gcs_tools.fleet.corridors import Corridors, check_corridors
-from gcs_tools.fleet.reading import read_fleet
+from gcs_tools.preflight.offline.corridors import Corridors, check_corridors
+from gcs_tools.preflight.offline.fleet_files import read_fleet
 from onboard.mission_items.fence_items import FenceError
 
 _CLAUSE: Final = "corridors"

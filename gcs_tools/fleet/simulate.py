@@ -22,7 +22,7 @@ from gcs_tools.console.output import Format, write_document
 from gcs_tools.console.progress import progress_bar
 from gcs_tools.fleet.episode import Episode, EpisodeTerms, Outcome
 from gcs_tools.fleet.flyer import Flyer, FlyerTerms
-from gcs_tools.fleet.reading import Member, read_fleet
+from gcs_tools.preflight.offline.fleet_files import Member, read_fleet
 from onboard.fleet.area import Place
 from onboard.fleet.fleet_file import Fleet
 from onboard.fleet.reservation import OwnVehicle

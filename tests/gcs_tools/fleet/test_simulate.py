@@ -9,8 +9,8 @@ from functools import partial
 import pytest
 
 from gcs_tools.fleet.flyer import Flyer
-from gcs_tools.fleet.reading import read_fleet
 from gcs_tools.fleet.simulate import ways_of
+from gcs_tools.preflight.offline.fleet_files import read_fleet
 from onboard.fleet.reservation import Reservation
 from onboard.geometry.frames import FloatArray
 from tests.gcs_tools.running import CONFIG, Clearway

@@ -19,6 +19,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property, partial
 from itertools import combinations
+from pathlib import Path
 from typing import Final
 
 import numpy as np
@@ -26,8 +27,11 @@ from shapely import Point, Polygon
 from shapely import transform as transformed
 from shapely.geometry.base import BaseGeometry
 
-from gcs_tools.fleet.reading import Member
-from onboard.files.geofence_file import FenceAreaFile
+from gcs_tools.preflight.offline.fleet_files import Member, read_fleet
+from gcs_tools.preflight.rule import Rule
+from onboard.files.contract_file import Contract
+from onboard.files.geofence_file import FenceAreaFile, Geofence
+from onboard.files.mission_file import Mission
 from onboard.geometry.frames import FloatArray
 from onboard.geometry.local_frame import LocalFrame
 from onboard.mission_items.fence_items import FenceError
@@ -195,4 +199,36 @@ def _moved(places_m: FloatArray, *, frame: LocalFrame, common: LocalFrame) -> Fl
     """Return places in another local frame, by way of the Earth, (N, 2) -> (N, 2)."""
     return np.array(
         [common.north_east_m(*frame.latitude_longitude_deg(*place)) for place in places_m.tolist()]
+    )
+
+
+def corridor_rule(
+    path: Path, contract: Contract, mission: Mission | None, geofence: Geofence | None
+) -> Rule:
+    """Return the rule that no vehicle of a fleet may meet another, for the check of one of them.
+
+    Args:
+        path: of the fleet's file.
+        contract: of the vehicle that is checked, which has to be of the fleet.
+        mission: likewise.
+        geofence: likewise.
+
+    Raises:
+        FileError: a file of the fleet cannot be used.
+        FenceError: the edges of a geofence's polygon cross each other.
+    """
+    _, members = read_fleet(path)
+    checked = contract.sha256, mission, geofence
+    offenders = check_corridors(members).sentences
+    flown = [(m.assessment.contract.sha256, m.mission, m.geofence) for m in members]
+    if checked not in flown:
+        offenders += (f"no vehicle of {path.name} flies by this contract, mission and geofence",)
+    return Rule(
+        "corridors",
+        float(len(offenders)),
+        0.0,
+        "objections",
+        "no two vehicles of the fleet may ever be in one place",
+        offenders,
+        concerns="safety",
     )

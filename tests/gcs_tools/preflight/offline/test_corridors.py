@@ -15,8 +15,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from shapely import Point
 
-from gcs_tools.fleet.corridors import check_corridors, region_of
-from gcs_tools.fleet.reading import read_fleet
+from gcs_tools.preflight.offline.corridors import check_corridors, region_of
+from gcs_tools.preflight.offline.fleet_files import read_fleet
 from onboard.geometry.local_frame import GeographicPoint, LocalFrame
 from tests.gcs_tools.running import CONFIG, Clearway
 
