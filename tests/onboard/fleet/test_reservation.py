@@ -155,6 +155,23 @@ def test_leave_that_comes_after_the_tube_has_expired_is_worthless() -> None:
     assert first.counts["committed"] == 0
 
 
+def test_a_long_way_asks_whom_a_short_one_need_not() -> None:
+    """What is used without being asked for is out of the other's reach while it lasts."""
+    first, second = acquainted((0.0, 70.0))
+    middle = way((0.0, 0.0), (0.0, 12.0)), way((0.0, 70.0), (0.0, 9.0))
+    assert first.propose(middle[0], 8.0, 1.5)
+    assert first.counts["committed"] == 1
+    assert second.propose(middle[1], 20.0, 1.5)
+    assert second.outstanding is not None
+    assert second.outstanding.need == frozenset("a")
+    # Of two short ways that begin far apart, no place is common.
+    short = way((0.0, 70.0), (0.0, 58.0))
+    third = acquainted((0.0, 70.0))[1]
+    assert third.propose(short, 8.0, 1.5)
+    assert third.expires_s == 9.5
+    assert not meet(third.active.boxes_m, first.active.boxes_m)
+
+
 # ------------------------------------------------------------------------ what is released
 
 
