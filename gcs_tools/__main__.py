@@ -23,6 +23,7 @@ from gcs_tools.console.standard_output import with_output
 from gcs_tools.contract import arguments as contract_arguments
 from gcs_tools.doctor import arguments as doctor_arguments
 from gcs_tools.export import arguments as export_arguments
+from gcs_tools.fleet import arguments as fleet_arguments
 from gcs_tools.flight_report import arguments as report_arguments
 from gcs_tools.fly import arguments as fly_arguments
 from gcs_tools.identify import arguments as identify_arguments
@@ -40,6 +41,7 @@ COMMANDS: Final = (
     init_arguments,
     fly_arguments,
     preflight_arguments,
+    fleet_arguments,
     contract_arguments,
     mission_arguments,
     report_arguments,

@@ -17,6 +17,7 @@ from onboard.files.daemon_config import DaemonConfig
 from onboard.files.geofence_file import Geofence
 from onboard.files.mission_file import Mission
 from onboard.files.obstacle_field import ObstacleList
+from onboard.fleet.fleet_file import Fleet
 from sitl.config import SitlConfig
 
 MODELS: MappingProxyType[str, type[BaseModel]] = MappingProxyType(
@@ -24,6 +25,7 @@ MODELS: MappingProxyType[str, type[BaseModel]] = MappingProxyType(
         "contract": Contract,
         "mission": Mission,
         "geofence": Geofence,
+        "fleet": Fleet,
         "field": ObstacleList,
         "scenario": ScenarioFile,
         "onboard": DaemonConfig,

@@ -101,6 +101,10 @@ RULE_CURES: Final[Mapping[str, Cure]] = MappingProxyType(
         "geofence": Cure(
             "legs with their avoidances leave the geofence", "widen the fence, or move the legs"
         ),
+        "corridors": Cure(
+            "vehicles of a fleet may meet, or no geofence keeps one of them in a corridor",
+            "give each a geofence of its own, or move the legs apart",
+        ),
     }
 )
 

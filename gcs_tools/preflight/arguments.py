@@ -30,6 +30,9 @@ def add_parser(commands: Any) -> None:
         "--geofence", type=Path, metavar="F", help="geofence file, YAML, that the mission keeps to"
     )
     parser.add_argument(
+        "--fleet", type=Path, metavar="F", help="fleet file, YAML, of this vehicle and others"
+    )
+    parser.add_argument(
         "--picture", type=Path, metavar="FILE", help="draw the field: PNG, SVG, PDF"
     )
     parser.add_argument(
@@ -83,6 +86,7 @@ def _run(options: argparse.Namespace) -> int:
             geofence=options.geofence,
             parameters=options.parameters,
             daemon=options.daemon_config,
+            fleet=options.fleet,
         ),
         vehicle_url=options.vehicle,
         system_id=options.system_id,

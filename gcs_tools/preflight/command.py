@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Any
 
 from rich.console import Console
 
-from gcs_tools.console.errors import CommandError
 from gcs_tools.console.keys import mavlink_key
 from gcs_tools.console.output import Format, write_document
 from gcs_tools.console.progress import progress_bar
@@ -20,6 +19,7 @@ from gcs_tools.preflight.field_check import check_field, legs_of
 from gcs_tools.preflight.field_placement import check_placement
 from gcs_tools.preflight.files import LiveTargets, PreflightFiles, check_options, daemon_key
 from gcs_tools.preflight.finding import VEHICLE_IDENTITY, VIRTUAL, Finding, Verdict
+from gcs_tools.preflight.offline.fences import fence_rules
 from gcs_tools.preflight.offline.heights import obstacles_in_way
 from gcs_tools.preflight.offline.sensors import check_sources
 from gcs_tools.preflight.remedy import Remedy, remedies
@@ -29,11 +29,9 @@ from gcs_tools.preflight.tier import Tier, seen_free_rules
 from onboard.contract.assessment import Assessment, assess
 from onboard.files.contract_file import Contract, InputSet, load_contract
 from onboard.files.daemon_config import load_daemon_config
-from onboard.files.geofence_file import Geofence
 from onboard.files.mission_file import Mission
 from onboard.files.obstacle_field import ObstacleField, load_field
 from onboard.files.yaml_file import load_yaml
-from onboard.mission_items.fence_items import FenceError
 
 if TYPE_CHECKING:
     from gcs_tools.preflight.rehearsal.prediction import Rehearsal
@@ -47,7 +45,7 @@ class Preflight:
         assessment: the contract's clauses.
         field_rules: the obstacle field's, where one was given.
         safety_rules: what safety needs where a clause about progress fails.
-        fence_rules: the geofence's, where one was given.
+        fence_rules: the geofence's and the fleet's, where they were given.
         fastest_mps: fastest cruise that contract and field allow; None without a field, or if no
             speed complies.
         findings: of the live check, and of what is read in its place.
@@ -254,7 +252,7 @@ def _with_field(
 
 def _with_files(result: Preflight, mission: Mission | None, files: PreflightFiles) -> Preflight:
     """Add what geofence, daemon's file and saved parameters say."""
-    result = replace(result, fence_rules=_fence_rules(result, mission, files.geofence))
+    result = replace(result, fence_rules=fence_rules(result.assessment, mission, files))
     if files.daemon is not None:
         sources = load_daemon_config(files.daemon).sources
         findings = check_sources(sources, result.assessment, mission)
@@ -266,21 +264,6 @@ def _with_files(result: Preflight, mission: Mission | None, files: PreflightFile
 
     found = check_parameter_file(files.parameters, result.assessment, mission)
     return replace(result, findings=(*result.findings, *found))
-
-
-def _fence_rules(result: Preflight, mission: Mission | None, path: Path | None) -> tuple[Rule, ...]:
-    if path is None:
-        return ()
-    fence = load_yaml(path, Geofence)
-    if mission is None:
-        raise CommandError("--geofence needs --mission: its legs are checked against the areas")
-    # Shapely belongs to the extra ground.
-    from gcs_tools.preflight.offline.geofence import check_geofence  # noqa: PLC0415  loads Shapely
-
-    try:
-        return (check_geofence(result.assessment, mission, fence),)
-    except FenceError as error:
-        raise CommandError(f"{path}: {error}") from error
 
 
 def _authorize(

@@ -19,6 +19,7 @@ class PreflightFiles:
     Attributes:
         contract, field, mission, geofence, parameters: all but the first may be None.
         daemon: whose sensors are checked; may be None.
+        fleet: whose vehicles must not meet; may be None.
         overrides: of the contract, as given to ``--set``.
         picture: to draw the field to; None for no picture.
     """
@@ -31,6 +32,7 @@ class PreflightFiles:
     geofence: Path | None = None
     parameters: Path | None = None
     daemon: Path | None = None
+    fleet: Path | None = None
 
 
 class LiveTargets(NamedTuple):

@@ -82,3 +82,24 @@ class LocalFrame(NamedTuple):
         )
         scale = angle_rad / away if away > 0.0 else 1.0
         return radius_m * scale * north, radius_m * scale * east
+
+    def latitude_longitude_deg(self, north_m: float, east_m: float) -> tuple[float, float]:
+        """Return the latitude and longitude of a place in local NED: the inverse of the above."""
+        radius_m, origin_rad = _RADIUS_M[self.autopilot], math.radians(self.origin[0])
+        if self.autopilot == "ardupilot":
+            latitude_rad = origin_rad + north_m / radius_m
+            scale = math.cos(0.5 * (latitude_rad + origin_rad))
+            east_rad = east_m / (radius_m * scale)
+        else:
+            # MapProjection::reproject.
+            away_m = math.hypot(north_m, east_m)
+            if away_m == 0.0:
+                return self.origin[0], self.origin[1]
+            angle_rad = away_m / radius_m
+            sine, cosine = math.sin(angle_rad), math.cos(angle_rad)
+            origin_sine, origin_cosine = math.sin(origin_rad), math.cos(origin_rad)
+            north, east = north_m / away_m, east_m / away_m
+            latitude_rad = math.asin(cosine * origin_sine + north * sine * origin_cosine)
+            east_rad = math.atan2(east * sine, origin_cosine * cosine - north * origin_sine * sine)
+        longitude_deg = self.origin[1] + math.degrees(east_rad)
+        return math.degrees(latitude_rad), longitude_difference_deg(longitude_deg, 0.0)

@@ -38,6 +38,7 @@ COMMANDS: dict[str, Callable[[Path], tuple[object, ...]]] = {
     "identify tlog": lambda path: ("identify", path.with_suffix(".tlog")),
     "import": lambda path: ("mission", "import", path.with_suffix(".plan")),
     "import stems": lambda path: ("mission", "stems", path.with_suffix(".csv")),
+    "fleet": lambda path: ("fleet", "check", path),
     "geofence": lambda path: (
         "preflight", *CONTRACT, "--mission", CONFIG / "default_mission.yaml", "--geofence", path,
     ),

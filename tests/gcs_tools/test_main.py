@@ -19,7 +19,7 @@ from onboard.files.yaml_file import FileError
 from tests.gcs_tools.running import Clearway
 
 NAMES = (
-    *("init", "fly", "preflight", "contract", "mission", "report", "export", "watch"),
+    *("init", "fly", "preflight", "fleet", "contract", "mission", "report", "export", "watch"),
     *("resume", "return", "status", "doctor", "sensor", "replay"),
     *("identify", "campaign", "benchmark", "service", "schema"),
 )

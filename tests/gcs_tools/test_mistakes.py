@@ -313,6 +313,7 @@ MISTAKES = [
     ),
     Mistake("a flight signed by another file", "fly --mavlink-key contract.yaml",
             ("contract.yaml: mode", "chmod 600")),
+    Mistake("a fleet of one file", "fleet check mission.yaml", ("mission.yaml", "vehicles")),
     Mistake("a campaign that does not exist", "campaign thorough", ("thorough", "nominal")),
     Mistake("no jobs", "campaign nominal --jobs 0", ("--jobs",)),
     Mistake("a benchmark that does not exist", "benchmark rando", ("rando", "sando")),

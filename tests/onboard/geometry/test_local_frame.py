@@ -84,3 +84,19 @@ def test_what_is_no_place_on_earth(point: tuple[float, float], word: str) -> Non
     assert problem is not None
     assert problem.startswith(word)
     assert ZURICH.problem() is None
+
+
+@given(LATITUDES, SMALL, SMALL, st.sampled_from(["px4", "ardupilot"]))
+def test_the_way_back_is_the_inverse(
+    latitude: float, north: float, east: float, autopilot: Autopilot
+) -> None:
+    frame = LocalFrame(GeographicPoint(latitude, 179.995), autopilot)
+    place_m = frame.north_east_m(latitude + north, 179.995 + east)
+    found_deg = frame.latitude_longitude_deg(*place_m)
+    assert found_deg[0] == pytest.approx(latitude + north, abs=1e-9)
+    assert longitude_difference_deg(found_deg[1], 179.995) == pytest.approx(east, abs=1e-8)
+    assert abs(found_deg[1]) <= 180.0
+
+
+def test_the_origin_is_its_own_inverse() -> None:
+    assert LocalFrame(ZURICH).latitude_longitude_deg(0.0, 0.0) == ZURICH[:2]

@@ -1,0 +1,1 @@
+"""``clearway fleet``: several vehicles at one site."""

@@ -1,0 +1,56 @@
+"""Areas of a site: north-aligned boxes, (N, 4) of north from, north to, east from, east to [m].
+
+The order of the boxes is that in which they are flown.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from onboard.geometry.frames import FloatArray
+
+Place = tuple[float, float]
+
+
+def around(place_m: Place, reach_m: float) -> FloatArray:
+    """Return the box around a place, (1, 4)."""
+    north_m, east_m = place_m
+    return np.array([[north_m - reach_m, north_m + reach_m, east_m - reach_m, east_m + reach_m]])
+
+
+def along(start_m: Place, end_m: Place, reach_m: float, count: int) -> FloatArray:
+    """Return boxes around the equal pieces of a straight way, (count, 4)."""
+    share = np.linspace(0.0, 1.0, count + 1)[:, None]
+    places = np.asarray(start_m) + share * (np.asarray(end_m) - np.asarray(start_m))
+    low = np.minimum(places[:-1], places[1:]) - reach_m
+    high = np.maximum(places[:-1], places[1:]) + reach_m
+    boxes: FloatArray = np.column_stack((low[:, 0], high[:, 0], low[:, 1], high[:, 1]))
+    return boxes
+
+
+def meet(one_m: FloatArray, other_m: FloatArray) -> bool:
+    """Tell whether two areas share a point; (N, 4) and (M, 4)."""
+    return bool(meeting(one_m, other_m).any())
+
+
+def meeting(one_m: FloatArray, other_m: FloatArray) -> NDArray[np.bool_]:
+    """Tell of each box of an area whether it shares a point with another area, (N,) of bool."""
+    one, other = one_m[:, None, :], other_m[None, :, :]
+    shared = (
+        (one[..., 0] <= other[..., 1])
+        & (other[..., 0] <= one[..., 1])
+        & (one[..., 2] <= other[..., 3])
+        & (other[..., 2] <= one[..., 3])
+    )
+    return np.asarray(shared.any(axis=1))
+
+
+def distance_m(area_m: FloatArray, place_m: Place) -> float:
+    """Return how far a place is from an area; 0 inside, infinite of an empty area."""
+    north_m, east_m = place_m
+    beside_n = np.maximum(np.maximum(area_m[:, 0] - north_m, north_m - area_m[:, 1]), 0.0)
+    beside_e = np.maximum(np.maximum(area_m[:, 2] - east_m, east_m - area_m[:, 3]), 0.0)
+    return float(np.hypot(beside_n, beside_e).min(initial=math.inf))
