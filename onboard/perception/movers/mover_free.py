@@ -8,12 +8,14 @@ So what is unseen counts as occupied once a mover may have come there, and nothi
 What hides behind obstacles that stand still counts as unseen, too, unless the contract says that no
 mover is hidden there from the start; then it is free until one that was seen may have gone there.
 Frames count in the order of their stamps: one that comes later than another's is put in its place,
-and what follows from it is computed again.
+and what follows from it is computed again.  Sensors may be as slow as they like beside others: of
+each the frames that make a row are kept, however many of others came between them.
 """
 
 from __future__ import annotations
 
 import bisect
+import itertools
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
@@ -71,6 +73,15 @@ class _Step:
     depth: FloatArray = field(default_factory=lambda: np.empty(0))
 
 
+@dataclass
+class _Past:
+    """What is kept of a frame that can no longer change places: its part in its sensor's row."""
+
+    stamp_s: float
+    row: int
+    depth: FloatArray
+
+
 class MoverFree:
     """The mover-free set around one vehicle.
 
@@ -99,6 +110,8 @@ class MoverFree:
         self._half = math.ceil(reach_m / CELL_M) + _STEP_CELLS
         self._corner = (-self._half, -self._half)
         self._steps: list[_Step] = []
+        # By sensor, the newest first, at most as many as a row needs before its last frame.
+        self._past: dict[str, list[_Past]] = {}
         self._rows: dict[str, int] = {}  # by sensor, how often it began again
         self.dropped = self.version = 0
         self._clear(unvisited_until_s=math.inf)
@@ -115,6 +128,7 @@ class MoverFree:
         """Forget where none was seen, which holds at one height, but not who was seen to hide."""
         self._free_until_s = np.full((2 * self._half, 2 * self._half), -math.inf)
         self._steps.clear()
+        self._past.clear()
         self.version += 1
 
     def _clear(self, unvisited_until_s: float) -> None:
@@ -125,6 +139,13 @@ class MoverFree:
     def break_row(self, source: str) -> None:
         """Begin the row of a sensor again: it may have lost what it saw before one of them."""
         self._rows[source] = self._rows.get(source, 0) + 1
+
+    def frames_in_row(self, source: str) -> int:
+        """Return how many successive frames of a sensor have counted, at most K."""
+        row = self._rows.get(source, 0)
+        kept = [step.row for step in self._steps if step.source == source]
+        kept += [past.row for past in self._past.get(source, ())]
+        return min(kept.count(row), self._needed)
 
     def centre_on(self, north_m: float, east_m: float) -> None:
         """Move the grid along with the vehicle; what leaves the grid is unseen."""
@@ -145,6 +166,8 @@ class MoverFree:
                 ("free_until_s", -math.inf), ("unvisited_until_s", -math.inf),
             ):  # fmt: skip
                 setattr(step, name, _moved(getattr(step, name), di, dj, fill))
+        for past in itertools.chain.from_iterable(self._past.values()):
+            past.depth = _moved(past.depth, di, dj, 0)
         self.version += 1
 
     # ------------------------------------------------------------------ frames
@@ -162,9 +185,21 @@ class MoverFree:
             self._unvisited_until_s = later[0].unvisited_until_s
         for position in range(index, len(self._steps)):
             self._apply(position)
-        del self._steps[: max(0, len(self._steps) - _HISTORY_MAX)]
+        while len(self._steps) > _HISTORY_MAX:
+            self._keep_of(self._steps.pop(0))
         self.version += 1
         return True
+
+    def _keep_of(self, step: _Step) -> None:
+        """Keep of the oldest step what later frames of its sensor need to make a row."""
+        past = _Past(step.stamp_s, step.row, step.depth)
+        kept = [past, *self._past.get(step.source, ())]
+        self._past[step.source] = kept[: self._needed - 1]
+        # What is older shows nothing: by now a mover may have come from outside of the raster.
+        oldest_s = step.stamp_s - 2.0 * self._half * CELL_M / self._speed_mps
+        for source, rows in list(self._past.items()):
+            if rows and rows[0].stamp_s < oldest_s:
+                del self._past[source]
 
     def _step(self, glance: Glance, source: str) -> _Step:
         xs_m, ys_m = self._centres()
@@ -202,17 +237,15 @@ class MoverFree:
 
         A mover that is there now was within v_o times its age of there in each of them.
         """
-        step, left = self._steps[position], self._needed - 1
-        shown = open_cells.copy()
-        for earlier in reversed(self._steps[:position]):
-            if left == 0:
-                break
-            if (earlier.source, earlier.row) == (step.source, step.row):
-                age_s = step.stamp_s - earlier.stamp_s + 2.0 * self._error_s
-                shown &= earlier.depth * CELL_M >= self._speed_mps * age_s
-                left -= 1
-        if left > 0:
+        step, shown = self._steps[position], open_cells.copy()
+        before = reversed([each for each in self._steps[:position] if each.source == step.source])
+        earlier = itertools.chain(before, self._past.get(step.source, ()))
+        row = [each for each in earlier if each.row == step.row][: self._needed - 1]
+        if len(row) < self._needed - 1:
             shown[:] = False
+        for each in row:
+            age_s = step.stamp_s - each.stamp_s + 2.0 * self._error_s
+            shown &= each.depth * CELL_M >= self._speed_mps * age_s
         return shown
 
     def _arrival_s(
