@@ -42,13 +42,15 @@ class MoverGuard:
 
     Attributes:
         known: what is known of movers.
-        reason: why the last way was refused.
+        refused: the last way that was refused, with its limits.
+        reason: why it was.
     """
 
     def __init__(self, situation: Situation) -> None:
         self._situation = situation
         self.known: KnownMovers = NoMovers()
         self._refused_s = -math.inf
+        self.refused: tuple[Trajectory, RestLimits] | None = None
         self.reason = ""
 
     def failures(self, way: Trajectory, limits: RestLimits, now_s: float) -> tuple[str, ...]:
@@ -66,7 +68,10 @@ class MoverGuard:
         settling = settling_of(situation.assessment)
         found = mover_failures(way, limits, settling, situation.leg, movers)
         if found:
-            self._refused_s, self.reason = now_s, found[0]
+            self._refused_s, self.refused = now_s, (way, limits)
+            self.reason = found[0]
+            if movers.missing is not None:
+                self.reason = f"no place is known to hold no mover: {movers.missing}"
         return found
 
     def has_refused(self, now_s: float, within_s: float) -> bool:

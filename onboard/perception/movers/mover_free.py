@@ -238,8 +238,8 @@ class MoverFree:
         A mover that is there now was within v_o times its age of there in each of them.
         """
         step, shown = self._steps[position], open_cells.copy()
-        before = reversed([each for each in self._steps[:position] if each.source == step.source])
-        earlier = itertools.chain(before, self._past.get(step.source, ()))
+        before = [each for each in self._steps[:position] if each.source == step.source]
+        earlier: list[_Step | _Past] = [*reversed(before), *self._past.get(step.source, ())]
         row = [each for each in earlier if each.row == step.row][: self._needed - 1]
         if len(row) < self._needed - 1:
             shown[:] = False

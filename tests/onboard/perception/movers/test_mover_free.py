@@ -116,7 +116,7 @@ def test_the_frame_of_another_sensor_may_come_later_and_counts_in_its_place() ->
 
 
 def front_and_ring(free: MoverFree, ring_s: float, end_s: float) -> float:
-    """See nothing: ahead ten times a second, all round in a period; return when the ring saw last."""
+    """See nothing: ahead at 10 Hz, all round once in a period; return when the ring saw last."""
     ring_due_s, seen_s = 0.0, 0.0
     for index in range(round(end_s * 10.0) + 1):
         now_s = index * 0.1
