@@ -31,6 +31,7 @@ from onboard.recording.messages import (
     SeenSpace,
     StateRecord,
 )
+from onboard.recording.mover_record import MoversRecord
 
 _OURS: Final = "clearway"
 
@@ -47,6 +48,7 @@ _ATTRIBUTES: Final[dict[type[Any], str]] = {
     Obstacles: "obstacles",
     PlanRecord: "plans",
     SeenSpace: "seen_spaces",
+    MoversRecord: "movers",
     EventRecord: "events",
     TruthRecord: "truths",
 }
@@ -61,7 +63,7 @@ class Log:
     """A log in memory; the records of each type are in the order of the file.
 
     Attributes:
-        states, margins, monitors, obstacles, plans, seen_spaces, events: of the daemon.
+        states, margins, monitors, obstacles, plans, seen_spaces, movers, events: of the daemon.
         truths: of the simulation.
         metadata: strings by name of the metadata record and key.
         complete: whether the file ends as it should.
@@ -75,6 +77,7 @@ class Log:
     obstacles: Sequence[Obstacles] = ()
     plans: Sequence[PlanRecord] = ()
     seen_spaces: Sequence[SeenSpace] = ()
+    movers: Sequence[MoversRecord] = ()
     events: Sequence[EventRecord] = ()
     truths: Sequence[TruthRecord] = ()
     metadata: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
@@ -86,7 +89,7 @@ class Log:
         """Yield the daemon's records in the order of time, of one tick the state first."""
         topics: tuple[Sequence[Record], ...] = (
             *(self.states, self.margins, self.monitors),
-            *(self.obstacles, self.plans, self.seen_spaces, self.events),
+            *(self.obstacles, self.plans, self.seen_spaces, self.movers, self.events),
         )
         yield from heapq.merge(*topics, key=lambda record: record.time_s)
 

@@ -14,6 +14,7 @@ from onboard.planning.mover_certifier import Movers, Settling, mover_failures
 
 if TYPE_CHECKING:
     from onboard.contract.assessment import Assessment
+    from onboard.geometry.frames import LegFrame
     from onboard.guidance.situation import Situation
     from onboard.motion.trajectory import Trajectory
     from onboard.planning.rest_certifier import RestLimits
@@ -64,15 +65,23 @@ class MoverGuard:
         movers = self.known.movers
         if movers is None:
             return ()
-        situation = self._situation
-        settling = settling_of(situation.assessment)
-        found = mover_failures(way, limits, settling, situation.leg, movers)
+        found = mover_failures(way, limits, self.settling, self.leg, movers)
         if found:
             self._refused_s, self.refused = now_s, (way, limits)
             self.reason = found[0]
             if movers.missing is not None:
                 self.reason = f"no place is known to hold no mover: {movers.missing}"
         return found
+
+    @property
+    def settling(self) -> Settling:
+        """How long the vehicle moves after its setpoint rests, or is the last."""
+        return settling_of(self._situation.assessment)
+
+    @property
+    def leg(self) -> LegFrame:
+        """The frame of ways."""
+        return self._situation.leg
 
     def has_refused(self, now_s: float, within_s: float) -> bool:
         """Tell whether a way that was free otherwise has been refused lately."""

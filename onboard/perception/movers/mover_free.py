@@ -303,6 +303,14 @@ class MoverFree:
         place = np.array(((north_m, east_m),))
         return self.are_free(place, place, np.array((time_s,)))
 
+    def cells_free_at(self, time_s: float) -> tuple[BoolArray, tuple[float, float], float]:
+        """Return which cells hold no mover until a time, where the grid begins, and their edge.
+
+        Rows follow each other to the north, columns to the east.
+        """
+        north_m, east_m = (index * CELL_M for index in self._corner)
+        return self._free_until_s > time_s, (north_m, east_m), CELL_M
+
     def free_cells(self, time_s: float) -> int:
         """Return how many cells hold no mover at a time."""
         return int(np.count_nonzero(self._free_until_s > time_s))
