@@ -17,7 +17,7 @@ from pydantic import TypeAdapter, ValidationError
 from zstandard import ZstdError
 
 from gcs_tools.console.errors import CommandError
-from onboard.files.truth_record import TruthRecord
+from onboard.files.truth_record import TrueMoversRecord, TruthRecord
 from onboard.recording.flight_log import FORMAT_VERSION
 from onboard.recording.messages import (
     ADAPTERS,
@@ -51,10 +51,12 @@ _ATTRIBUTES: Final[dict[type[Any], str]] = {
     MoversRecord: "movers",
     EventRecord: "events",
     TruthRecord: "truths",
+    TrueMoversRecord: "true_movers",
 }
 _ADAPTERS: Final[dict[str, TypeAdapter[Any]]] = {
     **{f"/{topic}": ADAPTERS[record_type] for record_type, topic in TOPICS.items()},
     "/truth": TypeAdapter(TruthRecord),
+    "/truth/movers": TypeAdapter(TrueMoversRecord),
 }
 
 
@@ -64,7 +66,7 @@ class Log:
 
     Attributes:
         states, margins, monitors, obstacles, plans, seen_spaces, movers, events: of the daemon.
-        truths: of the simulation.
+        truths, true_movers: of the simulation.
         metadata: strings by name of the metadata record and key.
         complete: whether the file ends as it should.
         problems: what could not be read, one sentence each.
@@ -80,6 +82,7 @@ class Log:
     movers: Sequence[MoversRecord] = ()
     events: Sequence[EventRecord] = ()
     truths: Sequence[TruthRecord] = ()
+    true_movers: Sequence[TrueMoversRecord] = ()
     metadata: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
     complete: bool = True
     problems: tuple[str, ...] = ()
@@ -95,7 +98,7 @@ class Log:
 
 
 def log_of(
-    records: Iterable[Record | TruthRecord],
+    records: Iterable[Record | TruthRecord | TrueMoversRecord],
     *,
     metadata: Mapping[str, Mapping[str, str]] | None = None,
 ) -> Log:

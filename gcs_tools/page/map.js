@@ -37,7 +37,7 @@ class FlightMap {
     // The user has dragged or zoomed: keep the view until a double-click.
     this.held = false;
     this.layers = Object.fromEntries(
-      ["seen", "field", "others-seen", "obstacles", "legs", "ahead", "reference", "plan", "flown", "others", "goal", "vehicles", "marks", "scale"].map((name) =>
+      ["seen", "field", "others-seen", "reach", "obstacles", "trails", "movers", "legs", "ahead", "reference", "plan", "flown", "others", "goal", "vehicles", "marks", "scale"].map((name) =>
         [name, svg.appendChild(svgElement("g", { class: `layer-${name}` }))]));
     this.lines = {};
     this.vehicles = {};
@@ -179,6 +179,10 @@ class FlightMap {
 
   // Metres of a pixel.
   #metres() { return this.view ? this.view[2] / Math.max(this.svg.clientWidth, 1) : 1; }
+
+  // Keep the size of an element in pixels at a place in metres, until it is let go.
+  size(element, place) { this.#size(element, place); }
+  unsize(element) { this.sized.delete(element); }
 
   #size(element, place) {
     this.sized.set(element, place);
