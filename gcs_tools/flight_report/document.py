@@ -39,7 +39,7 @@ from gcs_tools.flight_report.timeline import (
 )
 from gcs_tools.flight_report.true_field import true_outlines_ned_m
 from gcs_tools.logs.flight_log import Log
-from gcs_tools.logs.result import MissingValueError, Result, result_of
+from gcs_tools.logs.result import MissingValueError, Result, result_of, touches_at_rest
 from onboard.files.contract_file import Contract
 from onboard.files.mission_file import Mission
 from onboard.recording.messages import StateRecord
@@ -101,7 +101,7 @@ def _verdict(flight: Flight, contract: Contract | None) -> Document:
             *flight.truth.problems,
             *problems,
         ],
-        "facts": list(_facts(result, contract)),
+        "facts": list(_facts(result, contract, touches_at_rest(flight.truth))),
     }
 
 
@@ -140,7 +140,7 @@ def _succeeded(result: Document) -> bool:
     )
 
 
-def _facts(result: Document, contract: Contract | None) -> Iterator[tuple[str, str]]:
+def _facts(result: Document, contract: Contract | None, touches: int) -> Iterator[tuple[str, str]]:
     if not result:
         return
     vehicle = None if contract is None else contract.vehicle
@@ -153,8 +153,8 @@ def _facts(result: Document, contract: Contract | None) -> Iterator[tuple[str, s
     limits_mps = (None, None) if vehicle is None else vehicle.velocity_error_mps
     yield "obstacles avoided", str(result["obstacles_avoided"])
     yield "collisions", str(result["collisions"])
-    if result.get("contacts_at_rest"):
-        yield "contacts at rest", f"{result['contacts_at_rest']} (no collisions)"
+    if touches:
+        yield "touched at rest by a mover", f"{touches}, which is no collision"
     wish_m = 0.0 if vehicle is None else vehicle.clearance_wish_m
     wish = f" (wish {wish_m:g} m)" if wish_m else ""
     yield "least clearance", "unknown" if clearance_m is None else f"{clearance_m:.2f} m{wish}"

@@ -108,7 +108,7 @@ byId("field-legend").hidden = !flight.field_ned_m.length;
 map.goal(flight.legs_ned_m.at(-1));
 // Every obstacle that was ever known, as it was known last.
 const latest = [...new Map(flight.obstacles.map((obstacle) => [obstacle.id, obstacle])).values()];
-map.frame([...pairs(own), ...flight.legs_ned_m, ...latest.flatMap(({ region_ned_m }) => region_ned_m), ...(other ? pairs(other.path) : [])]);
+map.frame([...pairs(own), ...flight.legs_ned_m, ...[...moverWays.values()].flat().map(({ place }) => place), ...latest.flatMap(({ region_ned_m }) => region_ned_m), ...(other ? pairs(other.path) : [])]);
 
 const everything = [...flights.flatMap(({ path }) => triples(path)), ...latest.flatMap(({ region_ned_m }) => region_ned_m.map(([n, e]) => [n, e, 0]))];
 const bounds = [Infinity, -Infinity].map((start, i) => [0, 1, 2].map((axis) => everything.reduce((found, point) => Math[i ? "max" : "min"](found, point[axis]), start)));
@@ -177,15 +177,16 @@ function showMovers(time) {
   moverLayer.show(known.movers, time, known.stamp_error_s);
   moverLayer.free(flight.mover_moments.findLast(({ time_s, free }) => free && time_s <= time)?.free ?? NOT_FREE);
   moverLayer.trails("mover-way", [...moverWays.values()].map((way) => way.filter(({ seen_s }) => seen_s <= time).map(({ place }) => place)));
-  map.outlines("field", "true-mover", flight.true_movers.map(({ half_m, time_s, places_ned_m }) => {
+  map.outlines("true-movers", "true-mover", flight.true_movers.map(({ half_m, time_s, places_ned_m }) => {
     const [north, east] = places_ned_m[indexAt(time_s, time)];
     return cornersOf([north - half_m, north + half_m, east - half_m, east + half_m]);
   }));
   return known;
 }
 
-function phaseWords(phase, { pause }, { yielding }) {
-  if (phase === "yield" && yielding) return `yield: ${yielding}`;
+function phaseWords(phase, { pause }, { yielding, movers }) {
+  const whom = movers.filter(({ yields_for }) => yields_for).map(({ id }) => id);
+  if (phase === "yield" && yielding) return `yield${whom.length ? ` for ${whom.join(", ")}` : ""}: ${yielding}`;
   return pause && !pause.startsWith("yielding") ? `${phase}: ${pause}` : phase;
 }
 
@@ -218,6 +219,7 @@ function show(time) {
     map.marks(past);
     shownMarks = past.length;
     byId("why").hidden = !past.length;
+    byId("why").className = `why ${past.at(-1)?.kind ?? ""}`;
     if (past.length) byId("why").textContent = `${past.at(-1).time_s.toFixed(1)} s: ${past.at(-1).text}`;
   }
   space.marks = own.north_m[i] == null ? [] : [{ point: [own.north_m[i], own.east_m[i], own.height_m[i]], kind: "flown" }];
@@ -227,7 +229,7 @@ function show(time) {
   const phase = flight.phases.findLast(({ start_s, end_s }) => start_s <= time + 1e-6 && time <= end_s)?.phase ?? "";
   const metres = (value) => (value == null ? "–" : value.toFixed(1));
   const words = [`${time.toFixed(1)} s`, phaseWords(phase, seen, moving), `north ${metres(own.north_m[i])} m`, `east ${metres(own.east_m[i])} m`, `height ${metres(own.height_m[i])} m`];
-  byId("readout").replaceChildren(...words.map((textContent) => Object.assign(document.createElement("span"), { textContent })));
+  byId("readout").replaceChildren(...words.map((textContent) => Object.assign(document.createElement("span"), { textContent, className: textContent.length > 30 ? "long" : "" })));
 }
 
 // Whether the reader has chosen a time: the replay begins at the start otherwise.

@@ -93,12 +93,11 @@ def _movers(known: MoversRecord | None, state: StateRecord | None) -> Iterator[P
         waits = Text("yields for it" if mover.yields_for else "", style="yellow")
         speed = f"at most {mover.speed_max_mps:.1f} m/s"
         table.add_row(mover.id, mover.kind, away, age, speed, waits)
-    if not known.movers:
-        table.add_row(Text("none is seen", style="dim"))
-    more = len(known.movers) - MOVERS_SHOWN + known.left_out
+    lines.append(table if known.movers else Text("none is seen", style="dim"))
+    more = max(len(known.movers) - MOVERS_SHOWN, 0) + known.left_out
     if more > 0:
-        table.add_row(f"and {more} more, farther away")
-    yield Panel(Group(*lines, table), title="what moves", title_align="left")
+        lines.append(Text(f"and {more} more, farther away"))
+    yield Panel(Group(*lines), title="what moves", title_align="left")
 
 
 def _away(mover: KnownMover, now_s: float, error_s: float, state: StateRecord | None) -> str:

@@ -9,6 +9,8 @@ import numpy as np
 
 from onboard.guidance.movers.yield_cause import tracks_in_way
 from onboard.guidance.phases import FlightState
+from onboard.planning.mover_certifier import REST_MPS
+from onboard.planning.rest_certifier import velocity_points_mps
 from onboard.recording.mover_record import KnownMover, MoversRecord, corners
 from onboard.recording.seen_space import runs
 from onboard.recording.state import unix_time_s
@@ -16,6 +18,7 @@ from onboard.recording.state import unix_time_s
 if TYPE_CHECKING:
     from onboard.autonomy import Autonomy
     from onboard.geometry.box import Box
+    from onboard.motion.trajectory import Trajectory
     from onboard.perception.line_of_sight import BoolArray
     from onboard.perception.movers.mover_free import MoverFree
     from onboard.perception.movers.tracker import MoverTrack
@@ -120,7 +123,15 @@ def _held_until_s(autonomy: Autonomy) -> float | None:
     """Return when the vehicle has come to rest on the way that it holds; None without one."""
     shield = autonomy.navigator.shield
     way = None if shield is None else shield.held_way
-    return None if way is None else way.end_s + autonomy.assessment.terms.rest_settle_s
+    end_s = None if way is None else rests_s(way)
+    return None if end_s is None else end_s + autonomy.assessment.terms.rest_settle_s
+
+
+def rests_s(way: Trajectory) -> float | None:
+    """Return from when on a way to rest rests, however long it lasts; None if it never moves."""
+    points_mps = velocity_points_mps(way)[:, :, :2]
+    moving = np.flatnonzero(np.hypot(points_mps[..., 0], points_mps[..., 1]).max(axis=1) > REST_MPS)
+    return float(way.knots_s[moving[-1] + 1]) if moving.size else None
 
 
 def _yielding(autonomy: Autonomy) -> str | None:
