@@ -71,9 +71,7 @@ class Scene:
 
     def look(self, *obstacles: dict[str, Any], **changed: Any) -> list[Violation]:
         """See one frame of the ring after a frame's time; return what it violates."""
-        for _ in range(round(PERIOD_S * TELEMETRY_RATE_HZ)):
-            self.now_s += 1.0 / TELEMETRY_RATE_HZ
-            self.poses.add(self.pose)
+        self.wait(PERIOD_S)
         self.sequence += 1
         message = {
             "version": 2, "source": "ring", "sequence": self.sequence, "frame": "local_ned",
@@ -84,6 +82,12 @@ class Scene:
         found = list(self.evaluator.evaluate(frame, self.now_s, self.now_s, self.heading))
         self.evaluator.seen.advance(self.pose, trusted=True)
         return found
+
+    def wait(self, duration_s: float) -> None:
+        """See nothing for a while."""
+        for _ in range(round(duration_s * TELEMETRY_RATE_HZ)):
+            self.now_s += 1.0 / TELEMETRY_RATE_HZ
+            self.poses.add(self.pose)
 
     def look_late(self) -> None:
         """See a frame of the ring that is older than all that have counted."""
@@ -151,6 +155,22 @@ def test_what_is_missing_before_a_place_counts_is_told(scene: Scene) -> None:
     scene.look()
     scene.look()
     assert missing(scene) is None
+
+
+def test_a_ring_of_1_hz_beside_a_sensor_of_10_hz_shows_where_no_mover_is(scene: Scene) -> None:
+    """However many frames of the other come between: three of the ring make a row."""
+    for tick in range(70):
+        found = scene.look(source="front", field_of_view_deg=120.0)
+        assert found == []
+        scene.wait(PERIOD_S)
+        if tick % 10 == 9:
+            scene.look()
+            rings = (tick + 1) // 10
+            assert missing(scene) == (
+                f"{rings} of 3 successive frames of ring have counted" if rings < 3 else None
+            )
+            # Behind, where it alone looks: in the first of the three it was seen far around.
+            assert scene.is_free(-2.0, 0.0, in_s=0.3) == (rings >= 3)
 
 
 def test_frames_that_never_count_are_a_reason_not_to_depart(scene: Scene) -> None:
