@@ -20,6 +20,12 @@ function awayFrom([north, east], [northMin, northMax, eastMin, eastMax]) {
   return Math.hypot(Math.max(northMin - north, 0, north - northMax), Math.max(eastMin - east, 0, east - eastMax));
 }
 
+// Why the vehicle yields, and for which movers, as far as they are seen.
+function yieldWords({ yielding, movers }) {
+  const whom = movers.filter(({ yields_for }) => yields_for).map(({ id }) => id);
+  return yielding ? `${whom.length ? `for ${whom.join(", ")}: ` : ""}${yielding}` : "";
+}
+
 class MoverLayer {
   constructor(map) {
     this.map = map;

@@ -184,9 +184,8 @@ function showMovers(time) {
   return known;
 }
 
-function phaseWords(phase, { pause }, { yielding, movers }) {
-  const whom = movers.filter(({ yields_for }) => yields_for).map(({ id }) => id);
-  if (phase === "yield" && yielding) return `yield${whom.length ? ` for ${whom.join(", ")}` : ""}: ${yielding}`;
+function phaseWords(phase, { pause }, moving) {
+  if (phase === "yield" && moving.yielding) return `yield ${yieldWords(moving)}`;
   return pause && !pause.startsWith("yielding") ? `${phase}: ${pause}` : phase;
 }
 

@@ -7,7 +7,11 @@ const SILENCE_MS = 1500;
 const EVENTS_KEPT = 200;
 const TRAIL_POINTS = 5000;
 const moverLayer = new MoverLayer(map);
+// What is known of movers; and where and when the vehicle was last.
 let moving = null;
+let latest = null;
+// Farther than this movers would make everything else too small.
+const MOVER_SHOWN_M = 20;
 const trail = [];
 let around = [];
 let heard = null;
@@ -38,15 +42,16 @@ function showBattery(charge) {
 }
 
 // What moves, as it may be at a time: on the map, and as a table.
-function showMovers(time, place) {
-  if (moving === null) return;
+function showMovers() {
+  if (moving === null || latest === null) return;
+  const { time, place } = latest;
   const { movers, stamp_error_s, missing, left_out } = moving;
   const drawn = moverLayer.show(movers, time, stamp_error_s);
   const table = byId("movers");
   table.replaceChildren();
   row(table, ["mover", "class", "away", "seen", "at most", ""]);
   for (const { id, kind, seen_s, speed_max_mps, now, yields_for } of drawn) {
-    row(table, [id, kind, place ? `${awayFrom(place, now).toFixed(1)} m` : "–", `${Math.max(time - seen_s, 0).toFixed(1)} s ago`, `${speed_max_mps.toFixed(1)} m/s`, yields_for ? "yields for it" : ""], ["", "", "", "", "", "warn"]);
+    row(table, [id, kind, `${awayFrom(place, now).toFixed(1)} m`, `${Math.max(time - seen_s, 0).toFixed(1)} s ago`, `${speed_max_mps.toFixed(1)} m/s`, yields_for ? "yields for it" : ""], ["", "", "", "", "", "warn"]);
   }
   if (!drawn.length) row(table, ["none is seen"], ["faint"]);
   if (left_out) row(table, [`and ${left_out} more, farther away`], ["faint"]);
@@ -91,11 +96,13 @@ const show = {
       if (trail.length > TRAIL_POINTS) trail.shift();
       map.line("flown", "flown", trail);
       map.vehicle(north, east, status.yaw_rad);
-      showMovers(status.time_s, [north, east]);
+      latest = { time: status.time_s, place: [north, east] };
+      showMovers();
       const goal = status.goal_ned_m;
       const away = goal ? Math.hypot(goal[0] - north, goal[1] - east) : null;
       map.goal(goal);
-      map.frame([...trail, ...around, ...(away !== null && away < GOAL_SHOWN_M ? [goal] : []), [north + 12, east], [north, east - 4], [north, east + 4]]);
+      const near = (moving?.movers ?? []).filter(({ box_m }) => awayFrom([north, east], box_m) < MOVER_SHOWN_M);
+      map.frame([...trail, ...around, ...near.flatMap(({ box_m }) => cornersOf(box_m)), ...(away !== null && away < GOAL_SHOWN_M ? [goal] : []), [north + 12, east], [north, east - 4], [north, east + 4]]);
       const words = [`goal ${number(away, 1)} m away`, `north ${number(north)} m`, `east ${number(east)} m`, `height ${number(-down)} m`, `${number(Math.hypot(vn, ve))} m/s`];
       byId("readout").replaceChildren(...words.map((textContent) => Object.assign(document.createElement("span"), { textContent })));
     }
@@ -144,10 +151,11 @@ const show = {
 
   movers(record) {
     moving = { ...record, movers: record.movers.filter(({ box_ned_m }) => box_ned_m.length).map((mover) => ({ ...mover, box_m: extentOf(mover.box_ned_m), reach_m: extentOf(mover.reach_ned_m) })) };
-    why.yielding = record.yielding ?? "";
+    why.yielding = yieldWords(record);
     byId("movers-panel").hidden = false;
     for (const legend of document.querySelectorAll(".movers-legend")) legend.hidden = false;
     moverLayer.free(record);
+    showMovers();
     showReason();
   },
 

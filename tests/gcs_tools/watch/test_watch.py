@@ -409,7 +409,7 @@ def test_the_page_shows_what_moves_and_for_what_the_vehicle_yields(tmp_path: Pat
         said(feed, "movers", MOVERS)
         said(feed, "status", yielding)
         page.until("document.getElementById('phase').textContent === 'YIELD'")
-        assert text_of(page, "reason") == "mover ring/1 may be on the way"
+        assert text_of(page, "reason") == "for ring/1: mover ring/1 may be on the way"
         assert text_of(page, "pause") == ""
         # Seen 0.1 s ago, and as much more for its stamp: 0.2 m on every side.
         box = "document.querySelector('#map .mover.yielded').getAttribute('d')"
