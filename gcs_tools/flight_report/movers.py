@@ -16,7 +16,7 @@ from onboard.recording.mover_record import KnownMover, MoversRecord, extent
 MOMENTS_MAX = 600
 FREE_SETS_MAX = 150
 _DIGITS = 3
-# A record holds until the next; one that is older than this says nothing of now.
+# A record holds until the next, but no longer than this.
 _HOLDS_S = 2.0
 
 

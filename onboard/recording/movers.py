@@ -96,14 +96,10 @@ def _record(
         until_s=unix_time_s(autonomy, until_s),
         stamp_error_s=known.stamp_error_s,
         movers=[
-            KnownMover(
-                id=track.id,
-                kind=track.kind,
-                seen_s=unix_time_s(autonomy, track.seen_s),
-                speed_max_mps=track.speed_max_mps,
-                velocity_ned_mps=track.velocity_ned_mps,
-                box_ned_m=_corners(track.box),
-                reach_ned_m=_corners(track.predicted(until_s, known.stamp_error_s)),
+            _mover(
+                track,
+                unix_time_s(autonomy, track.seen_s),
+                track.predicted(until_s, known.stamp_error_s),
                 yields_for=track.id in blocking,
             )
             for track in shown
@@ -116,6 +112,19 @@ def _record(
         row=row,
         column_from=column_from,
         column_to=column_to,
+    )
+
+
+def _mover(track: MoverTrack, seen_s: float, reach: Box, *, yields_for: bool) -> KnownMover:
+    return KnownMover(
+        id=track.id,
+        kind=track.kind,
+        seen_s=seen_s,
+        speed_max_mps=track.speed_max_mps,
+        velocity_ned_mps=track.velocity_ned_mps,
+        box_ned_m=_corners(track.box),
+        reach_ned_m=_corners(reach),
+        yields_for=yields_for,
     )
 
 
