@@ -16,6 +16,8 @@ from onboard.recording.mover_record import KnownMover, MoversRecord, extent
 MOMENTS_MAX = 600
 FREE_SETS_MAX = 150
 _DIGITS = 3
+# Twice as long as records are apart.
+_RENEWED_S = 0.6
 # A record holds until the next, but no longer than this.
 _HOLDS_S = 2.0
 
@@ -32,25 +34,29 @@ def mover_moments(records: Sequence[MoversRecord], start_s: float) -> list[Docum
     """Return what was known of movers, moment by moment.
 
     Boxes are least and greatest north, least and greatest east.  The mover-free set is large: only
-    some moments have it, under ``free``; it is null in the others.
+    some moments have it, under ``free``; it is null in the others.  Where another record follows
+    soon, boxes were renewed before they had grown: ``renewed``.
 
     Args:
         records: of a flight, in the order of time.
         start_s: Unix time of the departure.
     """
-    kept = records[:: max(1, math.ceil(len(records) / MOMENTS_MAX))]
+    stride = max(1, math.ceil(len(records) / MOMENTS_MAX))
+    kept = records[::stride]
+    followers = [*records[1::stride], *[None] * (len(kept) - len(records[1::stride]))]
     step = max(1, math.ceil(len(kept) / FREE_SETS_MAX))
     return [
         {
             "time_s": since(record, start_s),
             "until_s": None if record.until_s is None else _rounded(record.until_s - start_s),
             "stamp_error_s": record.stamp_error_s,
+            "renewed": follower is not None and follower.time_s - record.time_s < _RENEWED_S,
             "yielding": record.yielding,
             "missing": record.missing,
             "movers": [_mover(mover, start_s) for mover in record.movers if mover.box_ned_m],
             "free": None if number % step else _free(record),
         }
-        for number, record in enumerate(kept)
+        for number, (record, follower) in enumerate(zip(kept, followers, strict=True))
     ]
 
 

@@ -40,10 +40,11 @@ class MoverLayer {
       const age = Math.max(time - mover.seen_s, 0);
       const now = grown(mover.box_m, mover.speed_max_mps * (age + stampError));
       const name = `${mover.id} (${mover.kind}): seen ${age.toFixed(1)} s ago, at most ${mover.speed_max_mps.toFixed(1)} m/s`;
-      return { ...mover, now, name };
+      // At rest, reach ends with the record: what it may have reached since belongs to it, too.
+      return { ...mover, now, name, reach: extentOf([...cornersOf(mover.reach_m), ...cornersOf(now)]) };
     });
     const path = (kind, { yields_for }, box) => svgElement("path", { class: yields_for ? `${kind} yielded` : kind, d: polygon(cornersOf(box)) });
-    layers.reach.replaceChildren(...drawn.map((mover) => path("reach", mover, mover.reach_m)));
+    layers.reach.replaceChildren(...drawn.map((mover) => path("reach", mover, mover.reach)));
     this.shown = drawn.map((mover) => {
       const label = svgElement("g", { class: "mover-name" });
       label.append(svgElement("text", { x: 3, y: -3 }, mover.kind));

@@ -174,7 +174,7 @@ const NOT_FREE = { corner_ned_m: [0, 0], cell_m: 1, row: [], column_from: [], co
 // Draw what moves at a time; return what was known of it then.
 function showMovers(time) {
   const known = flight.mover_moments.findLast(({ time_s }) => time_s <= time) ?? NO_MOVERS;
-  moverLayer.show(known.movers, time, known.stamp_error_s);
+  moverLayer.show(known.movers, known.renewed ? known.time_s : time, known.stamp_error_s);
   moverLayer.free(flight.mover_moments.findLast(({ time_s, free }) => free && time_s <= time)?.free ?? NOT_FREE);
   moverLayer.trails("mover-way", [...moverWays.values()].map((way) => way.filter(({ seen_s }) => seen_s <= time).map(({ place }) => place)));
   map.outlines("true-movers", "true-mover", flight.true_movers.map(({ half_m, time_s, places_ned_m }) => {

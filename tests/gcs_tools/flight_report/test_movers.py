@@ -93,6 +93,9 @@ def test_a_long_flight_is_thinned() -> None:
     assert len(found) == MOMENTS_MAX
     assert sum(each["free"] is not None for each in found) <= FREE_SETS_MAX
     assert found[0]["free"] is not None
+    # Also between those that are kept, records have come in time.
+    assert all(each["renewed"] for each in found)
+    assert not mover_moments(RECORDS, BEGAN_S)[-1]["renewed"]
 
 
 def test_a_mover_whose_box_is_not_known_is_left_out() -> None:
@@ -186,8 +189,8 @@ def test_the_page_draws_movers_what_they_may_reach_and_why_the_vehicle_yields(
             return [float(each) for each in re.findall(r"-?[\d.]+", path)]
 
         page.evaluate("seek(4.1)")
-        # The moment of 4.0 s: east 2 m, seen 0.1 s ago at 1.2 m/s.
-        assert d_of(".mover.yielded")[:2] == pytest.approx([3.58, 1.58], abs=1e-6)
+        # The moment of 4.0 s: east 2 m; the next one came in time.
+        assert d_of(".mover.yielded")[:2] == pytest.approx([3.7, 1.7], abs=1e-6)
         assert d_of(".reach.yielded")[:2] == pytest.approx([2.0, 0.0])
         assert d_of(".mover-way") == pytest.approx([n for k in range(17) for n in (4, 6 - k / 4)])
         assert d_of(".true-mover")[:2] == pytest.approx([-0.3, 1.6], abs=0.02)
@@ -195,6 +198,9 @@ def test_the_page_draws_movers_what_they_may_reach_and_why_the_vehicle_yields(
         words = page.evaluate("document.getElementById('readout').textContent")
         assert "yield for ring/1: mover ring/1 may be on the way" in words
         assert page.evaluate("document.querySelectorAll('#map .mark').length") == 0
+        page.evaluate("seek(9.5)")
+        # The last moment was 0.75 s ago, since when it grows at 1.2 m/s.
+        assert d_of(".mover")[:2] == pytest.approx([2.8, -3.95], abs=1e-6)
         page.evaluate("seek(7.0)")
         assert page.evaluate("document.querySelectorAll('#map .mover.yielded').length") == 0
         assert page.evaluate("document.querySelectorAll('#map .mover').length") == 1
