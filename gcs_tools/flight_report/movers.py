@@ -15,6 +15,7 @@ from onboard.recording.mover_record import KnownMover, MoversRecord, extent
 # A page cannot hold all records of a long flight: every n-th is kept.
 MOMENTS_MAX = 600
 FREE_SETS_MAX = 150
+SUMMARY_MAX = 60
 _DIGITS = 3
 # Twice as long as records are apart.
 _RENEWED_S = 0.6
@@ -87,7 +88,10 @@ def _free(record: MoversRecord) -> Document:
 
 
 def mover_summary(records: Sequence[MoversRecord], start_s: float) -> list[Document]:
-    """Return each mover with its class, when it was known, and for how long it was yielded for."""
+    """Return each mover with its class, when it was known, and for how long it was yielded for.
+
+    Of very many those that were yielded for longest.
+    """
     found: dict[str, Document] = {}
     for record, after in pairwise((*records, None)):
         assert record is not None  # noqa: S101  the last one is never the first of a pair
@@ -104,7 +108,9 @@ def mover_summary(records: Sequence[MoversRecord], start_s: float) -> list[Docum
             )
             one |= {"last_s": since(record, start_s), "speed_max_mps": mover.speed_max_mps}
             one["yielded_s"] = _rounded(one["yielded_s"] + lasted_s * mover.yields_for)
-    return list(found.values())
+    # Of a sensor that tells ranges only every return is one: those matter that were yielded for.
+    first = sorted(found.values(), key=lambda one: (-one["yielded_s"], one["first_s"]))
+    return sorted(first[:SUMMARY_MAX], key=lambda one: one["first_s"])
 
 
 def true_movers(

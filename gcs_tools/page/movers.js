@@ -1,6 +1,8 @@
 "use strict";
 // What moves, on the map: where it may be by now, what it may reach until the vehicle rests, the truth.
 
+const LABELS_APART_M = 1.5;
+
 // Least and greatest north, least and greatest east -> corners.
 function cornersOf([northMin, northMax, eastMin, eastMax]) {
   return [[northMin, eastMin], [northMax, eastMin], [northMax, eastMax], [northMin, eastMax]];
@@ -26,6 +28,16 @@ function yieldWords({ yielding, movers }) {
   return yielding ? `${whom.length ? `for ${whom.join(", ")}: ` : ""}${yielding}` : "";
 }
 
+// Those that get a label: not two of a class beside each other, such as one mover of two sensors.
+function labelled(drawn) {
+  const found = [];
+  for (const mover of drawn) {
+    const beside = ({ kind, now }) => kind === mover.kind && Math.hypot(now[0] - mover.now[0], now[2] - mover.now[2]) < LABELS_APART_M;
+    if (!found.some(beside)) found.push(mover);
+  }
+  return found;
+}
+
 class MoverLayer {
   constructor(map) {
     this.map = map;
@@ -45,7 +57,7 @@ class MoverLayer {
     });
     const path = (kind, { yields_for }, box) => svgElement("path", { class: yields_for ? `${kind} yielded` : kind, d: polygon(cornersOf(box)) });
     layers.reach.replaceChildren(...drawn.map((mover) => path("reach", mover, mover.reach)));
-    this.shown = drawn.map((mover) => {
+    this.shown = labelled(drawn).map((mover) => {
       const label = svgElement("g", { class: "mover-name" });
       label.append(svgElement("text", { x: 3, y: -3 }, mover.kind));
       this.map.size(label, [mover.now[0], mover.now[2]]);

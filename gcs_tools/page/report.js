@@ -94,12 +94,17 @@ if (other) {
   byId("other-name").textContent = other.name;
 }
 const moverLayer = new MoverLayer(map);
-// Where each mover was seen, over time: middles of its boxes.
-const moverWays = new Map();
-for (const { movers } of flight.mover_moments) for (const { id, seen_s, box_m } of movers) {
-  if (!moverWays.has(id)) moverWays.set(id, []);
-  const way = moverWays.get(id);
-  if (way.at(-1)?.seen_s !== seen_s) way.push({ seen_s, place: [(box_m[0] + box_m[1]) / 2, (box_m[2] + box_m[3]) / 2] });
+// Where each mover was seen, over time: middles of its boxes.  Where it could not have gone from one
+// to the next, its name has been given to another, and another way begins.
+const moverWays = [];
+const wayOf = new Map();
+for (const { movers } of flight.mover_moments) for (const { id, seen_s, speed_max_mps, box_m } of movers) {
+  const place = [(box_m[0] + box_m[1]) / 2, (box_m[2] + box_m[3]) / 2];
+  const before = wayOf.get(id)?.at(-1);
+  if (before?.seen_s === seen_s) continue;
+  const far = before && Math.hypot(place[0] - before.place[0], place[1] - before.place[1]) > speed_max_mps * (seen_s - before.seen_s) + 1;
+  if (!before || far) { wayOf.set(id, []); moverWays.push(wayOf.get(id)); }
+  wayOf.get(id).push({ seen_s, place });
 }
 for (const legend of document.querySelectorAll(".movers-legend")) legend.hidden = !flight.movers.length;
 byId("true-movers-legend").hidden = !flight.true_movers.length;
@@ -108,7 +113,7 @@ byId("field-legend").hidden = !flight.field_ned_m.length;
 map.goal(flight.legs_ned_m.at(-1));
 // Every obstacle that was ever known, as it was known last.
 const latest = [...new Map(flight.obstacles.map((obstacle) => [obstacle.id, obstacle])).values()];
-map.frame([...pairs(own), ...flight.legs_ned_m, ...[...moverWays.values()].flat().map(({ place }) => place), ...latest.flatMap(({ region_ned_m }) => region_ned_m), ...(other ? pairs(other.path) : [])]);
+map.frame([...pairs(own), ...flight.legs_ned_m, ...moverWays.flat().map(({ place }) => place), ...latest.flatMap(({ region_ned_m }) => region_ned_m), ...(other ? pairs(other.path) : [])]);
 
 const everything = [...flights.flatMap(({ path }) => triples(path)), ...latest.flatMap(({ region_ned_m }) => region_ned_m.map(([n, e]) => [n, e, 0]))];
 const bounds = [Infinity, -Infinity].map((start, i) => [0, 1, 2].map((axis) => everything.reduce((found, point) => Math[i ? "max" : "min"](found, point[axis]), start)));
@@ -118,7 +123,7 @@ for (const { measured_ned_m, region_ned_m, down_m } of latest) {
   space.prism(measured_ned_m, top === null ? flight.height_m + 1 : Math.min(flight.height_m + 1, -top), "obstacle");
   if (region_ned_m.length) space.lines.push({ points: [...region_ned_m, region_ned_m[0]].map(([n, e]) => [n, e, 0]), kind: "region", dash: [6, 4] });
 }
-for (const way of moverWays.values()) space.lines.push({ points: way.map(({ place: [n, e] }) => [n, e, 0]), kind: "mover", width: 2, dash: [2, 3] });
+for (const way of moverWays) space.lines.push({ points: way.map(({ place: [n, e] }) => [n, e, 0]), kind: "mover", width: 2, dash: [2, 3] });
 for (const { path_ned_m } of flight.plans) space.lines.push({ points: path_ned_m.map(([n, e, d]) => [n, e, -d]), kind: "reference", width: 4 });
 space.lines.push({ points: triples(own).map(([n, e]) => [n, e, 0]), kind: "rule", width: 3 });
 space.lines.push({ points: triples(own), kind: "flown", width: 2 });
@@ -176,7 +181,7 @@ function showMovers(time) {
   const known = flight.mover_moments.findLast(({ time_s }) => time_s <= time) ?? NO_MOVERS;
   moverLayer.show(known.movers, known.renewed ? known.time_s : time, known.stamp_error_s);
   moverLayer.free(flight.mover_moments.findLast(({ time_s, free }) => free && time_s <= time)?.free ?? NOT_FREE);
-  moverLayer.trails("mover-way", [...moverWays.values()].map((way) => way.filter(({ seen_s }) => seen_s <= time).map(({ place }) => place)));
+  moverLayer.trails("mover-way", moverWays.map((way) => way.filter(({ seen_s }) => seen_s <= time).map(({ place }) => place)));
   map.outlines("true-movers", "true-mover", flight.true_movers.map(({ half_m, time_s, places_ned_m }) => {
     const [north, east] = places_ned_m[indexAt(time_s, time)];
     return cornersOf([north - half_m, north + half_m, east - half_m, east + half_m]);
@@ -222,6 +227,7 @@ function show(time) {
     if (past.length) byId("why").textContent = `${past.at(-1).time_s.toFixed(1)} s: ${past.at(-1).text}`;
   }
   space.marks = own.north_m[i] == null ? [] : [{ point: [own.north_m[i], own.east_m[i], own.height_m[i]], kind: "flown" }];
+  for (const { box_m: [n0, n1, e0, e1] } of moving.movers) space.marks.push({ point: [(n0 + n1) / 2, (e0 + e1) / 2, 0], kind: "mover" });
   space.draw();
   for (const chart of charts) chart.at(time);
   band.at(time);

@@ -12,6 +12,7 @@ let moving = null;
 let latest = null;
 // Farther than this movers would make everything else too small.
 const MOVER_SHOWN_M = 20;
+const MOVERS_LISTED = 20;
 const trail = [];
 let around = [];
 let heard = null;
@@ -50,11 +51,12 @@ function showMovers() {
   const table = byId("movers");
   table.replaceChildren();
   row(table, ["mover", "class", "away", "seen", "at most", ""]);
-  for (const { id, kind, seen_s, speed_max_mps, now, yields_for } of drawn) {
+  for (const { id, kind, seen_s, speed_max_mps, now, yields_for } of drawn.slice(0, MOVERS_LISTED)) {
     row(table, [id, kind, `${awayFrom(place, now).toFixed(1)} m`, `${Math.max(time - seen_s, 0).toFixed(1)} s ago`, `${speed_max_mps.toFixed(1)} m/s`, yields_for ? "yields for it" : ""], ["", "", "", "", "", "warn"]);
   }
   if (!drawn.length) row(table, ["none is seen"], ["faint"]);
-  if (left_out) row(table, [`and ${left_out} more, farther away`], ["faint"]);
+  const more = Math.max(drawn.length - MOVERS_LISTED, 0) + left_out;
+  if (more) row(table, [`and ${more} more, farther away`], ["faint"]);
   byId("movers-missing").hidden = !missing;
   byId("movers-missing").textContent = missing ? `no place is known to hold no mover: ${missing}` : "";
 }

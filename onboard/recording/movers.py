@@ -26,7 +26,9 @@ if TYPE_CHECKING:
 # At most so often: boxes change with every frame of a sensor.
 PERIOD_S: Final = 0.25
 # A record is bounded: so many movers, the nearest, and so many runs, else cells are drawn larger.
-MOVERS_MAX: Final = 50
+MOVERS_MAX: Final = 150
+# Whether the vehicle yields for a mover is asked of the nearest ones only: it takes time.
+ASKED_MAX: Final = 20
 RUNS_MAX: Final = 600
 _CELLS: Final = 2
 
@@ -87,7 +89,9 @@ def _record(
     assert known is not None  # noqa: S101  the caller has asked
     blocking = frozenset[str]()
     if yielding is not None and autonomy.navigator.thread is not None:
-        blocking = tracks_in_way(autonomy.navigator.thread.guard, shown, known.stamp_error_s)
+        blocking = tracks_in_way(
+            autonomy.navigator.thread.guard, shown[:ASKED_MAX], known.stamp_error_s
+        )
     cells, corner_ned_m, cell_m = _coarse(*free.cells_free_at(until_s))
     row, column_from, column_to = runs(cells)
     return MoversRecord(
@@ -160,7 +164,13 @@ def _distance_m(autonomy: Autonomy, box: Box) -> float:
 
 
 def _corners(box: Box) -> list[tuple[float, float]]:
-    return corners(box.x_min_m, box.x_max_m, box.y_min_m, box.y_max_m)
+    """Return the corners, to the millimetre that lies farther out."""
+    return corners(
+        math.floor(box.x_min_m * 1e3) / 1e3,
+        math.ceil(box.x_max_m * 1e3) / 1e3,
+        math.floor(box.y_min_m * 1e3) / 1e3,
+        math.ceil(box.y_max_m * 1e3) / 1e3,
+    )
 
 
 def _coarse(

@@ -13,6 +13,7 @@ from gcs_tools.flight_report.flight import Flight, read_flight
 from gcs_tools.flight_report.movers import (
     FREE_SETS_MAX,
     MOMENTS_MAX,
+    SUMMARY_MAX,
     mover_moments,
     mover_summary,
     movers_during,
@@ -109,6 +110,19 @@ def test_the_summary_says_when_each_was_seen_and_how_long_it_was_yielded_for() -
     assert (walker["first_s"], walker["last_s"]) == (0.0, 8.75)
     assert walker["yielded_s"] == pytest.approx(3.0)
     assert mover_summary([], BEGAN_S) == []
+
+
+def test_of_very_many_movers_those_that_were_yielded_for_are_named() -> None:
+    many = [
+        KnownMover(
+            id=f"ring/{n}", seen_s=BEGAN_S, box_ned_m=corners(0, 1, 0, 1), yields_for=n == 99
+        )
+        for n in range(100)
+    ]
+    records = [MoversRecord(time_s=BEGAN_S + 0.25 * n, movers=many) for n in range(4)]
+    found = mover_summary(records, BEGAN_S)
+    assert len(found) == SUMMARY_MAX
+    assert [one["id"] for one in found if one["yielded_s"]] == ["ring/99"]
 
 
 def test_only_what_is_shown_of_the_flight_counts() -> None:

@@ -97,7 +97,7 @@ def test_a_record_says_where_a_mover_was_seen_and_what_it_may_reach() -> None:
     # It hovers and holds no way: what is reached is reached by now.
     assert last.until_s == pytest.approx(last.time_s)
     by_now = box_at(anna, last.time_s, last.stamp_error_s)
-    assert extent(anna.reach_ned_m) == pytest.approx(extent(by_now), abs=1e-4)
+    assert extent(anna.reach_ned_m) == pytest.approx(extent(by_now), abs=2e-3)
     assert last.yielding is None
     assert not anna.yields_for
     assert last.missing is None
@@ -151,7 +151,7 @@ def test_without_movers_in_the_contract_and_where_none_looks_there_is_none() -> 
 
 
 def test_a_record_is_bounded_and_keeps_the_nearest() -> None:
-    people = [person(str(i), 2.0 + 0.15 * i) for i in range(MOVERS_MAX + 9)]
+    people = [person(str(i), 2.0 + 0.05 * i) for i in range(MOVERS_MAX + 9)]
     last = Flight().run(30, *people)[-1]
     assert (len(last.movers), last.left_out) == (MOVERS_MAX, 9)
     assert {each.id for each in last.movers} == {f"ring/{i}" for i in range(MOVERS_MAX)}
