@@ -300,12 +300,12 @@ class ControlAuthority:
         if blind is not None:
             text = f"no fresh detection frames: {blind.note}"
             found.append(Refusal(RefusalKind.DETECTIONS, text, blind.key))
+        if (uncounted := detections.movers.refusal) is not None:
+            found.append(Refusal(RefusalKind.DETECTIONS, uncounted, "movers"))
         ring = detections.movers.check_ring(now_s)
         if ring is not None:
             text = "no fresh frames of a sensor that sees all round, which movers require"
             found.append(Refusal(RefusalKind.DETECTIONS, text, ring.key))
-        if (uncounted := detections.movers.refusal) is not None:
-            found.append(Refusal(RefusalKind.DETECTIONS, uncounted, "movers"))
         found += [
             Refusal(RefusalKind.CONTRADICTION, f"sightings of {track} contradict each other", track)
             for track in detections.consistency.contradicted(now_s)

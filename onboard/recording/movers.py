@@ -87,11 +87,7 @@ def _record(
     yielding = _yielding(autonomy)
     known = autonomy.supervisor.detections.movers.movers
     assert known is not None  # noqa: S101  the caller has asked
-    blocking = frozenset[str]()
-    if yielding is not None and autonomy.navigator.thread is not None:
-        blocking = tracks_in_way(
-            autonomy.navigator.thread.guard, shown[:ASKED_MAX], known.stamp_error_s
-        )
+    blocking = _blocking(autonomy, shown) if yielding is not None else frozenset[str]()
     cells, corner_ned_m, cell_m = _coarse(*free.cells_free_at(until_s))
     row, column_from, column_to = runs(cells)
     return MoversRecord(
@@ -116,6 +112,20 @@ def _record(
         row=row,
         column_from=column_from,
         column_to=column_to,
+    )
+
+
+def _blocking(autonomy: Autonomy, nearest: list[MoverTrack]) -> frozenset[str]:
+    """Return for which movers the vehicle yields."""
+    navigator, known = autonomy.navigator, autonomy.supervisor.detections.movers.movers
+    if navigator.thread is None or navigator.thread.guard.refused is None or known is None:
+        return frozenset()
+    return tracks_in_way(
+        navigator.thread.guard.refused,
+        autonomy.assessment,
+        navigator.leg,
+        nearest[:ASKED_MAX],
+        known.stamp_error_s,
     )
 
 

@@ -14,7 +14,6 @@ from onboard.planning.mover_certifier import Movers, Settling, mover_failures
 
 if TYPE_CHECKING:
     from onboard.contract.assessment import Assessment
-    from onboard.geometry.frames import LegFrame
     from onboard.guidance.situation import Situation
     from onboard.motion.trajectory import Trajectory
     from onboard.planning.rest_certifier import RestLimits
@@ -43,16 +42,16 @@ class MoverGuard:
 
     Attributes:
         known: what is known of movers.
-        refused: the last way that was refused, with its limits.
-        reason: why it was.
+        reason: why the last way was refused.
+        refused: that way, with its limits.
     """
 
     def __init__(self, situation: Situation) -> None:
         self._situation = situation
         self.known: KnownMovers = NoMovers()
         self._refused_s = -math.inf
-        self.refused: tuple[Trajectory, RestLimits] | None = None
         self.reason = ""
+        self.refused: tuple[Trajectory, RestLimits] | None = None
 
     def failures(self, way: Trajectory, limits: RestLimits, now_s: float) -> tuple[str, ...]:
         """Return why a mover may be where the vehicle would still move; empty if none can be.
@@ -65,23 +64,15 @@ class MoverGuard:
         movers = self.known.movers
         if movers is None:
             return ()
-        found = mover_failures(way, limits, self.settling, self.leg, movers)
+        situation = self._situation
+        settling = settling_of(situation.assessment)
+        found = mover_failures(way, limits, settling, situation.leg, movers)
         if found:
-            self._refused_s, self.refused = now_s, (way, limits)
-            self.reason = found[0]
+            self._refused_s, self.reason = now_s, found[0]
+            self.refused = way, limits
             if movers.missing is not None:
                 self.reason = f"no place is known to hold no mover: {movers.missing}"
         return found
-
-    @property
-    def settling(self) -> Settling:
-        """How long the vehicle moves after its setpoint rests, or is the last."""
-        return settling_of(self._situation.assessment)
-
-    @property
-    def leg(self) -> LegFrame:
-        """The frame of ways."""
-        return self._situation.leg
 
     def has_refused(self, now_s: float, within_s: float) -> bool:
         """Tell whether a way that was free otherwise has been refused lately."""

@@ -4,14 +4,17 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Final
 
+from onboard.guidance.movers.mover_guard import settling_of
 from onboard.planning.mover_certifier import Movers, mover_failures
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
-    from onboard.geometry.frames import FloatArray
-    from onboard.guidance.movers.mover_guard import MoverGuard
+    from onboard.contract.assessment import Assessment
+    from onboard.geometry.frames import FloatArray, LegFrame
+    from onboard.motion.trajectory import Trajectory
     from onboard.planning.mover_certifier import GrowingBox, MoverFreePlaces
+    from onboard.planning.rest_certifier import RestLimits
 
 
 class _Anywhere:
@@ -29,21 +32,25 @@ _ANYWHERE: Final[MoverFreePlaces] = _Anywhere()
 
 
 def tracks_in_way(
-    guard: MoverGuard, tracks: Iterable[GrowingBox], stamp_error_s: float
+    refused: tuple[Trajectory, RestLimits],
+    assessment: Assessment,
+    leg: LegFrame,
+    tracks: Iterable[GrowingBox],
+    stamp_error_s: float,
 ) -> frozenset[str]:
-    """Return the names of the movers that may be on the way that was refused last.
+    """Return the names of the movers that may be on a way that was refused.
 
     Args:
-        guard: has refused it.
+        refused: the way, and its limits.
+        assessment: of the contract.
+        leg: the frame of the way.
         tracks: that are asked about.
         stamp_error_s: how far their stamps may be off.
     """
-    if guard.refused is None:
-        return frozenset()
-    way, limits = guard.refused
-    found = []
+    way, limits = refused
+    settling, found = settling_of(assessment), []
     for track in tracks:
         alone = Movers(_ANYWHERE, (track,), stamp_error_s)
-        if mover_failures(way, limits, guard.settling, guard.leg, alone):
+        if mover_failures(way, limits, settling, leg, alone):
             found.append(track.id)
     return frozenset(found)

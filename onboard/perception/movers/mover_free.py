@@ -38,6 +38,16 @@ _HISTORY_MAX: Final = 10
 _ROUND_OFF_S: Final = 1e-9
 
 
+@dataclass
+class _Past:
+    """What is kept of a frame that can no longer change places: its part in its sensor's row."""
+
+    stamp_s: float
+    source: str
+    row: int
+    depth: FloatArray
+
+
 @dataclass(frozen=True)
 class Glance:
     """What one frame says of movers.
@@ -73,15 +83,6 @@ class _Step:
     depth: FloatArray = field(default_factory=lambda: np.empty(0))
 
 
-@dataclass
-class _Past:
-    """What is kept of a frame that can no longer change places: its part in its sensor's row."""
-
-    stamp_s: float
-    row: int
-    depth: FloatArray
-
-
 class MoverFree:
     """The mover-free set around one vehicle.
 
@@ -110,9 +111,9 @@ class MoverFree:
         self._half = math.ceil(reach_m / CELL_M) + _STEP_CELLS
         self._corner = (-self._half, -self._half)
         self._steps: list[_Step] = []
+        self._rows: dict[str, int] = {}  # by sensor, how often it began again
         # By sensor, the newest first, at most as many as a row needs before its last frame.
         self._past: dict[str, list[_Past]] = {}
-        self._rows: dict[str, int] = {}  # by sensor, how often it began again
         self.dropped = self.version = 0
         self._clear(unvisited_until_s=math.inf)
 
@@ -127,8 +128,8 @@ class MoverFree:
     def forget_seen(self) -> None:
         """Forget where none was seen, which holds at one height, but not who was seen to hide."""
         self._free_until_s = np.full((2 * self._half, 2 * self._half), -math.inf)
-        self._steps.clear()
         self._past.clear()
+        self._steps.clear()
         self.version += 1
 
     def _clear(self, unvisited_until_s: float) -> None:
@@ -192,7 +193,7 @@ class MoverFree:
 
     def _keep_of(self, step: _Step) -> None:
         """Keep of the oldest step what later frames of its sensor need to make a row."""
-        past = _Past(step.stamp_s, step.row, step.depth)
+        past = _Past(step.stamp_s, step.source, step.row, step.depth)
         kept = [past, *self._past.get(step.source, ())]
         self._past[step.source] = kept[: self._needed - 1]
         # What is older shows nothing: by now a mover may have come from outside of the raster.
@@ -237,15 +238,18 @@ class MoverFree:
 
         A mover that is there now was within v_o times its age of there in each of them.
         """
-        step, shown = self._steps[position], open_cells.copy()
-        before = [each for each in self._steps[:position] if each.source == step.source]
-        earlier: list[_Step | _Past] = [*reversed(before), *self._past.get(step.source, ())]
-        row = [each for each in earlier if each.row == step.row][: self._needed - 1]
-        if len(row) < self._needed - 1:
+        step, left = self._steps[position], self._needed - 1
+        shown = open_cells.copy()
+        before: list[_Step | _Past] = [*reversed(self._steps[:position])]
+        for earlier in (*before, *self._past.get(step.source, ())):
+            if left == 0:
+                break
+            if (earlier.source, earlier.row) == (step.source, step.row):
+                age_s = step.stamp_s - earlier.stamp_s + 2.0 * self._error_s
+                shown &= earlier.depth * CELL_M >= self._speed_mps * age_s
+                left -= 1
+        if left > 0:
             shown[:] = False
-        for each in row:
-            age_s = step.stamp_s - each.stamp_s + 2.0 * self._error_s
-            shown &= each.depth * CELL_M >= self._speed_mps * age_s
         return shown
 
     def _arrival_s(
