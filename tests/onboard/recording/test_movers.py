@@ -18,6 +18,7 @@ from onboard.autonomy import Autonomy
 from onboard.contract.assessment import TICK_S
 from onboard.files.contract_file import load_contract
 from onboard.files.mission_file import Leg, Mission
+from onboard.guidance.departure import RefusalKind
 from onboard.recording import movers as builder
 from onboard.recording.journal import Journal
 from onboard.recording.messages import Record, as_json
@@ -36,6 +37,7 @@ class Flight:
 
     contract: str = "movers_contract.yaml"
     shown: bool = True
+    complete: bool = True
     tick: int = 0
     records: list[Record] = field(default_factory=list)
 
@@ -65,7 +67,7 @@ class Flight:
         frame = {
             "version": 2, "source": "ring", "sequence": self.tick, "frame": "local_ned",
             "stamp_unix_s": EPOCH_S + now_s, "range_m": 13.0, "field_of_view_deg": 360.0,
-            "frame_complete": True, "obstacles": list(people),
+            "frame_complete": self.complete, "obstacles": list(people),
         }  # fmt: skip
         self.autonomy.receive_detection(json.dumps(frame).encode(), now_s)
 
@@ -143,6 +145,19 @@ def test_what_is_missing_is_told_until_a_place_counts() -> None:
     first, *_, last = Flight().run(60)
     assert first.missing == "no sensor has said where no mover is"
     assert last.missing is None
+
+
+def test_frames_that_cannot_count_keep_the_vehicle_in_standby_and_say_why() -> None:
+    """Without the reason it would wait in flight, for a mover that no sensor has seen."""
+    flight = Flight(complete=False)
+    last = flight.run(60)[-1]
+    assert "frame_complete" in (last.missing or "")
+    pose, now_s = flight.autonomy.link.pose, flight.tick * TICK_S
+    assert pose is not None
+    found = flight.autonomy.authority.departure_refusals(pose, now_s, EPOCH_S + now_s)
+    (said,) = [each for each in found if each.subject == "movers"]
+    assert said.kind is RefusalKind.DETECTIONS
+    assert said.text.startswith("frames of ring show no place free of movers: ")
 
 
 def test_without_movers_in_the_contract_and_where_none_looks_there_is_none() -> None:
