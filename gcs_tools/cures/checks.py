@@ -220,6 +220,10 @@ FINDING_CURES: Final[Mapping[str, Cure]] = MappingProxyType(
             "no sensor with a view of 360 degrees is heard, which movers require",
             "start it; its frames state field_of_view_deg: 360",
         ),
+        "frame_complete": Cure(
+            "frames of the sensor that sees all round show no place free of movers",
+            "name everything within range and view in each frame, and say so: frame_complete: true",
+        ),
         "range_m": Cure("the sensor sees less far than the contract says", _RAISE_SENSOR),
         "uncertainty_m": Cure("the sensor errs more than position_error_m", _RAISE_SENSOR),
         "box_max_m": Cure(

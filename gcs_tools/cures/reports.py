@@ -75,7 +75,8 @@ REFUSAL_CURES: Final[Mapping[RefusalKind, Cure]] = MappingProxyType(
             "fly the mission from its start, or state again what was changed",
         ),
         RefusalKind.DETECTIONS: Cure(
-            "a sensor has not been heard, or its newest frame is too old or stamped wrongly",
+            "a sensor has not been heard, its newest frame is too old or stamped wrongly, or its "
+            "frames do not tell where no mover is",
             "`clearway doctor` names the silent sensor, `clearway sensor check` what its messages "
             "lack",
         ),

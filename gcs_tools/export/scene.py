@@ -21,6 +21,7 @@ from onboard.recording.messages import (
     SeenSpace,
     StateRecord,
 )
+from onboard.recording.mover_record import KnownMover, MoversRecord, box_at
 
 MAP_FRAME: Final = "map"
 NED_FRAME: Final = "local_ned"
@@ -43,6 +44,8 @@ _PLAN: Final = fg.Color(r=0.88, g=0.48, b=0.0, a=1.0)
 _FREE: Final = fg.Color(r=0.40, g=0.75, b=0.45, a=0.25)
 _WAY_TO_REST: Final = fg.Color(r=0.10, g=0.60, b=0.20, a=1.0)
 _GUIDE: Final = fg.Color(r=0.55, g=0.55, b=0.60, a=0.8)
+_MOVER: Final = fg.Color(r=0.85, g=0.15, b=0.55, a=0.8)
+_REACH: Final = fg.Color(r=0.85, g=0.15, b=0.55, a=1.0)
 _NAME: Final = fg.Color(r=0.9, g=0.9, b=0.9, a=1.0)
 # Half a turn about the axis between x and y swaps those two and reverses z.
 _MAP_FROM_NED: Final = (math.sqrt(0.5), math.sqrt(0.5), 0.0, 0.0)
@@ -56,6 +59,7 @@ TOPICS: Final[dict[str, type[SceneMessage]]] = {
     "/scene/obstacles": fg.SceneUpdate,
     "/scene/plan": fg.SceneUpdate,
     "/scene/seen_space": fg.SceneUpdate,
+    "/scene/movers": fg.SceneUpdate,
 }
 
 
@@ -88,6 +92,14 @@ class Scene:
             height_m = self._vehicle_height_m if record.height_m is None else record.height_m
             entity = _seen_space(record, height_m)
             yield "/scene/seen_space", _scene_update(record.time_s, [entity])
+        elif isinstance(record, MoversRecord):
+            yield "/scene/movers", self._movers(record)
+
+    def _movers(self, known: MoversRecord) -> fg.SceneUpdate:
+        height_m = self._vehicle_height_m if known.height_m is None else known.height_m
+        drawn = [each for each in known.movers if each.box_ned_m]
+        entities = [_mover(known, each, height_m) for each in drawn]
+        return _scene_update(known.time_s, entities)
 
     def _vehicle(self, state: StateRecord) -> Iterator[tuple[str, SceneMessage]]:
         if state.position_ned_m is None:
@@ -139,7 +151,26 @@ def _obstacle(time_s: float, obstacle: KnownObstacle, height_m: float) -> fg.Sce
     return _entity(time_s, obstacle.id, cubes=[column], lines=lines, texts=[name])
 
 
-def _column(corners_ned_m: Sequence[Vector], height_m: float) -> fg.CubePrimitive:
+def _mover(known: MoversRecord, mover: KnownMover, height_m: float) -> fg.SceneEntity:
+    """Return a mover as a column where it may be by now, and what it may reach as a line."""
+    now_ned_m = box_at(mover, known.time_s, known.stamp_error_s)
+    waits = ", yielding for it" if mover.yields_for else ""
+    name = fg.TextPrimitive(
+        pose=_point((*now_ned_m[0], -height_m - HEADROOM_M)),
+        billboard=True,
+        font_size=14.0,
+        scale_invariant=True,
+        color=_NAME,
+        text=f"{mover.id} ({mover.kind}){waits}",
+    )
+    column = _column(now_ned_m, height_m + HEADROOM_M, _MOVER)
+    reach = _line(_at_height([*mover.reach_ned_m, *mover.reach_ned_m[:1]], height_m), _REACH)
+    return _entity(known.time_s, mover.id, cubes=[column], lines=[reach], texts=[name])
+
+
+def _column(
+    corners_ned_m: Sequence[Vector], height_m: float, colour: fg.Color = _OBSTACLE
+) -> fg.CubePrimitive:
     """Return a box that stands on the ground, from its corners in order."""
     (north_m, east_m), (ahead_north_m, ahead_east_m), across, (aside_north_m, aside_east_m) = (
         corners_ned_m
@@ -151,7 +182,7 @@ def _column(corners_ned_m: Sequence[Vector], height_m: float) -> fg.CubePrimitiv
     return fg.CubePrimitive(
         pose=fg.Pose(position=_vector(center_m), orientation=turn),
         size=_vector((math.hypot(*along_m), math.hypot(*aside_m), height_m)),
-        color=_OBSTACLE,
+        color=colour,
     )
 
 

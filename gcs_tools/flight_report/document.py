@@ -16,6 +16,12 @@ from pydantic import ValidationError
 from gcs_tools.flight_report.flight import Document, Flight
 from gcs_tools.flight_report.induction import clause_shares, induction_steps, margins_since
 from gcs_tools.flight_report.moments import marks, opening_s
+from gcs_tools.flight_report.movers import (
+    mover_moments,
+    mover_summary,
+    movers_during,
+    true_movers,
+)
 from gcs_tools.flight_report.timeline import (
     departure_s,
     flight_states,
@@ -33,7 +39,7 @@ from gcs_tools.flight_report.timeline import (
 )
 from gcs_tools.flight_report.true_field import true_outlines_ned_m
 from gcs_tools.logs.flight_log import Log
-from gcs_tools.logs.result import MissingValueError, Result, result_of
+from gcs_tools.logs.result import MissingValueError, Result, result_of, touches_at_rest
 from onboard.files.contract_file import Contract
 from onboard.files.mission_file import Mission
 from onboard.recording.messages import StateRecord
@@ -50,6 +56,7 @@ def document_of(flight: Flight) -> Document:
     margins = margins_since(flight.log, start_s, span_s[0])
     marked = marks(flight.log.events, truths, states, start_s)
     vehicle = None if contract is None else contract.vehicle
+    moving = movers_during(flight.log.movers, states)
     return {
         "name": flight.name,
         **_verdict(flight, contract),
@@ -68,6 +75,9 @@ def document_of(flight: Flight) -> Document:
         "obstacles": obstacle_spans(flight.log.obstacles, start_s),
         "plans": plan_paths(flight.log.plans, start_s),
         "seen_spaces": seen_spaces(flight.log.seen_spaces, start_s),
+        "mover_moments": mover_moments(moving, start_s),
+        "movers": mover_summary(moving, start_s),
+        "true_movers": true_movers(flight.truth.true_movers, states, start_s),
         "steps": induction_steps(flight.log, truths, start_s),
         "margins": [
             {"time_s": record.time_s, "clauses": [asdict(clause) for clause in record.clauses]}
@@ -91,7 +101,7 @@ def _verdict(flight: Flight, contract: Contract | None) -> Document:
             *flight.truth.problems,
             *problems,
         ],
-        "facts": list(_facts(result, contract)),
+        "facts": list(_facts(result, contract, touches_at_rest(flight.truth))),
     }
 
 
@@ -130,7 +140,7 @@ def _succeeded(result: Document) -> bool:
     )
 
 
-def _facts(result: Document, contract: Contract | None) -> Iterator[tuple[str, str]]:
+def _facts(result: Document, contract: Contract | None, touches: int) -> Iterator[tuple[str, str]]:
     if not result:
         return
     vehicle = None if contract is None else contract.vehicle
@@ -143,6 +153,8 @@ def _facts(result: Document, contract: Contract | None) -> Iterator[tuple[str, s
     limits_mps = (None, None) if vehicle is None else vehicle.velocity_error_mps
     yield "obstacles avoided", str(result["obstacles_avoided"])
     yield "collisions", str(result["collisions"])
+    if touches:
+        yield "touched at rest by a mover", f"{touches}, which is no collision"
     wish_m = 0.0 if vehicle is None else vehicle.clearance_wish_m
     wish = f" (wish {wish_m:g} m)" if wish_m else ""
     yield "least clearance", "unknown" if clearance_m is None else f"{clearance_m:.2f} m{wish}"

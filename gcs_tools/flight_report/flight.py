@@ -51,7 +51,7 @@ def read_flight(path: Path, watch: Callable[[int], None] = lambda _: None) -> Fl
         before = path.stat().st_size
         truth = _ground_truth(beside[0], lambda read: watch(before + read))
     else:
-        truth = Log(truths=log.truths)
+        truth = Log(truths=log.truths, true_movers=log.true_movers)
     name = path.resolve().parent.name if path.name == "flight.mcap" else path.stem
     return Flight(name, log, truth, _written_result(path.with_name("result.json"), log))
 

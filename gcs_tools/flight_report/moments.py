@@ -25,8 +25,8 @@ class _Moment:
 def opening_s(marks: Sequence[Document], states: Sequence[StateRecord], start_s: float) -> float:
     """Return when a report opens, in seconds since departure.
 
-    At the first contact, else at the first violation or hold; of a flight without any, at the end
-    of its mission, before the vehicle is taken over and landed.
+    At the first contact in motion, else at the first violation or hold; of a flight without any, at
+    the end of its mission, before the vehicle is taken over and landed.
 
     Args:
         marks: of the flight.
@@ -34,7 +34,8 @@ def opening_s(marks: Sequence[Document], states: Sequence[StateRecord], start_s:
         start_s: Unix time of the departure.
     """
     contacts = [mark for mark in marks if mark["kind"] == "contact"]
-    if found := contacts or marks:
+    failures = [mark for mark in marks if mark["kind"] != "touch"]
+    if found := contacts or failures:
         return float(found[0]["time_s"])
     in_control = (state for state in reversed(states) if state.phase != "standby")
     return since(next(in_control, states[-1]), start_s)
@@ -46,7 +47,7 @@ def marks(
     states: Sequence[StateRecord],
     start_s: float,
 ) -> list[Document]:
-    """Return contacts, violations and holds, in order, with the place and the reason of each."""
+    """Return contacts, touches at rest, violations and holds, in order, with place and reason."""
     begin_s, end_s = states[0].time_s, states[-1].time_s
     found = sorted([*_contacts(truths), *_failures(events)], key=lambda each: each.time_s)
     return [
@@ -64,7 +65,10 @@ def marks(
 def _contacts(truths: Sequence[TruthRecord]) -> Iterator[_Moment]:
     for before, after in pairwise(truths):
         if after.collisions > before.collisions:
-            yield _Moment(after.time_unix_s, "contact", "contact with an obstacle")
+            yield _Moment(after.time_unix_s, "contact", "contact in motion")
+        if after.contacts_at_rest > before.contacts_at_rest:
+            text = "a mover touches the vehicle at rest: no collision"
+            yield _Moment(after.time_unix_s, "touch", text)
 
 
 def _failures(events: Sequence[EventRecord]) -> Iterator[_Moment]:

@@ -23,6 +23,7 @@ from onboard.files.truth_record import TruthRecord
 from onboard.geometry.frames import FloatArray
 from onboard.guidance.phases import FLYING_PHASES
 from onboard.recording.messages import SeenSpace, StateRecord
+from onboard.recording.mover_record import extent
 
 _FLOWN, _REFERENCE, _OBSTACLE, _REGION, _LIMIT = (
     "#1f5fa8",
@@ -31,6 +32,7 @@ _FLOWN, _REFERENCE, _OBSTACLE, _REGION, _LIMIT = (
     "#b03a48",
     "#b03a48",
 )
+_MOVER = "#c2187a"
 _FREE = "#e6eff8"
 _PHASES = {
     "cruise": "#ffffff",
@@ -117,6 +119,9 @@ def _draw_top_view(
     for number, leg in enumerate(pairwise(legs)):
         label = "leg" if number == 0 else None
         axes.plot(*np.array(leg).T, color="0.75", linewidth=1.0, linestyle=":", label=label)
+    for number, way_ned_m in enumerate(_mover_ways(flight)):
+        label = "mover, as seen" if number == 0 else None
+        axes.plot(*np.array(way_ned_m).T, color=_MOVER, linewidth=1.2, linestyle="--", label=label)
     reference = _column(state.reference_position_ned_m for state in states)
     axes.plot(*reference[:, :2].T, color=_REFERENCE, linewidth=3.0, alpha=0.6, label="reference")
     path = _column(record.position_ned_m for record in flown)
@@ -233,6 +238,18 @@ def _shade_phases(axes: Axes, states: list[StateRecord], start_s: float) -> None
                 phase, ((times_s[0] + times_s[-1]) / 2.0, 0.88), size=8, color="0.45",
                 xycoords=("data", "axes fraction"), ha="center",
             )  # fmt: skip
+
+
+def _mover_ways(flight: Log) -> list[list[tuple[float, float]]]:
+    """Return the middles of the boxes of each mover, in the order of time."""
+    ways: dict[str, list[tuple[float, float]]] = {}
+    for record in flight.movers:
+        for mover in record.movers:
+            if mover.box_ned_m:
+                low_n_m, high_n_m, low_e_m, high_e_m = extent(mover.box_ned_m)
+                middle_m = (low_n_m + high_n_m) / 2.0, (low_e_m + high_e_m) / 2.0
+                ways.setdefault(mover.id, []).append(middle_m)
+    return list(ways.values())
 
 
 def _regions(flight: Log) -> list[FloatArray]:

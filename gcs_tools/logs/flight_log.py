@@ -17,7 +17,7 @@ from pydantic import TypeAdapter, ValidationError
 from zstandard import ZstdError
 
 from gcs_tools.console.errors import CommandError
-from onboard.files.truth_record import TruthRecord
+from onboard.files.truth_record import TrueMoversRecord, TruthRecord
 from onboard.recording.flight_log import FORMAT_VERSION
 from onboard.recording.messages import (
     ADAPTERS,
@@ -31,6 +31,7 @@ from onboard.recording.messages import (
     SeenSpace,
     StateRecord,
 )
+from onboard.recording.mover_record import MoversRecord
 
 _OURS: Final = "clearway"
 
@@ -47,12 +48,15 @@ _ATTRIBUTES: Final[dict[type[Any], str]] = {
     Obstacles: "obstacles",
     PlanRecord: "plans",
     SeenSpace: "seen_spaces",
+    MoversRecord: "movers",
     EventRecord: "events",
     TruthRecord: "truths",
+    TrueMoversRecord: "true_movers",
 }
 _ADAPTERS: Final[dict[str, TypeAdapter[Any]]] = {
     **{f"/{topic}": ADAPTERS[record_type] for record_type, topic in TOPICS.items()},
     "/truth": TypeAdapter(TruthRecord),
+    "/truth/movers": TypeAdapter(TrueMoversRecord),
 }
 
 
@@ -61,8 +65,8 @@ class Log:
     """A log in memory; the records of each type are in the order of the file.
 
     Attributes:
-        states, margins, monitors, obstacles, plans, seen_spaces, events: of the daemon.
-        truths: of the simulation.
+        states, margins, monitors, obstacles, plans, seen_spaces, movers, events: of the daemon.
+        truths, true_movers: of the simulation.
         metadata: strings by name of the metadata record and key.
         complete: whether the file ends as it should.
         problems: what could not be read, one sentence each.
@@ -75,8 +79,10 @@ class Log:
     obstacles: Sequence[Obstacles] = ()
     plans: Sequence[PlanRecord] = ()
     seen_spaces: Sequence[SeenSpace] = ()
+    movers: Sequence[MoversRecord] = ()
     events: Sequence[EventRecord] = ()
     truths: Sequence[TruthRecord] = ()
+    true_movers: Sequence[TrueMoversRecord] = ()
     metadata: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
     complete: bool = True
     problems: tuple[str, ...] = ()
@@ -86,13 +92,13 @@ class Log:
         """Yield the daemon's records in the order of time, of one tick the state first."""
         topics: tuple[Sequence[Record], ...] = (
             *(self.states, self.margins, self.monitors),
-            *(self.obstacles, self.plans, self.seen_spaces, self.events),
+            *(self.obstacles, self.plans, self.seen_spaces, self.movers, self.events),
         )
         yield from heapq.merge(*topics, key=lambda record: record.time_s)
 
 
 def log_of(
-    records: Iterable[Record | TruthRecord],
+    records: Iterable[Record | TruthRecord | TrueMoversRecord],
     *,
     metadata: Mapping[str, Mapping[str, str]] | None = None,
 ) -> Log:

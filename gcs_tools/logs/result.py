@@ -57,7 +57,7 @@ class Result:
         threaded: whether a part was flown with best effort, in the space seen free.
         rest_margin_min_m: least margin of the way to rest that was held; null where none was.
         speed_at_contact_mps: greatest speed at which contact began; null without contact.
-        contacts_at_rest: how many contacts began at rest.
+        contacts_at_rest: how many contacts began at rest; those with movers are no collisions.
     """
 
     outcome: Outcome
@@ -160,13 +160,19 @@ def _collisions(truth: Log) -> int:
     return max((record.collisions for record in truth.truths), default=0)
 
 
+def touches_at_rest(truth: Log) -> int:
+    """Return how often movers have touched the vehicle at rest, which is no collision."""
+    return max((record.contacts_at_rest for record in truth.truths), default=0)
+
+
 def _against_obstacles(truth: Log) -> dict[str, Any]:
     """Return how near obstacles were, and what touching them was like."""
     speeds_mps = _contact_speeds_mps(truth.truths)
+    at_rest = sum(speed_mps < _STILL_MPS for speed_mps in speeds_mps)
     return {
         "clearance_min_m": truth.truths[-1].clearance_min_m if truth.truths else None,
         "speed_at_contact_mps": max(speeds_mps, default=None),
-        "contacts_at_rest": sum(speed_mps < _STILL_MPS for speed_mps in speeds_mps),
+        "contacts_at_rest": at_rest + touches_at_rest(truth),
     }
 
 

@@ -37,7 +37,7 @@ class FlightMap {
     // The user has dragged or zoomed: keep the view until a double-click.
     this.held = false;
     this.layers = Object.fromEntries(
-      ["seen", "field", "others-seen", "obstacles", "legs", "ahead", "reference", "plan", "flown", "others", "goal", "vehicles", "marks", "scale"].map((name) =>
+      ["seen", "field", "others-seen", "reach", "obstacles", "trails", "movers", "true-movers", "legs", "ahead", "reference", "plan", "flown", "others", "goal", "vehicles", "marks", "scale"].map((name) =>
         [name, svg.appendChild(svgElement("g", { class: `layer-${name}` }))]));
     this.lines = {};
     this.vehicles = {};
@@ -93,13 +93,13 @@ class FlightMap {
     this.#size(this.goalMark, place);
   }
 
-  // What went wrong, where it did: {place_ned_m, text} each.
+  // What went wrong, or touched the vehicle, where it did: {place_ned_m, text, kind} each.
   marks(found) {
     for (const mark of this.layers.marks.children) this.sized.delete(mark);
     const placed = found.filter(({ place_ned_m }) => place_ned_m);
-    this.layers.marks.replaceChildren(...placed.map(({ place_ned_m, text }) => {
-      const mark = this.#named(svgElement("g", { class: "mark" }), text);
-      mark.append(svgElement("circle", { r: 8 }), svgElement("path", { d: "M-3.5 -3.5L3.5 3.5M3.5 -3.5L-3.5 3.5" }));
+    this.layers.marks.replaceChildren(...placed.map(({ place_ned_m, text, kind }) => {
+      const mark = this.#named(svgElement("g", { class: `mark ${kind}` }), text);
+      mark.append(svgElement("circle", { r: 8 }), svgElement("path", { d: kind === "touch" ? "M-4 0H4" : "M-3.5 -3.5L3.5 3.5M3.5 -3.5L-3.5 3.5" }));
       this.#size(mark, place_ned_m);
       return mark;
     }));
@@ -179,6 +179,10 @@ class FlightMap {
 
   // Metres of a pixel.
   #metres() { return this.view ? this.view[2] / Math.max(this.svg.clientWidth, 1) : 1; }
+
+  // Keep the size of an element in pixels at a place in metres, until it is let go.
+  size(element, place) { this.#size(element, place); }
+  unsize(element) { this.sized.delete(element); }
 
   #size(element, place) {
     this.sized.set(element, place);

@@ -64,6 +64,10 @@ const columns = [
 ].filter(([, cell]) => !flight.steps.length || flight.steps.some((step) => cell(step) !== ""));
 fillTable(byId("steps"), columns.map(([name]) => name),
   flight.steps.map((step) => ({ time_s: step.time_s, values: columns.map(([, cell]) => cell(step)) })));
+byId("movers-panel").hidden = !flight.movers.length;
+fillTable(byId("movers"), ["mover", "class", "seen from", "to", "at most", "yielded for it"],
+  flight.movers.map(({ id, kind, first_s, last_s, speed_max_mps, yielded_s }) => ({ time_s: first_s, values: [
+    id, kind, seconds(first_s), seconds(last_s), `${speed_max_mps.toFixed(1)} m/s`, yielded_s ? seconds(yielded_s) : ""] })));
 fillTable(byId("margins"), ["since", "clause", "required", "declared", "margin", ""],
   flight.margins.flatMap(({ time_s, clauses }) => clauses.map((clause) => ({ time_s, values: [
     seconds(time_s), clause.name.replaceAll("_", " "), clause.required.toFixed(2), `${clause.declared.toFixed(2)} ${clause.unit}`,
@@ -89,12 +93,27 @@ if (other) {
   byId("other-legend").hidden = false;
   byId("other-name").textContent = other.name;
 }
+const moverLayer = new MoverLayer(map);
+// Where each mover was seen, over time: middles of its boxes.  Where it could not have gone from one
+// to the next, its name has been given to another, and another way begins.
+const moverWays = [];
+const wayOf = new Map();
+for (const { movers } of flight.mover_moments) for (const { id, seen_s, speed_max_mps, box_m } of movers) {
+  const place = [(box_m[0] + box_m[1]) / 2, (box_m[2] + box_m[3]) / 2];
+  const before = wayOf.get(id)?.at(-1);
+  if (before?.seen_s === seen_s) continue;
+  const far = before && Math.hypot(place[0] - before.place[0], place[1] - before.place[1]) > speed_max_mps * (seen_s - before.seen_s) + 1;
+  if (!before || far) { wayOf.set(id, []); moverWays.push(wayOf.get(id)); }
+  wayOf.get(id).push({ seen_s, place });
+}
+for (const legend of document.querySelectorAll(".movers-legend")) legend.hidden = !flight.movers.length;
+byId("true-movers-legend").hidden = !flight.true_movers.length;
 map.outlines("field", "true-obstacle", flight.field_ned_m);
 byId("field-legend").hidden = !flight.field_ned_m.length;
 map.goal(flight.legs_ned_m.at(-1));
 // Every obstacle that was ever known, as it was known last.
 const latest = [...new Map(flight.obstacles.map((obstacle) => [obstacle.id, obstacle])).values()];
-map.frame([...pairs(own), ...flight.legs_ned_m, ...latest.flatMap(({ region_ned_m }) => region_ned_m), ...(other ? pairs(other.path) : [])]);
+map.frame([...pairs(own), ...flight.legs_ned_m, ...moverWays.flat().map(({ place }) => place), ...latest.flatMap(({ region_ned_m }) => region_ned_m), ...(other ? pairs(other.path) : [])]);
 
 const everything = [...flights.flatMap(({ path }) => triples(path)), ...latest.flatMap(({ region_ned_m }) => region_ned_m.map(([n, e]) => [n, e, 0]))];
 const bounds = [Infinity, -Infinity].map((start, i) => [0, 1, 2].map((axis) => everything.reduce((found, point) => Math[i ? "max" : "min"](found, point[axis]), start)));
@@ -104,6 +123,7 @@ for (const { measured_ned_m, region_ned_m, down_m } of latest) {
   space.prism(measured_ned_m, top === null ? flight.height_m + 1 : Math.min(flight.height_m + 1, -top), "obstacle");
   if (region_ned_m.length) space.lines.push({ points: [...region_ned_m, region_ned_m[0]].map(([n, e]) => [n, e, 0]), kind: "region", dash: [6, 4] });
 }
+for (const way of moverWays) space.lines.push({ points: way.map(({ place: [n, e] }) => [n, e, 0]), kind: "mover", width: 2, dash: [2, 3] });
 for (const { path_ned_m } of flight.plans) space.lines.push({ points: path_ned_m.map(([n, e, d]) => [n, e, -d]), kind: "reference", width: 4 });
 space.lines.push({ points: triples(own).map(([n, e]) => [n, e, 0]), kind: "rule", width: 3 });
 space.lines.push({ points: triples(own), kind: "flown", width: 2 });
@@ -153,6 +173,26 @@ let shownObstacles = null;
 const NOTHING_SEEN = { corner_ned_m: [0, 0], heading_rad: 0, cell_m: 1, row: [], column_from: [], column_to: [], way_to_rest_ned_m: [], guide_ned_m: [] };
 let shownSeen = NOTHING_SEEN;
 let shownMarks = 0;
+const NO_MOVERS = { yielding: null, movers: [], stamp_error_s: 0 };
+const NOT_FREE = { corner_ned_m: [0, 0], cell_m: 1, row: [], column_from: [], column_to: [] };
+
+// Draw what moves at a time; return what was known of it then.
+function showMovers(time) {
+  const known = flight.mover_moments.findLast(({ time_s }) => time_s <= time) ?? NO_MOVERS;
+  moverLayer.show(known.movers, known.renewed ? known.time_s : time, known.stamp_error_s);
+  moverLayer.free(flight.mover_moments.findLast(({ time_s, free }) => free && time_s <= time)?.free ?? NOT_FREE);
+  moverLayer.trails("mover-way", moverWays.map((way) => way.filter(({ seen_s }) => seen_s <= time).map(({ place }) => place)));
+  map.outlines("true-movers", "true-mover", flight.true_movers.map(({ half_m, time_s, places_ned_m }) => {
+    const [north, east] = places_ned_m[indexAt(time_s, time)];
+    return cornersOf([north - half_m, north + half_m, east - half_m, east + half_m]);
+  }));
+  return known;
+}
+
+function phaseWords(phase, { pause }, moving) {
+  if (phase === "yield" && moving.yielding) return `yield ${yieldWords(moving)}`;
+  return pause && !pause.startsWith("yielding") ? `${phase}: ${pause}` : phase;
+}
 
 function show(time) {
   const i = indexAt(own.time_s, time);
@@ -177,21 +217,24 @@ function show(time) {
   map.line("plan", "plan", plan?.path_ned_m ?? []);
   const seen = flight.seen_spaces.findLast(({ time_s }) => time_s <= time) ?? NOTHING_SEEN;
   if (seen !== shownSeen) { map.seen(seen); shownSeen = seen; }
+  const moving = showMovers(time);
   const past = flight.marks.filter(({ time_s }) => time_s <= time + 1e-6);
   if (past.length !== shownMarks) {
     map.marks(past);
     shownMarks = past.length;
     byId("why").hidden = !past.length;
+    byId("why").className = `why ${past.at(-1)?.kind ?? ""}`;
     if (past.length) byId("why").textContent = `${past.at(-1).time_s.toFixed(1)} s: ${past.at(-1).text}`;
   }
   space.marks = own.north_m[i] == null ? [] : [{ point: [own.north_m[i], own.east_m[i], own.height_m[i]], kind: "flown" }];
+  for (const { box_m: [n0, n1, e0, e1] } of moving.movers) space.marks.push({ point: [(n0 + n1) / 2, (e0 + e1) / 2, 0], kind: "mover" });
   space.draw();
   for (const chart of charts) chart.at(time);
   band.at(time);
   const phase = flight.phases.findLast(({ start_s, end_s }) => start_s <= time + 1e-6 && time <= end_s)?.phase ?? "";
   const metres = (value) => (value == null ? "–" : value.toFixed(1));
-  const words = [`${time.toFixed(1)} s`, seen.pause ? `${phase}: ${seen.pause}` : phase, `north ${metres(own.north_m[i])} m`, `east ${metres(own.east_m[i])} m`, `height ${metres(own.height_m[i])} m`];
-  byId("readout").replaceChildren(...words.map((textContent) => Object.assign(document.createElement("span"), { textContent })));
+  const words = [`${time.toFixed(1)} s`, phaseWords(phase, seen, moving), `north ${metres(own.north_m[i])} m`, `east ${metres(own.east_m[i])} m`, `height ${metres(own.height_m[i])} m`];
+  byId("readout").replaceChildren(...words.map((textContent) => Object.assign(document.createElement("span"), { textContent, className: textContent.length > 30 ? "long" : "" })));
 }
 
 // Whether the reader has chosen a time: the replay begins at the start otherwise.

@@ -6,13 +6,20 @@ const map = new FlightMap(byId("map"), 0.3);
 const SILENCE_MS = 1500;
 const EVENTS_KEPT = 200;
 const TRAIL_POINTS = 5000;
+const moverLayer = new MoverLayer(map);
+// What is known of movers; and where and when the vehicle was last.
+let moving = null;
+let latest = null;
+// Farther than this movers would make everything else too small.
+const MOVER_SHOWN_M = 20;
+const MOVERS_LISTED = 20;
 const trail = [];
 let around = [];
 let heard = null;
 // Farther than this the goal would make everything else too small: its distance is told.
 const GOAL_SHOWN_M = 60;
 // What the badge's reason is made of.
-const why = { phase: "", hold: "", pause: "", avoided: "", missing: [] };
+const why = { phase: "", hold: "", pause: "", yielding: "", avoided: "", missing: [] };
 
 function row(table, values, kinds = []) {
   const added = table.insertRow();
@@ -23,9 +30,9 @@ function row(table, values, kinds = []) {
 const number = (value, digits = 2) => (value == null ? "–" : value.toFixed(digits));
 
 function showReason() {
-  const { phase, hold, pause, avoided, missing } = why;
+  const { phase, hold, pause, yielding, avoided, missing } = why;
   const lack = missing.length > 1 ? `${missing[0].text} (and ${missing.length - 1} more)` : missing[0]?.text;
-  const reasons = { hold, pause, avoid: avoided, standby: lack ?? "nothing is missing" };
+  const reasons = { hold, pause, yield: yielding, avoid: avoided, standby: lack ?? "nothing is missing" };
   byId("reason").textContent = reasons[phase] ?? "";
 }
 
@@ -33,6 +40,25 @@ function showBattery(charge) {
   const battery = byId("battery");
   battery.textContent = charge == null ? "battery unknown" : `battery ${(100 * charge).toFixed(0)} %`;
   battery.className = charge == null ? "faint" : charge < 0.2 ? "bad" : charge < 0.35 ? "warn" : "";
+}
+
+// What moves, as it may be at a time: on the map, and as a table.
+function showMovers() {
+  if (moving === null || latest === null) return;
+  const { time, place } = latest;
+  const { movers, stamp_error_s, missing, left_out } = moving;
+  const drawn = moverLayer.show(movers, time, stamp_error_s);
+  const table = byId("movers");
+  table.replaceChildren();
+  row(table, ["mover", "class", "away", "seen", "at most", ""]);
+  for (const { id, kind, seen_s, speed_max_mps, now, yields_for } of drawn.slice(0, MOVERS_LISTED)) {
+    row(table, [id, kind, `${awayFrom(place, now).toFixed(1)} m`, `${Math.max(time - seen_s, 0).toFixed(1)} s ago`, `${speed_max_mps.toFixed(1)} m/s`, yields_for ? "yields for it" : ""], ["", "", "", "", "", "warn"]);
+  }
+  if (!drawn.length) row(table, ["none is seen"], ["faint"]);
+  const more = Math.max(drawn.length - MOVERS_LISTED, 0) + left_out;
+  if (more) row(table, [`and ${more} more, farther away`], ["faint"]);
+  byId("movers-missing").hidden = !missing;
+  byId("movers-missing").textContent = missing ? `no place is known to hold no mover: ${missing}` : "";
 }
 
 const show = {
@@ -59,7 +85,7 @@ const show = {
   status(status) {
     heard = performance.now();
     byId("phase").textContent = status.phase.toUpperCase();
-    byId("phase").className = `verdict ${{ hold: "warn", standby: "faint" }[status.phase] ?? "good"}`;
+    byId("phase").className = `verdict ${{ hold: "warn", yield: "warn", standby: "faint" }[status.phase] ?? "good"}`;
     why.phase = status.phase;
     showReason();
     showBattery(status.battery_charge);
@@ -72,10 +98,13 @@ const show = {
       if (trail.length > TRAIL_POINTS) trail.shift();
       map.line("flown", "flown", trail);
       map.vehicle(north, east, status.yaw_rad);
+      latest = { time: status.time_s, place: [north, east] };
+      showMovers();
       const goal = status.goal_ned_m;
       const away = goal ? Math.hypot(goal[0] - north, goal[1] - east) : null;
       map.goal(goal);
-      map.frame([...trail, ...around, ...(away !== null && away < GOAL_SHOWN_M ? [goal] : []), [north + 12, east], [north, east - 4], [north, east + 4]]);
+      const near = (moving?.movers ?? []).filter(({ box_m }) => awayFrom([north, east], box_m) < MOVER_SHOWN_M);
+      map.frame([...trail, ...around, ...near.flatMap(({ box_m }) => cornersOf(box_m)), ...(away !== null && away < GOAL_SHOWN_M ? [goal] : []), [north + 12, east], [north, east - 4], [north, east + 4]]);
       const words = [`goal ${number(away, 1)} m away`, `north ${number(north)} m`, `east ${number(east)} m`, `height ${number(-down)} m`, `${number(Math.hypot(vn, ve))} m/s`];
       byId("readout").replaceChildren(...words.map((textContent) => Object.assign(document.createElement("span"), { textContent })));
     }
@@ -119,7 +148,17 @@ const show = {
     map.seen(seen);
     why.pause = seen.pause ?? "";
     showReason();
-    byId("pause").textContent = seen.pause && why.phase !== "pause" ? `pausing: ${seen.pause}` : "";
+    byId("pause").textContent = seen.pause && !["pause", "yield"].includes(why.phase) ? `pausing: ${seen.pause}` : "";
+  },
+
+  movers(record) {
+    moving = { ...record, movers: record.movers.filter(({ box_ned_m }) => box_ned_m.length).map((mover) => ({ ...mover, box_m: extentOf(mover.box_ned_m), reach_m: extentOf(mover.reach_ned_m) })) };
+    why.yielding = yieldWords(record);
+    byId("movers-panel").hidden = false;
+    for (const legend of document.querySelectorAll(".movers-legend")) legend.hidden = false;
+    moverLayer.free(record);
+    showMovers();
+    showReason();
   },
 
   plan({ path_ned_m, obstacle, side }) {

@@ -17,6 +17,7 @@ from rich.text import Text
 from gcs_tools.watch.departure import Departure
 from gcs_tools.watch.feed import Feed
 from onboard.events import EventName
+from onboard.guidance.phases import Phase
 from onboard.recording.messages import (
     DropCounters,
     EventRecord,
@@ -26,9 +27,11 @@ from onboard.recording.messages import (
     SeenSpace,
     StateRecord,
 )
+from onboard.recording.mover_record import KnownMover, MoversRecord, box_at, extent
 
 PERIOD_S: Final = 0.25
 EVENTS_SHOWN: Final = 8
+MOVERS_SHOWN: Final = 6
 # The daemon publishes its state five times a second.
 SILENCE_S: Final = 1.5
 
@@ -55,6 +58,7 @@ def view(feed: Feed, vehicle: str, now_unix_s: float) -> RenderableType:
             title_align="left",
         ),
         *_departure(feed.departure),
+        *_movers(feed.latest(MoversRecord), feed.latest(StateRecord)),
         Panel(_monitors(feed.latest(Monitors)), title="monitors", title_align="left"),
         Panel(_margins(feed.latest(Margins)), title="contract", title_align="left"),
         Panel(_events(feed.events()), title="events", title_align="left"),
@@ -69,6 +73,45 @@ def _departure(departure: Departure) -> Iterator[Panel]:
             for lack in departure.missing
         ] or [Text("nothing is missing", style="green")]
         yield Panel(Group(*lines), title="before departure", title_align="left")
+
+
+def _movers(known: MoversRecord | None, state: StateRecord | None) -> Iterator[Panel]:
+    """Yield a panel of what moves, as far as it may have come by now; none where nothing does."""
+    if known is None:
+        return
+    lines: list[RenderableType] = []
+    if known.yielding is not None:
+        lines.append(Text(f"YIELD: {known.yielding}", style="bold yellow"))
+    if known.missing is not None:
+        text = f"no place is known to hold no mover: {known.missing}"
+        lines.append(Text(text, style="yellow"))
+    now_s = known.time_s if state is None else max(state.time_s, known.time_s)
+    table = Table.grid(padding=(0, 2))
+    for mover in known.movers[:MOVERS_SHOWN]:
+        away = _away(mover, now_s, known.stamp_error_s, state)
+        age = f"seen {max(now_s - mover.seen_s, 0.0):.1f} s ago"
+        waits = Text("yields for it" if mover.yields_for else "", style="yellow")
+        speed = f"at most {mover.speed_max_mps:.1f} m/s"
+        table.add_row(mover.id, mover.kind, away, age, speed, waits)
+    lines.append(table if known.movers else Text("none is seen", style="dim"))
+    more = max(len(known.movers) - MOVERS_SHOWN, 0) + known.left_out
+    if more > 0:
+        lines.append(Text(f"and {more} more, farther away"))
+    yield Panel(Group(*lines), title="what moves", title_align="left")
+
+
+def _away(mover: KnownMover, now_s: float, error_s: float, state: StateRecord | None) -> str:
+    """Return how near a mover may be by now."""
+    box = box_at(mover, now_s, error_s)
+    if state is None or state.position_ned_m is None or not box:
+        return "distance not known"
+    north_m, east_m, _ = state.position_ned_m
+    north_min_m, north_max_m, east_min_m, east_max_m = extent(box)
+    away_m = math.hypot(
+        max(north_min_m - north_m, 0.0, north_m - north_max_m),
+        max(east_min_m - east_m, 0.0, east_m - east_max_m),
+    )
+    return f"{away_m:.1f} m away or more"
 
 
 def _reason(events: Sequence[EventRecord]) -> str | None:
@@ -94,7 +137,8 @@ def _state(
     table.add_row("velocity", _vector(state.velocity_ned_mps, "m/s"))
     table.add_row("obstacles", str(state.obstacles_known))
     table.add_row("dropped", _dropped(state.dropped))
-    if seen is not None and seen.pause is not None:
+    # What it yields for is told beside the movers.
+    if seen is not None and seen.pause is not None and state.phase != Phase.YIELD:
         table.add_row("pausing", Text(seen.pause, style="yellow"))
     shown: list[RenderableType] = [table]
     if state.virtual_obstacles:

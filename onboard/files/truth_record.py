@@ -1,10 +1,10 @@
-"""One record of the simulation's ground truth: what ``truth.mcap`` holds for every tick."""
+"""The records of the simulation's ground truth: what ``truth.mcap`` holds of vehicle and movers."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
-from onboard.files.record_schema import Number, UnixTime, Vector3
+from onboard.files.record_schema import Number, UnixTime, Vector2, Vector3
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -34,3 +34,33 @@ class TruthRecord:
     clearance_min_m: Number | None = None
     collisions: int = 0
     contacts_at_rest: int = 0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TrueMover:
+    """Where one simulated mover really is, seen from above.
+
+    Attributes:
+        id: of the scenario.
+        kind: its class.
+        position_ned_m: of its centre, north and east.
+        half_m: half of its edge, along north and east.
+    """
+
+    id: str
+    kind: str = ""
+    position_ned_m: Vector2
+    half_m: Number = 0.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TrueMoversRecord:
+    """Where all simulated movers really are, ten times a second; without any there is none.
+
+    Attributes:
+        time_unix_s: Unix time of the record.
+        movers: all of them.
+    """
+
+    time_unix_s: UnixTime
+    movers: list[TrueMover] = field(default_factory=list)

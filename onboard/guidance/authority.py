@@ -300,6 +300,8 @@ class ControlAuthority:
         if blind is not None:
             text = f"no fresh detection frames: {blind.note}"
             found.append(Refusal(RefusalKind.DETECTIONS, text, blind.key))
+        if (uncounted := detections.movers.refusal) is not None:
+            found.append(Refusal(RefusalKind.DETECTIONS, uncounted, "movers"))
         ring = detections.movers.check_ring(now_s)
         if ring is not None:
             text = "no fresh frames of a sensor that sees all round, which movers require"

@@ -14,6 +14,7 @@ from onboard.monitoring.detection_consistency import (
 )
 from onboard.monitoring.detections import CLOCK_TOLERANCE_S, DetectionMonitor
 from onboard.monitoring.estimator.heading import HeadingMonitor
+from onboard.monitoring.movers.frame_rows import Uncounted
 from onboard.monitoring.movers.mover_space import MoverSpace
 from onboard.monitoring.seen.seen_space import DOUBTS, SeenSpace
 from onboard.monitoring.supervised_flight import SupervisedFlight, in_control
@@ -89,12 +90,12 @@ class DetectionEvaluator:
             yield violation
         if doubted or not is_complete(frame):
             self.seen.skip(frame)
-            self.movers.skip(frame)
+            self.movers.skip(frame, Uncounted.DOUBTED if doubted else Uncounted.INCOMPLETE)
             return
         filled_m = self._filled_m(frame, self._poses.at(stamp_s), stamp_s)
         sight = self.seen.take(frame, stamp_s, now_s, self._placements_m(stamp_s), filled_m)
         if sight is None:
-            self.movers.skip(frame)
+            self.movers.skip(frame, Uncounted.PLACELESS)
         else:
             yield from self.movers.see(sight)
 

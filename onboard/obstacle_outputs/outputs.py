@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from typing import NamedTuple
 
 from onboard.files.daemon_config import ObstacleOutputs
 from onboard.mavlink.transmitter import Transmitter
 from onboard.obstacle_outputs.markers import markers
 from onboard.obstacle_outputs.sectors import sectors_cm
-from onboard.recording.messages import Obstacles, Record, StateRecord
+from onboard.recording.messages import Obstacles, Outline, Record, StateRecord
+from onboard.recording.mover_record import MoversRecord, box_at
 
 
 class Shown(NamedTuple):
@@ -38,6 +39,7 @@ class ObstaclePublisher:
         self._config, self._ground = config, Transmitter(system_id)
         self._vehicle_link = vehicle_link
         self._obstacles: Obstacles | None = None
+        self._movers: MoversRecord | None = None
         self._sectors_due_s = self._markers_due_s = -math.inf
 
     def collect(self, records: Iterable[Record], now_s: float) -> Shown:
@@ -51,6 +53,8 @@ class ObstaclePublisher:
         for record in records:
             if isinstance(record, Obstacles):
                 self._obstacles = record
+            elif isinstance(record, MoversRecord):
+                self._movers = record
             elif isinstance(record, StateRecord):
                 state = record
         self._send_sectors(state, now_s)
@@ -67,11 +71,17 @@ class ObstaclePublisher:
             return
         if now_s >= self._sectors_due_s:
             self._sectors_due_s = now_s + 1.0 / config.rate_hz
-            known = () if self._obstacles is None else self._obstacles.obstacles
-            outlines = (each.measured_ned_m for each in known)
+            outlines = self._outlines(state.time_s)
             through.send_obstacle_distance(
                 sectors_cm(outlines, state.position_ned_m, state.yaw_rad), state.time_s
             )
+
+    def _outlines(self, time_s: float) -> Iterator[Outline]:
+        """Yield what obstacles fill, and where movers may be by now: none of them is missing."""
+        if self._obstacles is not None:
+            yield from (each.measured_ned_m for each in self._obstacles.obstacles)
+        if (known := self._movers) is not None:
+            yield from (box_at(each, time_s, known.stamp_error_s) for each in known.movers)
 
     def _markers(self, state: StateRecord | None, now_s: float) -> bytes | None:
         config = self._config.markers
@@ -81,4 +91,4 @@ class ObstaclePublisher:
         known = [] if self._obstacles is None else self._obstacles.obstacles
         height_m = None if self._obstacles is None else self._obstacles.height_m
         now = Obstacles(time_s=state.time_s, height_m=height_m, obstacles=known)
-        return markers(now, config.frame_id)
+        return markers(now, config.frame_id, self._movers)

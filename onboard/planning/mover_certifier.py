@@ -73,11 +73,13 @@ class Movers:
         places: until when which places hold none.
         tracks: those that are seen.
         stamp_error_s: how far their stamps may be off.
+        missing: what is missing before any place around the vehicle counts; None if nothing is.
     """
 
     places: MoverFreePlaces
     tracks: Sequence[GrowingBox]
     stamp_error_s: float
+    missing: str | None = None
 
 
 @dataclass(frozen=True)
@@ -139,7 +141,7 @@ def mover_failures(
     begins_s = np.append(begins_s[moving], ends_s[last])
     reached = movers.places.first_reached(low, high, until_s)
     if reached is not None:
-        return (f"a mover may be on the way from {begins_s[reached]:.3f} s on",)
+        return (f"a mover may be on the way from {begins_s[reached] - way.start_s:.1f} s ahead on",)
     return _met(low, high, until_s, movers)
 
 

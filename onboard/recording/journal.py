@@ -1,7 +1,8 @@
 """Collects the records that each tick leaves behind, for the flight log and for Zenoh.
 
-``state`` comes every tick, ``monitors`` at a rate for people, ``obstacles``, ``margins`` and
-``plan`` when they change, ``events`` as they come.  Viewers' scenes are built on the ground.
+``state`` comes every tick, ``monitors`` at a rate for people, ``obstacles``, ``movers``,
+``margins`` and ``plan`` when they change, ``events`` as they come.  Viewers' scenes are built on
+the ground.
 """
 
 from __future__ import annotations
@@ -36,6 +37,7 @@ from onboard.recording.messages import (
     Record,
     StateRecord,
 )
+from onboard.recording.movers import MoverJournal
 from onboard.recording.seen_space import SeenSpaceJournal
 from onboard.recording.state import finite, state_of, unix_time_s
 from onboard.vehicle_state import AUTOPILOT_SILENCE_S
@@ -64,6 +66,7 @@ class Journal:
         self._timed = timed
         self._slow_due_s = -math.inf if shown else math.inf
         self._seen_space = SeenSpaceJournal(shown=shown)
+        self._movers = MoverJournal(shown=shown)
         self._obstacles_revision = 0
         self._assessment: Assessment | None = None
         # Obstacles are replaced, never changed: what was derived from one stays valid.
@@ -83,6 +86,9 @@ class Journal:
         seen = self._seen_space.collect(navigator.shield, navigator.leg, state.time_s, now_s)
         if seen is not None:
             records.append(seen)
+        movers = self._movers.collect(self.autonomy, state.time_s, now_s)
+        if movers is not None:
+            records.append(movers)
         for step in navigator.take_planned():
             records.append(self._plan(step, state.time_s))
         for event in self.autonomy.events():

@@ -23,6 +23,7 @@ from onboard.files.record_schema import (
     Vector3,
     record_schema,
 )
+from onboard.recording.mover_record import MoversRecord
 
 # Four corners of a rectangle in order, the first side along the leg; or a line.
 Outline = list[Vector2]
@@ -316,7 +317,16 @@ class EventRecord:
     data: EventData = field(default_factory=EventData)
 
 
-Record = StateRecord | Margins | Monitors | Obstacles | PlanRecord | SeenSpace | EventRecord
+Record = (
+    StateRecord
+    | Margins
+    | Monitors
+    | Obstacles
+    | PlanRecord
+    | SeenSpace
+    | MoversRecord
+    | EventRecord
+)
 
 # Topic of the log, without its leading slash, by the type of its records.
 TOPICS: Final[dict[type[Record], str]] = {
@@ -326,6 +336,7 @@ TOPICS: Final[dict[type[Record], str]] = {
     Obstacles: "obstacles",
     PlanRecord: "plan",
     SeenSpace: "seen_space",
+    MoversRecord: "movers",
     EventRecord: "events",
 }
 # Key on Zenoh under ``clearway/<vehicle>/``, by the type of its records.
@@ -336,10 +347,14 @@ ZENOH_KEYS: Final[dict[type[Record], str]] = {
     Obstacles: "map",
     PlanRecord: "plan",
     SeenSpace: "seen_space",
+    MoversRecord: "movers",
     EventRecord: "events",
 }
 # Records that hold until the next one of their type.
-LASTING: Final[tuple[type[Record], ...]] = (Margins, Obstacles, PlanRecord, SeenSpace)
+LASTING: Final[tuple[type[Record], ...]] = (
+    *(Margins, Obstacles, PlanRecord),
+    *(SeenSpace, MoversRecord),
+)
 
 
 # Convert records from and to JSON.

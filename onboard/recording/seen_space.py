@@ -12,6 +12,7 @@ if TYPE_CHECKING:
     from onboard.geometry.frames import FloatArray, LegFrame
     from onboard.geometry.free_grid import FreeGrid
     from onboard.motion.trajectory import Trajectory
+    from onboard.perception.line_of_sight import BoolArray
 
 # At most so often; the set changes with every frame of a sensor.
 PERIOD_S: Final = 0.5
@@ -110,13 +111,15 @@ def free_runs(grid: FreeGrid, factor: int) -> tuple[list[int], list[int], list[i
     """
     table = grid.unknown_sum[::factor, ::factor]
     free = table[1:, 1:] - table[:-1, 1:] - table[1:, :-1] + table[:-1, :-1] == 0
-    padded = np.zeros((free.shape[0], free.shape[1] + 2), np.bool_)
-    padded[:, 1:-1] = free
+    return runs(free)
+
+
+def runs(cells: BoolArray) -> tuple[list[int], list[int], list[int]]:
+    """Return row, first column and column after the last of every run of cells that are set."""
+    padded = np.zeros((cells.shape[0], cells.shape[1] + 2), np.bool_)
+    padded[:, 1:-1] = cells
     # Each row begins and ends outside of a run: beginnings and ends take turns.
-    steps = np.flatnonzero(padded[:, 1:] != padded[:, :-1])
-    width = free.shape[1] + 1
-    row = steps // width
-    column = steps - row * width
+    row, column = np.nonzero(padded[:, 1:] != padded[:, :-1])
     return row[::2].tolist(), column[::2].tolist(), column[1::2].tolist()
 
 

@@ -1,6 +1,7 @@
 """Writes ground truth to an MCAP file: channel ``/truth``, one JSON record per tick.
 
-Its metadata ``field`` has the true obstacles, so that a report can draw what no sensor saw.
+Its metadata ``field`` has the true obstacles, so that a report can draw what no sensor saw, and its
+channel ``/truth/movers`` the movers, if there are any.
 """
 
 from __future__ import annotations
@@ -15,12 +16,15 @@ from mcap.writer import Writer
 from pydantic import TypeAdapter
 
 from onboard.files.obstacle_field import ObstacleField
-from onboard.files.truth_record import TruthRecord
+from onboard.files.record_schema import record_schema
+from onboard.files.truth_record import TrueMover, TrueMoversRecord, TruthRecord
 from sitl.environment.movers.movers import Movers
 from sitl.environment.world import World
 from sitl.plant.truth import VehicleTruth
 
 TRUTH_LOG_RATE_HZ = 50
+# Movers are drawn, not judged by: fewer records are enough.
+_MOVERS_PERIOD_S = 0.1
 # Larger fields are not written: no picture shows them.
 _OBSTACLES_MAX = 20_000
 # Without the two clearances: viewers refuse a topic with properties that may be null.
@@ -40,6 +44,7 @@ _SCHEMA = {
 }
 
 _ADAPTER = TypeAdapter(TruthRecord)
+_MOVERS_ADAPTER = TypeAdapter(TrueMoversRecord)
 
 
 class TruthLog:
@@ -64,6 +69,8 @@ class TruthLog:
             "clearway.truth", "jsonschema", json.dumps(_SCHEMA).encode()
         )
         self._channel = self._writer.register_channel("/truth", "json", schema)
+        self._movers_channel: int | None = None
+        self._movers_due_s = -math.inf
         if field is not None and 0 < len(field) <= _OBSTACLES_MAX:
             self._writer.add_metadata("field", _described(field))
 
@@ -87,6 +94,32 @@ class TruthLog:
             log_time=time_ns,
             publish_time=time_ns,
             data=_ADAPTER.dump_json(record),
+        )
+        if movers is not None and movers.all and truth.time_s >= self._movers_due_s - 1e-9:
+            self._movers_due_s = truth.time_s + _MOVERS_PERIOD_S
+            self._write_movers(movers, record.time_unix_s, time_ns)
+
+    def _write_movers(self, movers: Movers, time_unix_s: float, time_ns: int) -> None:
+        if self._movers_channel is None:
+            schema = record_schema(TrueMoversRecord, "clearway.true_movers")
+            schema_id = self._writer.register_schema(
+                "clearway.true_movers", "jsonschema", json.dumps(schema).encode()
+            )
+            self._movers_channel = self._writer.register_channel("/truth/movers", "json", schema_id)
+        each = [
+            TrueMover(
+                id=mover.config.id,
+                kind=mover.config.kind,
+                position_ned_m=mover.position_ned_m,
+                half_m=mover.half_m,
+            )
+            for mover in movers.all
+        ]
+        self._writer.add_message(
+            self._movers_channel,
+            log_time=time_ns,
+            publish_time=time_ns,
+            data=_MOVERS_ADAPTER.dump_json(TrueMoversRecord(time_unix_s=time_unix_s, movers=each)),
         )
 
     def close(self) -> None:

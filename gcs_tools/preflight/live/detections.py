@@ -15,6 +15,7 @@ from onboard.files.json_payload import MalformedPayloadError
 from onboard.monitoring.assumptions import ALL_ROUND_DEG, check_frame
 from onboard.monitoring.detections import CLOCK_TOLERANCE_S
 from onboard.perception.detection import DetectionFrame
+from onboard.perception.movers.moving_detection import is_complete
 from onboard.perception.sources.json_v1 import parse_frame
 
 # The transit of a status hides smaller differences between two clocks.
@@ -80,10 +81,15 @@ def _check_ring(
     """Check that a sensor sees all round, where movers are required; others than these may, too."""
     if terms.movers_level == "none":
         return []
-    heard = (frame for arrivals in frames.values() for _, frame in arrivals)
-    if any(frame.field_of_view_deg >= ALL_ROUND_DEG for frame in heard):
+    heard = [frame for arrivals in frames.values() for _, frame in arrivals]
+    rings = [frame for frame in heard if frame.field_of_view_deg >= ALL_ROUND_DEG]
+    if rings:
         text = "a sensor with a view of 360° is heard"
-        return [Finding("detections", "all_round", Verdict.HOLDS, text)]
+        found = [Finding("detections", "all_round", Verdict.HOLDS, text)]
+        if not any(map(is_complete, rings)):
+            text = "no frame of a sensor that sees all round says that it names all it sees"
+            found.append(Finding("detections", "frame_complete", Verdict.BROKEN, text))
+        return found
     verdict = Verdict.BROKEN if needed else Verdict.UNKNOWN
     return [Finding("detections", "all_round", verdict, "no sensor is heard that sees all round")]
 

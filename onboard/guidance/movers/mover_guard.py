@@ -43,6 +43,7 @@ class MoverGuard:
     Attributes:
         known: what is known of movers.
         reason: why the last way was refused.
+        refused: that way, with its limits.
     """
 
     def __init__(self, situation: Situation) -> None:
@@ -50,6 +51,7 @@ class MoverGuard:
         self.known: KnownMovers = NoMovers()
         self._refused_s = -math.inf
         self.reason = ""
+        self.refused: tuple[Trajectory, RestLimits] | None = None
 
     def failures(self, way: Trajectory, limits: RestLimits, now_s: float) -> tuple[str, ...]:
         """Return why a mover may be where the vehicle would still move; empty if none can be.
@@ -67,6 +69,9 @@ class MoverGuard:
         found = mover_failures(way, limits, settling, situation.leg, movers)
         if found:
             self._refused_s, self.reason = now_s, found[0]
+            self.refused = way, limits
+            if movers.missing is not None:
+                self.reason = f"no place is known to hold no mover: {movers.missing}"
         return found
 
     def has_refused(self, now_s: float, within_s: float) -> bool:

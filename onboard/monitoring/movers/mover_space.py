@@ -16,6 +16,7 @@ from onboard.files.contract_terms.mover_terms import UNKNOWN, MoverClass
 from onboard.geometry.box import Box
 from onboard.geometry.frames import FloatArray
 from onboard.monitoring.assumptions import ALL_ROUND_DEG, Assumption, Violation
+from onboard.monitoring.movers.frame_rows import FrameRows, Uncounted
 from onboard.monitoring.seen.scan_limits import resolved_m, scan_of
 from onboard.monitoring.seen.sight import Sight
 from onboard.monitoring.supervised_flight import SupervisedFlight
@@ -64,6 +65,7 @@ class MoverSpace:
         bounds, unknown = bounds_of(terms.movers)
         self._tracker = MoverTracker(bounds, unknown, stamp_error_s=POSE_TIMING_S)
         self._new: frozenset[str] = frozenset()
+        self._frame_rows = FrameRows(frames_needed)
         self._free: MoverFree | None = None
         if self.active:
             self._free = MoverFree(
@@ -78,7 +80,18 @@ class MoverSpace:
         """What ways to rest are certified against; None where movers are none of the contract."""
         if self._free is None:
             return None
-        return Movers(self._free, tuple(self._tracker), POSE_TIMING_S)
+        missing = self._frame_rows.missing(self._free.frames_in_row)
+        return Movers(self._free, tuple(self._tracker), POSE_TIMING_S, missing)
+
+    @property
+    def free(self) -> MoverFree | None:
+        """The mover-free set; None where movers are none of the contract."""
+        return self._free
+
+    @property
+    def refusal(self) -> str | None:
+        """Why no place can ever count as free of movers, as sensors are; None if one may."""
+        return self._frame_rows.refusal() if self.active else None
 
     @property
     def tracks(self) -> MoverTracker:
@@ -170,14 +183,16 @@ class MoverSpace:
         self._free.centre_on(north_m, east_m)
         late = self._late_first_sights(sight)
         glance = self._glance(sight, terms)
-        self._free.see(glance, sight.frame.source)
+        placed = self._free.see(glance, sight.frame.source)
+        self._frame_rows.note(sight.frame, None if placed else Uncounted.LATE)
         self._new = frozenset()
         return late
 
-    def skip(self, frame: DetectionFrame) -> None:
+    def skip(self, frame: DetectionFrame, why: Uncounted) -> None:
         """Take note of a frame that does not count: its sensor's row of frames begins again."""
         if self._free is not None:
             self._free.break_row(frame.source)
+            self._frame_rows.note(frame, why)
 
     def check_ring(self, now_s: float) -> Violation | None:
         """Tell whether what sees all round has been silent for longer than the contract allows."""

@@ -8,12 +8,14 @@ So what is unseen counts as occupied once a mover may have come there, and nothi
 What hides behind obstacles that stand still counts as unseen, too, unless the contract says that no
 mover is hidden there from the start; then it is free until one that was seen may have gone there.
 Frames count in the order of their stamps: one that comes later than another's is put in its place,
-and what follows from it is computed again.
+and what follows from it is computed again.  Sensors may be as slow as they like beside others: of
+each the frames that make a row are kept, however many of others came between them.
 """
 
 from __future__ import annotations
 
 import bisect
+import itertools
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
@@ -34,6 +36,16 @@ NEAR_M: Final = 0.7
 # Frames that may still change places: more than any two sensors are apart.
 _HISTORY_MAX: Final = 10
 _ROUND_OFF_S: Final = 1e-9
+
+
+@dataclass
+class _Past:
+    """What is kept of a frame that can no longer change places: its part in its sensor's row."""
+
+    stamp_s: float
+    source: str
+    row: int
+    depth: FloatArray
 
 
 @dataclass(frozen=True)
@@ -100,6 +112,8 @@ class MoverFree:
         self._corner = (-self._half, -self._half)
         self._steps: list[_Step] = []
         self._rows: dict[str, int] = {}  # by sensor, how often it began again
+        # By sensor, the newest first, at most as many as a row needs before its last frame.
+        self._past: dict[str, list[_Past]] = {}
         self.dropped = self.version = 0
         self._clear(unvisited_until_s=math.inf)
 
@@ -114,6 +128,7 @@ class MoverFree:
     def forget_seen(self) -> None:
         """Forget where none was seen, which holds at one height, but not who was seen to hide."""
         self._free_until_s = np.full((2 * self._half, 2 * self._half), -math.inf)
+        self._past.clear()
         self._steps.clear()
         self.version += 1
 
@@ -125,6 +140,13 @@ class MoverFree:
     def break_row(self, source: str) -> None:
         """Begin the row of a sensor again: it may have lost what it saw before one of them."""
         self._rows[source] = self._rows.get(source, 0) + 1
+
+    def frames_in_row(self, source: str) -> int:
+        """Return how many successive frames of a sensor have counted, at most K."""
+        row = self._rows.get(source, 0)
+        kept = [step.row for step in self._steps if step.source == source]
+        kept += [past.row for past in self._past.get(source, ())]
+        return min(kept.count(row), self._needed)
 
     def centre_on(self, north_m: float, east_m: float) -> None:
         """Move the grid along with the vehicle; what leaves the grid is unseen."""
@@ -145,6 +167,8 @@ class MoverFree:
                 ("free_until_s", -math.inf), ("unvisited_until_s", -math.inf),
             ):  # fmt: skip
                 setattr(step, name, _moved(getattr(step, name), di, dj, fill))
+        for past in itertools.chain.from_iterable(self._past.values()):
+            past.depth = _moved(past.depth, di, dj, 0)
         self.version += 1
 
     # ------------------------------------------------------------------ frames
@@ -162,9 +186,21 @@ class MoverFree:
             self._unvisited_until_s = later[0].unvisited_until_s
         for position in range(index, len(self._steps)):
             self._apply(position)
-        del self._steps[: max(0, len(self._steps) - _HISTORY_MAX)]
+        while len(self._steps) > _HISTORY_MAX:
+            self._keep_of(self._steps.pop(0))
         self.version += 1
         return True
+
+    def _keep_of(self, step: _Step) -> None:
+        """Keep of the oldest step what later frames of its sensor need to make a row."""
+        past = _Past(step.stamp_s, step.source, step.row, step.depth)
+        kept = [past, *self._past.get(step.source, ())]
+        self._past[step.source] = kept[: self._needed - 1]
+        # What is older shows nothing: by now a mover may have come from outside of the raster.
+        oldest_s = step.stamp_s - 2.0 * self._half * CELL_M / self._speed_mps
+        for source, rows in list(self._past.items()):
+            if rows and rows[0].stamp_s < oldest_s:
+                del self._past[source]
 
     def _step(self, glance: Glance, source: str) -> _Step:
         xs_m, ys_m = self._centres()
@@ -204,7 +240,8 @@ class MoverFree:
         """
         step, left = self._steps[position], self._needed - 1
         shown = open_cells.copy()
-        for earlier in reversed(self._steps[:position]):
+        before: list[_Step | _Past] = [*reversed(self._steps[:position])]
+        for earlier in (*before, *self._past.get(step.source, ())):
             if left == 0:
                 break
             if (earlier.source, earlier.row) == (step.source, step.row):
@@ -269,6 +306,14 @@ class MoverFree:
         """Tell whether no mover can be in the cell around a place at a time."""
         place = np.array(((north_m, east_m),))
         return self.are_free(place, place, np.array((time_s,)))
+
+    def cells_free_at(self, time_s: float) -> tuple[BoolArray, tuple[float, float], float]:
+        """Return which cells hold no mover until a time, where the grid begins, and their edge.
+
+        Rows follow each other to the north, columns to the east.
+        """
+        north_m, east_m = (index * CELL_M for index in self._corner)
+        return self._free_until_s > time_s, (north_m, east_m), CELL_M
 
     def free_cells(self, time_s: float) -> int:
         """Return how many cells hold no mover at a time."""

@@ -24,6 +24,7 @@ from onboard.recording.messages import (
     SeenSpace,
     StateRecord,
 )
+from onboard.recording.mover_record import KnownMover, MoversRecord
 from tests.gcs_tools.export.protobuf import decoded
 from tests.gcs_tools.logs.raw_log import raw_log
 from tests.gcs_tools.running import CONFIG, Clearway
@@ -57,6 +58,28 @@ def messages_in(path: Path) -> dict[str, list[dict[str, Any]]]:
             )
             found.setdefault(channel.topic, []).append(payload)
     return found
+
+
+def test_a_mover_stands_where_it_may_be_by_now_with_its_reach_around_it(tmp_path: Path) -> None:
+    reach = [(9.0, -3.0), (15.0, -3.0), (15.0, 4.0), (9.0, 4.0)]
+    walker = KnownMover(
+        id="ring/1", kind="person", seen_s=T - 0.5, speed_max_mps=2.0, box_ned_m=CORNERS,
+        reach_ned_m=reach, yields_for=True,
+    )  # fmt: skip
+    known = MoversRecord(time_s=T, height_m=3.0, movers=[walker])
+    found = exported(tmp_path, known, MoversRecord(time_s=T + 1.0))
+    update, gone = found["/scene/movers"]
+    (entity,) = update["entities"]
+    (cube,) = entity["cubes"]
+    position, size = cube["pose"]["position"], cube["size"]
+    assert (position["x"], position["y"]) == pytest.approx((12.0, 0.5))
+    # A metre more on every side: half a second at 2 m/s.
+    assert (size["x"], size["y"], size["z"]) == pytest.approx((3.0, 3.2, 3.0 + HEADROOM_M))
+    (line,) = entity["lines"]
+    assert [(point["x"], point["y"]) for point in line["points"]] == [*reach, reach[0]]
+    assert [text["text"] for text in entity["texts"]] == ["ring/1 (person), yielding for it"]
+    assert gone.get("entities", []) == []
+    assert "/scene/obstacles" not in found
 
 
 def test_the_column_stands_where_the_obstacle_is(tmp_path: Path) -> None:
@@ -204,8 +227,9 @@ def test_the_layout_for_viewers_shows_what_the_export_has(scene: Path) -> None:
     found = messages_in(scene)
     topics = [*panels["3D!flight"]["topics"], panels["RawMessages!events"]["topicPath"]]
     assert "/scene/seen_space" in topics
-    assert set(topics) - {"/scene/seen_space"} <= found.keys()  # the paper flies without it
-    assert TOPICS.keys() - {"/scene/seen_space"} <= found.keys()
+    without = {"/scene/seen_space", "/scene/movers"}  # the paper flies without them
+    assert set(topics) - without <= found.keys()
+    assert TOPICS.keys() - without <= found.keys()
     for path in (path["value"] for panel in panels.values() for path in panel.get("paths", ())):
         topic, *names = path.partition("[")[0].split(".")
         value = found[topic][-1]

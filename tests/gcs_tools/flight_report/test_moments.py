@@ -31,13 +31,14 @@ CRUISE = EventRecord(time_s=BEGAN_S + 1.0, name="phase", text="cruise", data={"t
 EARLY = EventRecord(time_s=BEGAN_S - 60.0, name="violation", text="while the report does not show")
 
 
-def truths(*contacts_s: float) -> list[TruthRecord]:
+def truths(*contacts_s: float, touches_s: tuple[float, ...] = ()) -> list[TruthRecord]:
     times_s = [n * 0.1 for n in range(100)]
     return [
         TruthRecord(
             time_unix_s=BEGAN_S + time_s,
             position_ned_m=(0.0, 0.0, 0.0),
             collisions=sum(at_s <= time_s for at_s in contacts_s),
+            contacts_at_rest=sum(at_s <= time_s for at_s in touches_s),
         )
         for time_s in times_s
     ]
@@ -55,6 +56,16 @@ def test_a_contact_is_where_to_look_first() -> None:
     found = marks([VIOLATION, HOLD], truths(8.0, 8.5), STATES, BEGAN_S)
     assert [each["kind"] for each in found] == ["violation", "hold", "contact", "contact"]
     assert opening_s(found, STATES, BEGAN_S) == 8.0
+
+
+def test_a_touch_at_rest_is_shown_and_is_no_contact() -> None:
+    found = marks([HOLD], truths(touches_s=(3.0,)), STATES, BEGAN_S)
+    assert [(each["time_s"], each["kind"]) for each in found] == [(3.0, "touch"), (7.0, "hold")]
+    assert "no collision" in found[0]["text"]
+    assert found[0]["place_ned_m"] == pytest.approx([3.0, 1.0])
+    # Where the vehicle held is to be looked at, and where it only was touched, the end.
+    assert opening_s(found, STATES, BEGAN_S) == 7.0
+    assert opening_s(found[:1], STATES, BEGAN_S) == 8.9
 
 
 def test_without_a_failure_it_opens_at_the_end_of_the_mission() -> None:

@@ -79,6 +79,14 @@ def event(name: str, text: str) -> EventRecord:
     return EventRecord(time_s=0.0, name=name, text=text)
 
 
+def test_a_touch_at_rest_is_counted_and_no_collision() -> None:
+    states = [state(float(n), phase) for n, phase in enumerate(MISSION)]
+    truths = [replace(truth(float(n)), contacts_at_rest=int(n > 3)) for n in range(8)]
+    found = result_of(Log(states=states), Log(truths=truths), seed=1)
+    assert (found.outcome, found.collisions, found.contacts_at_rest) == ("arrived", 0, 1)
+    assert found.succeeded
+
+
 def test_a_mission_flown() -> None:
     result = result_of(*logs(), seed=3, plan_times_s=(0.001, 0.003, 0.002))
     assert result.succeeded

@@ -89,7 +89,7 @@ async def viewed(
     publishing = asyncio.create_task(_published(feed, records))
     try:
         viewer = Viewer(connection)
-        await viewer.learn_channels(len(TOPICS) + 7)
+        await viewer.learn_channels(len(TOPICS) + 8)
         await viewer.subscribe(*topics)
         found: dict[int, tuple[dict[str, Any], int, bytes]] = {}
         while len(found) < len(topics):

@@ -59,6 +59,18 @@ SEEN_SPACE = {
     "pause": "nothing better certifies",
 }  # fmt: skip
 
+MOVERS = {
+    "time_s": 1_790_000_000.0, "until_s": 1_790_000_001.5, "stamp_error_s": 0.1, "left_out": 2,
+    "movers": [
+        {"id": "ring/1", "kind": "person", "seen_s": 1_789_999_999.9, "speed_max_mps": 1.0,
+         "box_ned_m": [[15.0, 0.0], [16.0, 0.0], [16.0, 1.0], [15.0, 1.0]],
+         "reach_ned_m": [[13.0, -2.0], [18.0, -2.0], [18.0, 3.0], [13.0, 3.0]],
+         "yields_for": True},
+    ],
+    "yielding": "mover ring/1 may be on the way", "missing": "1 of 3 frames have counted",
+    "corner_ned_m": [2.0, -6.0], "cell_m": 0.5, "row": [0], "column_from": [1], "column_to": [4],
+}  # fmt: skip
+
 
 def said(feed: Feed, key: str, payload: Any) -> None:
     feed.receive(key, json.dumps(payload).encode())
@@ -246,6 +258,28 @@ def test_the_terminal_shows_what_the_page_shows() -> None:
     assert "require_preflight" in text
 
 
+def test_the_terminal_shows_what_moves_and_for_what_the_vehicle_yields() -> None:
+    feed = Feed()
+    said(feed, "status", {**STATUS, "phase": "yield"})
+    assert "what moves" not in rendered(feed, 1_790_000_000.1)
+    said(feed, "seen_space", {**SEEN_SPACE, "pause": "yielding: mover ring/1 may be on the way"})
+    said(feed, "movers", MOVERS)
+    text = rendered(feed, 1_790_000_000.1)
+    for words in (
+        "YIELD: mover ring/1 may be on the way",
+        "no place is known to hold no mover: 1 of 3 frames have counted",
+        "ring/1", "person", "2.8 m away or more", "seen 0.1 s ago", "at most 1.0 m/s",
+        "yields for it", "and 2 more, farther away",
+    ):  # fmt: skip
+        assert words in text
+    assert "pausing" not in text
+    # A silent sensor: it may have come nearer since.
+    said(feed, "status", {**STATUS, "phase": "yield", "time_s": 1_790_000_001.0})
+    assert "1.8 m away or more" in rendered(feed, 1_790_000_001.1)
+    said(feed, "movers", {"time_s": 1_790_000_001.0})
+    assert "none is seen" in rendered(feed, 1_790_000_001.1)
+
+
 # ---------------------------------------------------------------------------- in a browser
 
 OBSTACLE = {
@@ -363,6 +397,42 @@ def test_the_page_says_what_is_missing_and_why_the_vehicle_holds(tmp_path: Path)
         page.until("document.getElementById('phase').textContent === 'HOLD'")
         assert text_of(page, "reason") == "tracking_error: 0.4, limit 0.35 m"
         page.until("document.getElementById('departure').hidden")
+        assert page.complaints == []
+
+
+def test_the_page_shows_what_moves_and_for_what_the_vehicle_yields(tmp_path: Path) -> None:
+    feed = Feed()
+    yielding = {**STATUS, "phase": "yield"}
+    with chromium(tmp_path / "profile") as page, serving(feed, "v1", "127.0.0.1", 0) as url:
+        page.look_like(390, 844, theme="dark")
+        page.open(url)
+        said(feed, "movers", MOVERS)
+        said(feed, "status", yielding)
+        page.until("document.getElementById('phase').textContent === 'YIELD'")
+        assert text_of(page, "reason") == "for ring/1: mover ring/1 may be on the way"
+        assert text_of(page, "pause") == ""
+        # Seen 0.1 s ago, and as much more for its stamp: 0.2 m on every side.
+        box = "document.querySelector('#map .mover.yielded').getAttribute('d')"
+        corner = [float(each) for each in re.findall(r"[-\d.]+", page.evaluate(box))[:2]]
+        assert corner == pytest.approx([14.8, -0.2])
+        reach = "document.querySelector('#map .reach').getAttribute('d')"
+        assert page.evaluate(reach) == "M13 -2L18 -2L18 3L13 3Z"
+        free = "document.querySelector('#map .mover-free')"
+        assert page.evaluate(f"{free}.getAttribute('d')") == "M0 0.5h0.5v1.5h-0.5Z"
+        assert page.evaluate(f"{free}.getAttribute('transform')") == "translate(2 -6)"
+        assert page.evaluate("document.querySelector('#map .mover-name').textContent") == "person"
+        assert "2.8 m0.1 s ago1.0 m/syields for it" in text_of(page, "movers")
+        assert "and 2 more" in text_of(page, "movers")
+        assert "1 of 3 frames have counted" in text_of(page, "movers-missing")
+        assert page.evaluate("document.documentElement.scrollWidth") <= 390
+        assert not page.evaluate("document.querySelector('.movers-legend').hidden")
+        # Between its sightings it grows.
+        said(feed, "status", {**yielding, "time_s": 1_790_000_001.0})
+        page.until("document.getElementById('movers').textContent.includes('1.8 m1.1 s ago')")
+        said(feed, "movers", {"time_s": 1_790_000_001.0})
+        said(feed, "status", {**STATUS, "phase": "cruise"})
+        page.until("document.getElementById('movers').textContent.includes('none is seen')")
+        assert page.evaluate("document.querySelectorAll('#map .mover, #map .reach').length") == 0
         assert page.complaints == []
 
 

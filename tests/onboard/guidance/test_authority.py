@@ -91,7 +91,7 @@ class FakeDetections:
 
     @property
     def movers(self) -> Any:
-        return SimpleNamespace(check_ring=lambda _: self.ring)
+        return SimpleNamespace(check_ring=lambda _: self.ring, refusal=None)
 
     @property
     def consistency(self) -> Any:

@@ -13,6 +13,7 @@ from onboard.mavlink.transmitter import Transmitter
 from onboard.obstacle_outputs.outputs import ObstaclePublisher, Shown
 from onboard.perception.ros2.cdr import CdrReader
 from onboard.recording.messages import KnownObstacle, Obstacles, Record, StateRecord
+from onboard.recording.mover_record import KnownMover, MoversRecord
 
 URL = "udpout://127.0.0.1:14550"
 MAP = Obstacles(
@@ -66,6 +67,21 @@ def test_a_ground_station_gets_sectors_at_their_rate_and_heartbeats() -> None:
     assert (message.max_distance, message.angle_offset) == (6000, 0.0)
     assert (message.get_srcSystem(), message.get_srcComponent()) == (1, 196)
     assert bench.vehicle_link.bytes_to_send() == b""  # the autopilot gets none
+
+
+def test_movers_are_sectors_too_where_each_may_be_by_now() -> None:
+    """A box seen 4 m ahead at 1 m/s comes nearer by 1 cm in 10 ms, without another sighting."""
+    box = [(4.0, -0.5), (5.0, -0.5), (5.0, 0.5), (4.0, 0.5)]
+    walker = KnownMover(id="ring/1", seen_s=1.0, speed_max_mps=1.0, box_ned_m=box)
+    movers = MoversRecord(time_s=1.0, stamp_error_s=0.1, movers=[walker])
+    bench = Bench(obstacle_distance={"url": URL, "rate_hz": 4.0})
+    data = b"".join(each.to_ground for each in bench.run(2.0, movers, MAP))
+    ahead_cm = [message.distances[0] for message in messages(data, "OBSTACLE_DISTANCE")]
+    assert ahead_cm == pytest.approx([390 - 26 * index for index in range(8)], abs=2)
+    bench = Bench(obstacle_distance={"url": URL, "rate_hz": 4.0})
+    gone = MoversRecord(time_s=1.1)
+    data = b"".join(each.to_ground for each in bench.run(1.0, movers, gone, MAP))
+    assert messages(data, "OBSTACLE_DISTANCE")[-1].distances[0] == 450
 
 
 def test_the_autopilot_gets_them_only_where_that_is_asked_for() -> None:

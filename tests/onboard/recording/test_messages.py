@@ -36,6 +36,7 @@ from onboard.recording.messages import (
     as_json,
     schema_of,
 )
+from onboard.recording.mover_record import KnownMover, MoversRecord
 from tests.onboard.recording.json_schema import complaints
 
 T = 1_790_000_000.25
@@ -72,6 +73,17 @@ SAMPLES: list[Record] = [
         time_s=T, height_m=4.0, corner_ned_m=(1.0, 2.0), heading_rad=0.5, cell_m=0.2, row=[0, 1],
         column_from=[1, 1], column_to=[3, 2], way_to_rest_ned_m=[(0.0, 0.0), (1.0, 0.0)],
         guide_ned_m=[(0.0, 0.0), (9.0, 0.0)], pause="nothing better certifies",
+    ),
+    MoversRecord(time_s=T),
+    MoversRecord(
+        time_s=T, height_m=3.0, until_s=T + 1.5, stamp_error_s=0.02, left_out=1,
+        movers=[
+            KnownMover(id="ring/1", seen_s=T - 0.1),
+            KnownMover(id="ring/2", kind="person", seen_s=T, speed_max_mps=1.2, yields_for=True,
+                       velocity_ned_mps=(0.5, 1.0), box_ned_m=SQUARE, reach_ned_m=SQUARE),
+        ],
+        yielding="mover ring/2 may be on the way", missing="frames", corner_ned_m=(1.0, 2.0),
+        cell_m=0.4, row=[0, 1], column_from=[1, 1], column_to=[3, 2],
     ),
     EventRecord(time_s=T),
     EventRecord(time_s=T, name="phase", severity="info", text="cruise",

@@ -451,6 +451,16 @@ def test_against_movers_a_sensor_has_to_see_all_round(
     assert "all_round" not in detected(*samples)
 
 
+@pytest.mark.parametrize(("complete", "verdicts"), [(True, []), (False, [BROKEN])])
+def test_against_movers_frames_have_to_name_all_they_see(
+    *, complete: bool, verdicts: list[Verdict]
+) -> None:
+    terms = dataclasses.replace(ASSESSMENT.terms, movers_level="passive")
+    changes = {"version": 2, "field_of_view_deg": 360.0, "frame_complete": complete}
+    found = check_detections([frame(n, **changes) for n in range(60)], (), terms, 3.0, 0.0)
+    assert [each.verdict for each in found if each.name == "frame_complete"] == verdicts
+
+
 def test_garbage_is_reported() -> None:
     found = detected(*map(frame, range(60)), Sample(NOW_UNIX_S, b"\xff"))
     assert found["format"] is BROKEN

@@ -17,6 +17,7 @@ from onboard.monitoring.detection_evaluation import DetectionEvaluator
 from onboard.monitoring.estimator.heading import HeadingMonitor
 from onboard.monitoring.movers.mover_space import MoverSpace, bounds_of
 from onboard.monitoring.movers.rest_speed import RestSpeedMonitor
+from onboard.monitoring.seen.sight import Sight
 from onboard.motion.trajectory import State
 from onboard.perception.intake import DetectionCounters
 from onboard.perception.movers.tracker import Bound
@@ -70,9 +71,7 @@ class Scene:
 
     def look(self, *obstacles: dict[str, Any], **changed: Any) -> list[Violation]:
         """See one frame of the ring after a frame's time; return what it violates."""
-        for _ in range(round(PERIOD_S * TELEMETRY_RATE_HZ)):
-            self.now_s += 1.0 / TELEMETRY_RATE_HZ
-            self.poses.add(self.pose)
+        self.wait(PERIOD_S)
         self.sequence += 1
         message = {
             "version": 2, "source": "ring", "sequence": self.sequence, "frame": "local_ned",
@@ -84,8 +83,25 @@ class Scene:
         self.evaluator.seen.advance(self.pose, trusted=True)
         return found
 
+    def wait(self, duration_s: float) -> None:
+        """See nothing for a while."""
+        for _ in range(round(duration_s * TELEMETRY_RATE_HZ)):
+            self.now_s += 1.0 / TELEMETRY_RATE_HZ
+            self.poses.add(self.pose)
+
+    def look_late(self) -> None:
+        """See a frame of the ring that is older than all that have counted."""
+        self.sequence += 1
+        message = {
+            "version": 2, "source": "ring", "sequence": self.sequence, "frame": "local_ned",
+            "stamp_unix_s": self.now_s, "range_m": 12.0, "field_of_view_deg": 360.0,
+            "frame_complete": True, "obstacles": [],
+        }  # fmt: skip
+        sight = Sight(parse_frame(_json(message)), self.pose, 0.0, [], [], [], 0.5)
+        assert self.movers.see(sight) == []
+
     def is_free(self, north_m: float, east_m: float, in_s: float = 0.0) -> bool:
-        free = self.movers._free
+        free = self.movers.free
         assert free is not None
         return free.is_free_at(north_m, east_m, self.now_s + in_s + 0.01)
 
@@ -122,6 +138,66 @@ def test_movers_are_tracked_and_no_part_of_the_map(scene: Scene) -> None:
     assert scene.is_free(1.0, 0.0)
     assert not scene.is_free(1.0, 0.0, in_s=2.5)
     assert not scene.is_free(4.6, 0.0)
+
+
+def missing(scene: Scene) -> str | None:
+    movers = scene.movers.movers
+    assert movers is not None
+    return movers.missing
+
+
+def test_what_is_missing_before_a_place_counts_is_told(scene: Scene) -> None:
+    assert missing(scene) == "no sensor has said where no mover is"
+    scene.look(source="front", field_of_view_deg=120.0)
+    scene.look()
+    assert missing(scene) == "1 of 3 successive frames of ring have counted"
+    assert scene.movers.refusal is None
+    scene.look()
+    scene.look()
+    assert missing(scene) is None
+
+
+def test_a_ring_of_1_hz_beside_a_sensor_of_10_hz_shows_where_no_mover_is(scene: Scene) -> None:
+    """However many frames of the other come between: three of the ring make a row."""
+    for tick in range(70):
+        found = scene.look(source="front", field_of_view_deg=120.0)
+        assert found == []
+        scene.wait(PERIOD_S)
+        if tick % 10 == 9:
+            scene.look()
+            rings = (tick + 1) // 10
+            assert missing(scene) == (
+                f"{rings} of 3 successive frames of ring have counted" if rings < 3 else None
+            )
+            # Behind, where it alone looks: in the first of the three it was seen far around.
+            assert scene.is_free(-2.0, 0.0, in_s=0.3) == (rings >= 3)
+
+
+def test_frames_that_never_count_are_a_reason_not_to_depart(scene: Scene) -> None:
+    """A vehicle that departs all the same would wait for a mover that is not there."""
+    for _ in range(3):
+        assert scene.movers.refusal is None
+        scene.look(frame_complete=False)
+    assert scene.movers.refusal is not None
+    assert "frames of ring show no place free of movers" in scene.movers.refusal
+    assert "frame_complete" in (missing(scene) or "")
+    # One that does not say so ahead matters little.
+    for _ in range(3):
+        scene.look()
+        scene.look(source="front", field_of_view_deg=120.0, frame_complete=False)
+    assert scene.movers.refusal is None
+    assert missing(scene) is None
+
+
+def test_frames_that_others_overtake_by_too_much_are_told_of(scene: Scene) -> None:
+    for _ in range(12):
+        scene.look(source="front", field_of_view_deg=120.0)
+    free = scene.movers.free
+    assert free is not None
+    for _ in range(3):
+        scene.look_late()
+    assert free.dropped == 3
+    assert "overtaken" in (scene.movers.refusal or "")
 
 
 def test_the_space_seen_free_grows_around_movers_which_contradict_nothing(scene: Scene) -> None:

@@ -115,6 +115,56 @@ def test_the_frame_of_another_sensor_may_come_later_and_counts_in_its_place() ->
     assert late.dropped == 1
 
 
+def front_and_ring(free: MoverFree, ring_s: float, end_s: float) -> float:
+    """See nothing: ahead at 10 Hz, all round once in a period; return when the ring saw last."""
+    ring_due_s, seen_s = 0.0, 0.0
+    for index in range(round(end_s * 10.0) + 1):
+        now_s = index * 0.1
+        free.see(glance(now_s, [], [], math.pi / 3, RANGE_M), "front")
+        if now_s >= ring_due_s - 1e-9:
+            free.see(glance(now_s, [], [], math.pi, RING_M), "ring")
+            ring_due_s, seen_s = ring_due_s + ring_s, now_s
+    return seen_s
+
+
+@pytest.mark.parametrize("ring_s", [0.1, 0.5, 1.0, 1.7])
+def test_a_sensor_may_be_slower_than_another_by_any_factor(ring_s: float) -> None:
+    """Behind the vehicle only the ring looks; its third frame in a row shows that place."""
+    free = MoverFree(1.0, RANGE_M, frames_needed=3)
+    seen_s = front_and_ring(free, ring_s, 1.4 * ring_s)
+    assert free.frames_in_row("ring") == 2
+    assert not free.is_free_at(-0.3, 0.0, seen_s)
+    free = MoverFree(1.0, RANGE_M, frames_needed=3)
+    seen_s = front_and_ring(free, ring_s, 5.0 * ring_s)
+    assert (free.frames_in_row("ring"), free.frames_in_row("front")) == (3, 3)
+    # A mover may have come from where the first of the three did not look.
+    assert free.is_free_at(-0.3, 0.0, seen_s + RING_M - 2.0 * ring_s - 1.5)
+    assert not free.is_free_at(-0.3, 0.0, seen_s + RING_M)
+
+
+def test_a_row_that_a_slow_sensor_broke_begins_again() -> None:
+    free = MoverFree(1.0, RANGE_M, frames_needed=3)
+    front_and_ring(free, 1.0, 4.0)
+    free.break_row("ring")
+    assert (free.frames_in_row("ring"), free.frames_in_row("front")) == (0, 3)
+    free.see(glance(5.0, [], [], math.pi, RING_M), "ring")
+    assert free.frames_in_row("ring") == 1
+    free.forget_seen()
+    assert free.frames_in_row("front") == 0
+
+
+def test_a_row_of_a_slow_sensor_moves_with_the_grid() -> None:
+    moved, still = MoverFree(1.0, RANGE_M), MoverFree(1.0, RANGE_M)
+    for free in (moved, still):
+        seen_s = front_and_ring(free, 1.0, 2.9)
+        if free is moved:
+            free.centre_on(4.1, 0.0)
+        seen_s = 3.0
+        free.see(glance(seen_s, [], [], math.pi, RING_M), "ring")
+        assert free.is_free_at(-0.3, 0.0, seen_s + 0.1)
+        assert not free.is_free_at(-4.7, 0.0, seen_s + 0.1)
+
+
 def test_hidden_or_not_the_shadow_of_a_tree() -> None:
     tree = Box(2.0, 2.3, -0.15, 0.15)
     for hidden in (True, False):
@@ -261,8 +311,8 @@ STATIC = [Box(2.0, 2.4, 1.0, 1.4), Box(-2.4, -2.0, -1.5, -1.1)]
 class Sensors:
     """Two sensors with trackers that report a mover in the third frame in which it is visible."""
 
-    def __init__(self, walkers: list[Walker]) -> None:
-        self._walkers = walkers
+    def __init__(self, walkers: list[Walker], ring_ticks: int = 3) -> None:
+        self._walkers, self._ring_ticks = walkers, ring_ticks
         self._rows: dict[tuple[str, int], int] = {}
         self._waiting: list[tuple[float, Glance, str]] = []
 
@@ -270,7 +320,7 @@ class Sensors:
         """Take the frames that are due: staggered, the ring's slower and later."""
         if tick % 2 == 0:
             self._take("front", math.pi / 3, RANGE_M, time_s, 0.03)
-        if tick % 3 == 1:
+        if tick % self._ring_ticks == 1:
             self._take("ring", math.pi, RING_M, time_s, 0.09)
 
     def _take(
@@ -293,7 +343,7 @@ class Sensors:
         return due
 
 
-def contradictions(seed: int, speed_mps: float) -> int:
+def contradictions(seed: int, speed_mps: float, ring_ticks: int = 3) -> int:
     """Return how often a mover was where none could be, by a set for 1 m/s."""
     random, free = Random(seed), MoverFree(1.0, RANGE_M, frames_needed=3)
     walkers = []
@@ -301,7 +351,7 @@ def contradictions(seed: int, speed_mps: float) -> int:
         bearing_rad, away_m = random.uniform(-math.pi, math.pi), random.uniform(2.0, 9.0)
         x_m, y_m = away_m * math.cos(bearing_rad), away_m * math.sin(bearing_rad)
         walkers.append(Walker(x_m, y_m, speed_mps))
-    sensors, found = Sensors(walkers), 0
+    sensors, found = Sensors(walkers, ring_ticks), 0
     for tick in range(160):
         time_s = tick * 0.025
         for walker in walkers:
@@ -321,6 +371,10 @@ def contradictions(seed: int, speed_mps: float) -> int:
 def test_no_mover_of_declared_speed_is_where_none_can_be(seed: int) -> None:
     """Hostile and zigzagging, hidden behind each other and trees, with staggered late frames."""
     assert contradictions(seed, 1.0) == 0
+
+
+def test_none_is_beside_a_ring_that_is_ten_times_slower_either() -> None:
+    assert contradictions(1, 1.0, ring_ticks=20) == 0
 
 
 def test_movers_that_are_faster_are() -> None:
