@@ -34,6 +34,7 @@ from onboard.files.mission_file import Mission
 from onboard.files.obstacle_field import ObstacleField, load_field
 from onboard.files.yaml_file import load_yaml
 from onboard.mission_items.fence_items import FenceError
+from onboard.perception.movers.permitted_sources import check_permitted
 
 if TYPE_CHECKING:
     from gcs_tools.preflight.rehearsal.prediction import Rehearsal
@@ -257,6 +258,7 @@ def _with_files(result: Preflight, mission: Mission | None, files: PreflightFile
     result = replace(result, fence_rules=_fence_rules(result, mission, files.geofence))
     if files.daemon is not None:
         sources = load_daemon_config(files.daemon).sources
+        check_permitted(sources, result.assessment.contract, str(files.daemon))
         findings = check_sources(sources, result.assessment, mission)
         result = replace(result, findings=findings, sensors=tuple(each.name for each in sources))
     if files.parameters is None:

@@ -21,6 +21,8 @@ View = Annotated[float, Field(gt=0.0, le=360.0)]
 # Forward, left, up, or, of cameras, right, down, forward.
 Axes = Literal["flu", "optical"]
 Topic = Annotated[str, Field(pattern=r"^/?[A-Za-z0-9_]+(/[A-Za-z0-9_]+)*$")]
+Label = Annotated[str, Field(min_length=1, max_length=64)]
+MoverKind = Annotated[str, Field(pattern=r"^[a-z0-9_]{1,32}$")]
 PointsMin = Annotated[int, Field(ge=1, le=1000)]
 _OFFSET_MAX_M: Final = 3.0
 # Of a vehicle, by REP 105.
@@ -92,6 +94,9 @@ class SensorSource(FileModel):
     blind_sectors_deg: Annotated[tuple[Sector, ...], Field(strict=False)] = Field(
         (), description="bearings (from, to), clockwise, that parts of the vehicle hide"
     )
+    exposure_s: Annotated[float, Field(ge=0.0, le=1.0)] = Field(
+        0.0, description="how much later than its stamp any part of a message may be measured"
+    )
     box_max_m: Annotated[float, Field(ge=0.2, le=100.0)] = Field(
         2.0, description="larger obstacles become boxes side by side"
     )
@@ -101,6 +106,11 @@ class SensorSource(FileModel):
     points_min: PointsMin = Field(
         1, description="fewer points together make neither an obstacle nor free space"
     )
+
+    @property
+    def measured_within_s(self) -> float:
+        """How much later than its stamp any part of a message may have been measured."""
+        return self.exposure_s
 
     @model_validator(mode="after")
     def _free_no_farther_than_it_sees(self) -> SensorSource:
@@ -150,7 +160,24 @@ class RangeSource(Ros2Source):
     kind: Literal["range"]
 
 
-class DetectionsSource(Ros2Source):
+class LabelledSource(Ros2Source):
+    """Boxes with labels: classes of a contract's movers, where it has some.
+
+    Attributes:
+        labels: class of each label; a box with any other is of class ``unknown``.
+        boxes_whole: whether a box holds all of what it shows, faces within ``uncertainty_m``.
+    """
+
+    labels: Annotated[dict[Label, MoverKind], Field(max_length=100)] = Field(
+        default_factory=dict,
+        description="class of movers, as the contract names it, of each label",
+    )
+    boxes_whole: bool = Field(
+        False, description="a box holds all of what it shows, and not only what faces the sensor"
+    )
+
+
+class DetectionsSource(LabelledSource):
     """vision_msgs/Detection3DArray: boxes of a detector."""
 
     kind: Literal["detection3d"]
@@ -191,6 +218,11 @@ class MavlinkSource(SensorSource):
     latency_s: Annotated[float, Field(ge=0.0, le=1.0)] = Field(
         0.05, description="from measurement to arrival"
     )
+
+    @property
+    def measured_within_s(self) -> float:
+        """As of every sensor: at any time until it arrives, since it says nothing of that."""
+        return max(self.exposure_s, self.latency_s)
 
     @model_validator(mode="after")
     def _names_no_frame(self) -> MavlinkSource:

@@ -52,11 +52,28 @@ class MovingFrame(DetectionFrame):
     Attributes:
         frame_complete: whether everything within range and view is among the obstacles; a frame
             that is not complete shows nothing free.
+        exposure_s: how much later than the stamp any part of it may have been measured.
     """
 
     version: Literal[2]  # type: ignore[assignment]  # a frame of another version
     obstacles: Annotated[tuple[CheckedDetection, ...], Field(max_length=MAX_OBSTACLES_PER_FRAME)]
     frame_complete: Annotated[bool, Field(strict=True)] = False
+    exposure_s: Annotated[float, Field(ge=0.0, le=2.0)] = 0.0
+
+
+class ReturnsFrame(MovingFrame):
+    """What a sensor measured that tells ranges only, such as a lidar or a ring of sectors.
+
+    Its obstacles enclose returns.  A return has no class, says nothing of motion, shows only the
+    side that faces the sensor, and has no identity: a name is a place, and not who is there.
+    """
+
+    frame_complete: Annotated[bool, Field(strict=True)] = True
+
+
+def exposure_s(frame: DetectionFrame) -> float:
+    """Return how much later than its stamp any part of a frame may have been measured."""
+    return frame.exposure_s if isinstance(frame, MovingFrame) else 0.0
 
 
 def is_mover(detection: Detection) -> bool:

@@ -176,6 +176,26 @@ class MoverTracker:
         self._forget(f"{source}/", shown, stamp_s, complete=complete)
         return found
 
+    def replace_returns(self, source: str, sightings: Iterable[Sighting], stamp_s: float) -> None:
+        """Take the returns of a frame, which have no identity: none is one of an earlier frame.
+
+        What an earlier frame showed and this one does not is unseen, and its place counts as such.
+
+        Args:
+            source: the sensor, with whose name its tracks begin.
+            sightings: all its returns.
+            stamp_s: when it was taken; an older one than before changes nothing.
+        """
+        own = [track for track in self._tracks.values() if track.id.startswith(f"{source}/")]
+        if any(track.seen_s >= stamp_s for track in own):
+            return
+        for track in own:
+            del self._tracks[track.id]
+        for sighting in sightings:
+            self._tracks[sighting.track_id] = self._track_of(sighting, stamp_s)
+        self.renamed = set()
+        self._forget(f"{source}/", set(), stamp_s, complete=False)
+
     def _updated(
         self,
         known: MoverTrack | None,

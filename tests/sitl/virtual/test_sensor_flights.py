@@ -69,6 +69,24 @@ def test_the_autopilots_distances_lead_around_an_obstacle() -> None:
     assert abs(simulation.scene.vehicle.truth.position_ned_m[1]) < 8.0
 
 
+def test_who_walks_up_from_behind_is_seen_by_the_autopilots_distances() -> None:
+    behind = {
+        "id": "walker", "class": "person", "speed_mps": 1.2,
+        "path": {"kind": "pursuit", "start_ned_m": (-7.0, 0.0)},
+    }  # fmt: skip
+    simulation = simulation_of("obstacle_distance_ring", 9.0, movers=(behind,))
+    yielded = False
+    while simulation.now_s < 9.0 and not simulation.scene.movers.contacts_at_rest:
+        simulation.advance()
+        phase = simulation.autonomy.navigator.phase
+        yielded |= phase is Phase.YIELD
+        assert phase in (Phase.STANDBY, Phase.CRUISE, Phase.YIELD)
+    assert yielded
+    assert simulation.scene.movers.contacts_at_rest == 1
+    assert simulation.scene.movers.contacts_moving == 0
+    assert violations(simulation) == []
+
+
 def test_a_depth_camera_leads_through_a_forest() -> None:
     simulation = flown(simulation_of("pointcloud2_forest", 6.0), 50.0)
     assert simulation.autonomy.navigator.phase is Phase.ARRIVED
