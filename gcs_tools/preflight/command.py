@@ -21,7 +21,7 @@ from gcs_tools.preflight.field_placement import check_placement
 from gcs_tools.preflight.files import LiveTargets, PreflightFiles, check_options, daemon_key
 from gcs_tools.preflight.finding import VEHICLE_IDENTITY, VIRTUAL, Finding, Verdict
 from gcs_tools.preflight.offline.heights import obstacles_in_way
-from gcs_tools.preflight.offline.sensors import check_sources
+from gcs_tools.preflight.offline.sensors import check_sources, rings_of
 from gcs_tools.preflight.remedy import Remedy, remedies
 from gcs_tools.preflight.rule import Rule
 from gcs_tools.preflight.speed import fastest_speed_mps
@@ -32,6 +32,7 @@ from onboard.files.daemon_config import load_daemon_config
 from onboard.files.geofence_file import Geofence
 from onboard.files.mission_file import Mission
 from onboard.files.obstacle_field import ObstacleField, load_field
+from onboard.files.sensor_sources import only_adds_movers
 from onboard.files.yaml_file import load_yaml
 from onboard.mission_items.fence_items import FenceError
 from onboard.perception.movers.permitted_sources import check_permitted
@@ -53,6 +54,7 @@ class Preflight:
             speed complies.
         findings: of the live check, and of what is read in its place.
         sensors: names of those of the daemon's file.
+        rings: those of them that see all round.
         accept_no_progress: accept for this run that arrival is not guaranteed.
         rehearsal: of the mission in the known field, where arrival is not guaranteed; a prediction,
             which no verdict depends on.
@@ -65,6 +67,7 @@ class Preflight:
     fastest_mps: float | None = None
     findings: tuple[Finding, ...] = ()
     sensors: tuple[str, ...] = ()
+    rings: tuple[str, ...] = ()
     accept_no_progress: bool = False
     rehearsal: Rehearsal | None = None
 
@@ -260,7 +263,9 @@ def _with_files(result: Preflight, mission: Mission | None, files: PreflightFile
         sources = load_daemon_config(files.daemon).sources
         check_permitted(sources, result.assessment.contract, str(files.daemon))
         findings = check_sources(sources, result.assessment, mission)
-        result = replace(result, findings=findings, sensors=tuple(each.name for each in sources))
+        relied_on = tuple(each.name for each in sources if not only_adds_movers(each))
+        rings = rings_of(sources)
+        result = replace(result, findings=findings, sensors=relied_on, rings=rings)
     if files.parameters is None:
         return result
     # Loads the profiles of the autopilots.
@@ -319,6 +324,7 @@ def _check_live(
         targets.endurance_s,
         system_id=targets.system_id,
         sensors=result.sensors,
+        rings=result.rings,
         mavlink_key=targets.mavlink_key,
         operator_key=targets.operator_key,
         # Where the contract complies, nothing has to be accepted.

@@ -24,6 +24,11 @@ Topic = Annotated[str, Field(pattern=r"^/?[A-Za-z0-9_]+(/[A-Za-z0-9_]+)*$")]
 Label = Annotated[str, Field(min_length=1, max_length=64)]
 MoverKind = Annotated[str, Field(pattern=r"^[a-z0-9_]{1,32}$")]
 PointsMin = Annotated[int, Field(ge=1, le=1000)]
+UTM: Final = "utm_global_position"
+TrafficMessage = Literal[
+    "adsb_vehicle", "utm_global_position", "global_position_int", "open_drone_id_location"
+]
+STATE_NO_ACCURACY: Final = ("adsb_vehicle", "global_position_int")  # of their position
 _OFFSET_MAX_M: Final = 3.0
 # Of a vehicle, by REP 105.
 _BASE_FRAME: Final = "base_link"
@@ -187,6 +192,28 @@ class DetectionsSource(LabelledSource):
     )
 
 
+class TrackedObjectsSource(LabelledSource):
+    """autoware_perception_msgs/TrackedObjects: movers besides those that sensors see.
+
+    With ``local_enu`` objects lie in the autopilot's local frame, x east and y north, as MAVROS
+    names it; with ``body`` forward, left, up of the vehicle.
+    """
+
+    kind: Literal["tracked_objects"]
+    objects_frame: Literal["body", "local_enu"]
+    sigmas: Annotated[float, Field(gt=0.0, le=10.0)] | None = Field(
+        None, description="standard deviations of a position to add to uncertainty_m; unset: none"
+    )
+
+    @model_validator(mode="after")
+    def _shows_nothing_free(self) -> TrackedObjectsSource:
+        if self.no_return_is_free_to_m is not None:
+            raise ValueError("no_return_is_free_to_m: what a tracker does not report may be there")
+        if self.mounting.tf_topic is not None:
+            raise ValueError("mounting.tf_topic: objects_frame says where objects are")
+        return self
+
+
 class OccupancyGridSource(Ros2Source):
     """nav_msgs/OccupancyGrid: cells of a map.
 
@@ -249,6 +276,43 @@ class DistanceSensorSource(MavlinkSource):
     )
 
 
+class TrafficSource(MavlinkSource):
+    """What other vehicles and an ADS-B receiver report on the vehicle's link: movers besides.
+
+    Remote ID (OPEN_DRONE_ID_LOCATION) is logged only.
+    """
+
+    kind: Literal["traffic"]
+    messages: Annotated[tuple[TrafficMessage, ...], Field(strict=False, min_length=1)]
+    mover_class: MoverKind = Field(description="of all that is reported, as the contract names it")
+    latency_s: Annotated[float, Field(ge=0.0, le=5.0)] = Field(
+        description="from measurement to arrival, at most, where a message does not tell"
+    )
+    accuracy_m: Annotated[float, Field(gt=0.0, le=100.0)] | None = Field(
+        None, description="how far a position may be off of which the message does not say that"
+    )
+    sigmas: Annotated[float, Field(ge=1.0, le=10.0)] | None = Field(
+        None, description="standard deviations that a position of UTM_GLOBAL_POSITION may be off"
+    )
+    height_m: Annotated[float, Field(gt=0.0, le=10_000.0)] | None = Field(
+        None, description="what is farther above or below the vehicle does not count; unset: all do"
+    )
+    own_icao_address: Annotated[int, Field(ge=0, le=0xFFFFFF)] | None = Field(
+        None, description="of the vehicle's own transponder, whose echo is no other vehicle"
+    )
+
+    @model_validator(mode="after")
+    def _knows_how_far_positions_are_off(self) -> TrafficSource:
+        silent = [each for each in self.messages if each in STATE_NO_ACCURACY]
+        if silent and self.accuracy_m is None:
+            raise ValueError(f"accuracy_m: needed for {silent[0]}, which states none")
+        if UTM in self.messages and self.sigmas is None and self.accuracy_m is None:
+            raise ValueError(f"sigmas or accuracy_m: needed for {UTM}, which states deviations")
+        if self.no_return_is_free_to_m is not None:
+            raise ValueError("no_return_is_free_to_m: who does not report may be there")
+        return self
+
+
 class FieldFileSource(SensorSource):
     """Virtual obstacles: those of a field file, seen as a sensor at the vehicle's centre would.
 
@@ -294,9 +358,11 @@ AnySource = Annotated[
     | PointCloudSource
     | RangeSource
     | DetectionsSource
+    | TrackedObjectsSource
     | OccupancyGridSource
     | ObstacleDistanceSource
     | DistanceSensorSource
+    | TrafficSource
     | FieldFileSource,
     Field(discriminator="kind"),
 ]
@@ -327,3 +393,8 @@ def with_files_in(base: Path, sources: Iterable[AnySource]) -> tuple[AnySource, 
         else source
         for source in sources
     )
+
+
+def only_adds_movers(source: SensorSource) -> bool:
+    """Tell whether a source tells of movers and shows nothing, so that no flight relies on it."""
+    return isinstance(source, TrackedObjectsSource | TrafficSource)

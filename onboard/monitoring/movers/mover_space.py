@@ -133,7 +133,7 @@ class MoverSpace:
         """
         if not self.active:
             return []
-        if frame.field_of_view_deg >= ALL_ROUND_DEG:
+        if frame.field_of_view_deg >= ALL_ROUND_DEG and is_complete(frame):
             self.all_round_s = max(self.all_round_s, stamp_s)
         by_id = {frame.track_id(seen): seen for seen in frame.obstacles}
         if isinstance(frame, ReturnsFrame):

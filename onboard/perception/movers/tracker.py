@@ -17,7 +17,7 @@ from onboard.geometry.box import Box
 # Complete frames of its sensor without it: then it is unseen, and its place counts as such.
 MISSED_MAX: Final = 3
 # A track that no frame of its sensor has updated for so long is unseen, too.
-_MEMORY_S: Final = 5.0
+MEMORY_S: Final = 5.0
 # A mover that was faster than declared may become faster still.
 _RAISED: Final = 1.25
 _ROUND_OFF_M: Final = 1e-6
@@ -257,7 +257,7 @@ class MoverTracker:
 
     def _forget(self, prefix: str, shown: set[str], stamp_s: float, *, complete: bool) -> None:
         for track_id, track in list(self._tracks.items()):
-            if stamp_s - track.seen_s > _MEMORY_S:
+            if stamp_s - track.seen_s > MEMORY_S:
                 del self._tracks[track_id]
             elif complete and track_id.startswith(prefix) and track_id not in shown:
                 if track.missed + 1 >= MISSED_MAX:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -11,7 +11,7 @@ import numpy as np
 from onboard.files.sensor_sources import DetectionsSource
 from onboard.geometry.frames import FloatArray, LegFrame
 from onboard.perception.detection import DetectionFrame
-from onboard.perception.movers.moving_detection import UNKNOWN_CLASS, MovingFrame
+from onboard.perception.movers.moving_detection import MovingFrame, kind_of_labels
 from onboard.perception.ros2.cdr import DecodeError
 from onboard.perception.ros2.messages import DetectedBox, Quaternion, decode_detections
 from onboard.perception.scan.box_tracks import BoxTracks
@@ -181,17 +181,6 @@ class DetectionsInput(SensorInput):
             }
             for name, (_, each) in zip(names, found, strict=True)
         ]
-
-
-def kind_of_labels(labels: Sequence[str], kinds: Mapping[str, str]) -> str:
-    """Return the class of a box; unknown unless all that its detector takes it for are of one.
-
-    Args:
-        labels: what it may be.
-        kinds: classes by label.
-    """
-    found = {kinds.get(label, UNKNOWN_CLASS) for label in labels}
-    return found.pop() if len(found) == 1 else UNKNOWN_CLASS
 
 
 def rotation_of(quaternion: Quaternion) -> FloatArray:
