@@ -110,14 +110,16 @@ def _read_label(reader: CdrReader) -> str:
 def _read_shape(reader: CdrReader) -> Vector:
     """Read a shape; of a polygon, return what encloses it around the object's centre."""
     kind = reader.u8()
-    xs_m, ys_m = [0.0], [0.0]
-    for _ in range(reader.count(_POINT_BYTES)):
-        xs_m.append(abs(reader.f32()))
-        ys_m.append(abs(reader.f32()))
-        reader.f32()
+    points_m = [
+        (abs(reader.f32()), abs(reader.f32()), reader.f32())
+        for _ in range(reader.count(_POINT_BYTES))
+    ]
     length_m, width_m, height_m = reader.f64s(3)
     if kind == _POLYGON:
-        length_m, width_m = 2.0 * max(xs_m), 2.0 * max(ys_m)
+        # NaN is neither greatest nor least, but makes every sum one.
+        if not points_m or not math.isfinite(sum(x_m + y_m for x_m, y_m, _ in points_m)):
+            raise DecodeError("dimensions")
+        length_m, width_m = (2.0 * max(each[axis] for each in points_m) for axis in (0, 1))
     if not all(0.0 <= side_m <= _METRES_MAX for side_m in (length_m, width_m, height_m)):
         raise DecodeError("dimensions")
     return length_m, width_m, height_m
