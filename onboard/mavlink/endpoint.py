@@ -249,8 +249,10 @@ class MavlinkEndpoint:
 
     def _handle(self, message: Any, now_s: float, *, of_vehicle: bool) -> None:
         message_id = message.get_msgId()
-        if message_id in self.traffic_messages:
-            self._hear_traffic(message, of_vehicle=of_vehicle)
+        if message_id in self.traffic_messages and self._is_of_others(message, of_vehicle):
+            self._traffic.append((message_id, bytes(message.get_msgbuf())))
+            if not of_vehicle:
+                return
         if message_id in _RANGE_MESSAGES:
             sender = (message.get_srcSystem(), message.get_srcComponent())
             if sender == (self._system_id, COMPONENT_ID):
@@ -266,12 +268,12 @@ class MavlinkEndpoint:
             self._requests.heard(message_id)
             handler(message, now_s)
 
-    def _hear_traffic(self, message: Any, *, of_vehicle: bool) -> None:
-        """Keep what tells of other vehicles, and where our own vehicle's local frame is."""
+    def _is_of_others(self, message: Any, of_vehicle: bool) -> bool:
+        """Tell whether a message is of other vehicles, or says where our own local frame is."""
         message_id, own = message.get_msgId(), message.get_srcSystem() == self._system_id
-        places_frame = message_id == mavlink.MAVLINK_MSG_ID_GPS_GLOBAL_ORIGIN
-        if of_vehicle if places_frame else not (own and message_id in _OF_OWN_POSITION):
-            self._traffic.append((message_id, bytes(message.get_msgbuf())))
+        if message_id == mavlink.MAVLINK_MSG_ID_GPS_GLOBAL_ORIGIN:
+            return of_vehicle
+        return not (own and message_id in _OF_OWN_POSITION)
 
     def _note_second_commander(self, message: Any, now_s: float) -> None:
         tells_where_to_go = message.get_msgId() in _SETPOINT_MESSAGES
