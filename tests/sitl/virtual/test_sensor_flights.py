@@ -18,9 +18,7 @@ from sitl.virtual.simulation import SimulatedFlight, Simulation, deliver, withou
 SENSORS = Path(__file__).parents[3] / "config" / "scenarios" / "sensors"
 
 
-def simulation_of(
-    name: str, leg_m: float, *, listening: bool = True, **sitl: dict[str, Any]
-) -> Simulation:
+def simulation_of(name: str, leg_m: float, *, listening: bool = True, **sitl: Any) -> Simulation:
     """Return a flight of a shipped scenario along the begin of its leg, already in the air."""
     scenario = load_scenario(SENSORS / f"{name}.yaml")
     document = scenario.mission.model_dump(mode="json")
