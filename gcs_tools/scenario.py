@@ -18,6 +18,7 @@ from onboard.files.obstacle_field import Obstacle, ObstacleField, ObstacleList, 
 from onboard.files.sensor_sources import AnySource, with_files_in
 from onboard.files.yaml_file import FileError, FileModel, load_yaml, read_mapping, validate
 from onboard.mavlink.profiles.registry import profile_named
+from onboard.perception.movers.permitted_sources import check_permitted
 from sitl.autopilot.flavours.parameters import ideal_gains
 from sitl.autopilot.flavours.px4_parameters import GAINS, PARAMETERS
 from sitl.config import SitlConfig, VehicleConfig
@@ -161,6 +162,7 @@ def load_scenario(path: Path) -> Scenario:
         expect=written.expect,
         sources=with_files_in(base, written.sources),
     )
+    check_permitted(scenario.sources, scenario.contract, str(path))
     _require_mission_start(scenario, path)
     _require_frames_to_change(scenario, path)
     return scenario

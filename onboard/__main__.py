@@ -29,6 +29,7 @@ from onboard.files.yaml_file import FileError, load_yaml
 from onboard.log_format import configure_logging
 from onboard.mavlink.link_url import LinkError
 from onboard.metrics.server import MetricsError
+from onboard.perception.movers.permitted_sources import check_permitted
 from onboard.recording.directory_quota import MEGABYTE, DirectoryQuota
 from onboard.recording.recorder import LogFileError, LogPlace
 
@@ -47,6 +48,7 @@ def main(arguments: list[str] | None = None) -> int:
         base = options.config.parent
         config = config.model_copy(update={"zenoh": config.zenoh.relative_to(base)})
         contract = load_yaml(base / config.contract, Contract)
+        check_permitted(config.sources, contract, str(options.config))
         mission = None
         if not config.mission_from_vehicle:
             mission = load_yaml(base / config.mission, Mission)

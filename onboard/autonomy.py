@@ -28,6 +28,7 @@ from onboard.files.resume_payload import Command
 from onboard.files.sensor_sources import (
     AnySource,
     excludes_real_sensors,
+    only_adds_movers,
     shows_virtual_obstacles,
 )
 from onboard.geometry.fence import Fence, FenceArea
@@ -146,14 +147,16 @@ class Autonomy:
         return MissionProgress(navigator, link, contract.sha256, self._identity, self.emit)
 
     def _channels(self, sensors: Sequence[AnySource]) -> SensorChannels:
-        """Listen to the vehicle's sensors, and rely on each of them."""
+        """Listen to the vehicle's sensors, and rely on each that shows what is free."""
         poses = PosesByStamp(self.supervisor.poses, lambda: self.epoch_unix_s)
         channels = SensorChannels(sensors, poses, self._intake.counters)
         self._intake.names_taken = frozenset(channels.sensors)
         self._intake.virtual_only = excludes_real_sensors(sensors)
         self.virtual_obstacles = shows_virtual_obstacles(sensors)
-        self.supervisor.detections.monitor.expected = frozenset(channels.sensors)
+        relied_on = (each.name for each in sensors if not only_adds_movers(each))
+        self.supervisor.detections.monitor.expected = frozenset(relied_on)
         self.link.range_messages = channels.mavlink_ids
+        self.link.listen_to_traffic(channels.traffic_ids)
         return channels
 
     @property
@@ -220,7 +223,7 @@ class Autonomy:
         pose = self.link.pose
         if pose is not None and pose is not before:
             self.supervisor.take_pose(pose)
-        for message_id, frame in self.link.take_ranges():
+        for message_id, frame in (*self.link.take_ranges(), *self.link.take_traffic()):
             self.sensors.receive_mavlink(message_id, frame, now_s)
 
     def receive_detection(self, payload: bytes, now_s: float) -> None:  # noqa: ARG002  latched

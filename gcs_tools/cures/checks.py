@@ -217,8 +217,12 @@ FINDING_CURES: Final[Mapping[str, Cure]] = MappingProxyType(
         ),
         "declares": Cure("what the sensor states agrees with the contract", "nothing"),
         "all_round": Cure(
-            "no sensor with a view of 360 degrees is heard, which movers require",
-            "start it; its frames state field_of_view_deg: 360",
+            "no sensor with a view of 360 degrees is heard in time, which movers require",
+            "start it; its frames state field_of_view_deg: 360, or all its sectors are known",
+        ),
+        "no_return_is_free_to_m": Cure(
+            "what returns nothing shows no place free of movers, so that none is in the open",
+            "state how far a beam without a return surely shows free space",
         ),
         "frame_complete": Cure(
             "frames of the sensor that sees all round show no place free of movers",

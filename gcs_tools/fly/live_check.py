@@ -8,9 +8,11 @@ import math
 from gcs_tools.preflight.finding import Finding
 from gcs_tools.preflight.live.bus import BusCheck
 from gcs_tools.preflight.live.check import check_vehicle
+from gcs_tools.preflight.offline.sensors import rings_of
 from gcs_tools.scenario import Plant, Scenario
 from gcs_tools.vehicle.operator import Vehicle
 from onboard.contract.assessment import assess
+from onboard.files.sensor_sources import only_adds_movers
 from sitl.plant.multirotor import hover_speed_rpm
 
 # Half-way down the discharge curve of a lithium-polymer cell.
@@ -34,8 +36,9 @@ async def check_before_flight(
     """
     assessment = assess(scenario.contract)
     endurance_s = hover_endurance_s(scenario.plant)
-    sensors = tuple(source.name for source in scenario.sources)
-    listening = asyncio.create_task(asyncio.to_thread(bus.run, assessment, sensors))
+    sensors = tuple(each.name for each in scenario.sources if not only_adds_movers(each))
+    rings = rings_of(scenario.sources)
+    listening = asyncio.create_task(asyncio.to_thread(bus.run, assessment, sensors, rings))
     try:
         found = await check_vehicle(vehicle, assessment, scenario.mission, endurance_s)
     finally:

@@ -21,7 +21,7 @@ from gcs_tools.preflight.files import LiveTargets, PreflightFiles, check_options
 from gcs_tools.preflight.finding import VEHICLE_IDENTITY, VIRTUAL, Finding, Verdict
 from gcs_tools.preflight.offline.fences import fence_rules
 from gcs_tools.preflight.offline.heights import obstacles_in_way
-from gcs_tools.preflight.offline.sensors import check_sources
+from gcs_tools.preflight.offline.sensors import check_sources, rings_of
 from gcs_tools.preflight.remedy import Remedy, remedies
 from gcs_tools.preflight.rule import Rule
 from gcs_tools.preflight.speed import fastest_speed_mps
@@ -31,7 +31,9 @@ from onboard.files.contract_file import Contract, InputSet, load_contract
 from onboard.files.daemon_config import load_daemon_config
 from onboard.files.mission_file import Mission
 from onboard.files.obstacle_field import ObstacleField, load_field
+from onboard.files.sensor_sources import only_adds_movers
 from onboard.files.yaml_file import load_yaml
+from onboard.perception.movers.permitted_sources import check_permitted
 
 if TYPE_CHECKING:
     from gcs_tools.preflight.rehearsal.prediction import Rehearsal
@@ -50,6 +52,7 @@ class Preflight:
             speed complies.
         findings: of the live check, and of what is read in its place.
         sensors: names of those of the daemon's file.
+        rings: those of them that see all round.
         accept_no_progress: accept for this run that arrival is not guaranteed.
         rehearsal: of the mission in the known field, where arrival is not guaranteed; a prediction,
             which no verdict depends on.
@@ -62,6 +65,7 @@ class Preflight:
     fastest_mps: float | None = None
     findings: tuple[Finding, ...] = ()
     sensors: tuple[str, ...] = ()
+    rings: tuple[str, ...] = ()
     accept_no_progress: bool = False
     rehearsal: Rehearsal | None = None
 
@@ -255,8 +259,11 @@ def _with_files(result: Preflight, mission: Mission | None, files: PreflightFile
     result = replace(result, fence_rules=fence_rules(result.assessment, mission, files))
     if files.daemon is not None:
         sources = load_daemon_config(files.daemon).sources
+        check_permitted(sources, result.assessment.contract, str(files.daemon))
         findings = check_sources(sources, result.assessment, mission)
-        result = replace(result, findings=findings, sensors=tuple(each.name for each in sources))
+        relied_on = tuple(each.name for each in sources if not only_adds_movers(each))
+        rings = rings_of(sources)
+        result = replace(result, findings=findings, sensors=relied_on, rings=rings)
     if files.parameters is None:
         return result
     # Loads the profiles of the autopilots.
@@ -300,6 +307,7 @@ def _check_live(
         targets.endurance_s,
         system_id=targets.system_id,
         sensors=result.sensors,
+        rings=result.rings,
         mavlink_key=targets.mavlink_key,
         operator_key=targets.operator_key,
         # Where the contract complies, nothing has to be accepted.

@@ -15,6 +15,7 @@ from gcs_tools.sensors.observation import Heard, SensorObserver, ages_s
 from gcs_tools.sensors.picture import free_ahead_m, nearest, picture
 from onboard.files.daemon_config import DaemonConfig, load_daemon_config
 from onboard.files.sensor_sources import AnySource
+from onboard.perception.movers.moving_detection import ReportsFrame
 from onboard.perception.sources.registry import zenoh_key
 
 Form = Literal["text", "json"]
@@ -90,13 +91,13 @@ def _facts(heard: Heard) -> Iterator[tuple[str, str]]:
         yield "stamps", f"{least_s:.3f} to {most_s:.3f} s old on arrival{named}"
     if heard.frames:
         frame = heard.frames[-1]
-        yield (
-            "sees",
-            (
-                f"{len(frame.obstacles)} obstacles, {frame.range_m:.1f} m far, "
-                f"{frame.field_of_view_deg:.0f}° wide"
-            ),
-        )
+        if isinstance(frame, ReportsFrame):
+            movers = {each.id for report in heard.frames for each in report.obstacles}
+            text = f"{len(movers)} movers, within {frame.range_m:g} m; shows nothing free"
+            yield "reports", text
+        else:
+            wide = f"{frame.field_of_view_deg:.0f}° wide"
+            yield "sees", f"{len(frame.obstacles)} obstacles, {frame.range_m:.1f} m far, {wide}"
         if frame.frame == "body_frd":
             free_m = free_ahead_m(frame)
             ahead = "unknown" if free_m is None else f"{free_m:.2f} m"

@@ -8,7 +8,13 @@ from typing import Final, NamedTuple
 
 from gcs_tools.sensors.observation import Heard, SensorObserver, Surroundings, ages_s
 from onboard.files.daemon_config import DaemonConfig
-from onboard.files.sensor_sources import AnySource, FieldFileSource, MavlinkSource, Ros2Source
+from onboard.files.sensor_sources import (
+    AnySource,
+    FieldFileSource,
+    MavlinkSource,
+    Ros2Source,
+    TrafficSource,
+)
 from onboard.perception.ros2.graph import Publisher
 from onboard.perception.ros2.keys import TYPE_HASHES
 from onboard.perception.sources.registry import MAVLINK_NAMES, TYPE_NAMES
@@ -23,6 +29,14 @@ _CURES: Final = (
     ("another type", "give the kind that the topic carries, or the topic of this kind"),
     ("unknown hash", "its definition of the type is not one of Humble, Jazzy or Kilted; update it"),
     ("two publishers", "two nodes publish the topic: stop one, or give each a topic of its own"),
+    (
+        "local origin not known yet",
+        "wait for a GNSS fix: the autopilot's GPS_GLOBAL_ORIGIN places other vehicles",
+    ),
+    (
+        "accuracy unknown",
+        "state accuracy_m, or sigmas; what may be off by more than 100 m does not count",
+    ),
     ("another frame_id", "set frame_id to that of the messages, or leave it out"),
     ("no pose at its stamp", "set use_sim_time to false, or the clocks by one source (chrony)"),
     ("mounting not known", "publish the transform from base_frame to its frame_id on tf_topic"),
@@ -89,6 +103,8 @@ def _diagnose(source: AnySource, seen: SensorObserver) -> Diagnosis:
         return Diagnosis(name, delivers=True)
     if heard.arrivals_s:
         return Diagnosis(name, False, *_all_dropped(source, heard))
+    if isinstance(source, TrafficSource) and seen.hears_vehicle():
+        return Diagnosis(name, True, "no other vehicle reports itself: some may be there")
     if isinstance(source, MavlinkSource):
         why = _silent_link(source, seen)
     elif heard.taken_by_json:

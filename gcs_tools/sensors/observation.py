@@ -24,8 +24,9 @@ from onboard.perception.ros2.keys import decode_attachment
 from onboard.perception.ros2.messages import Header, read_header
 from onboard.perception.sensor_channels import SensorChannels
 from onboard.perception.sources.json_v1 import parse_frame
-from onboard.perception.sources.registry import MAVLINK_IDS, zenoh_key
+from onboard.perception.sources.registry import mavlink_ids_of, zenoh_key
 from onboard.perception.sources.sensor_input import PosesByStamp
+from onboard.perception.sources.traffic import ORIGIN
 from onboard.recording.messages import SensorRecord
 from onboard.vehicle_state import Pose
 
@@ -153,6 +154,7 @@ class SensorObserver:
         self._poses = _LevelWithoutTelemetry(self._history, epoch_unix_s)
         self._channels = SensorChannels(config.sources, self._poses, DetectionCounters())
         self.link.range_messages = self._channels.mavlink_ids
+        self.link.listen_to_traffic(self._channels.traffic_ids)
         self._keys = {source.name: zenoh_key(source) for source in config.sources}
 
     def receive_mavlink(self, data: bytes, now_s: float) -> None:
@@ -161,10 +163,10 @@ class SensorObserver:
         self.link.receive(data, now_s)
         if self.link.pose is not None and self.link.pose is not before:
             self._history.add(self.link.pose)
-        for message_id, frame in self.link.take_ranges():
+        for message_id, frame in (*self.link.take_ranges(), *self.link.take_traffic()):
             self._channels.receive_mavlink(message_id, frame, now_s)
             for name, sensor in self._channels.sensors.items():
-                if MAVLINK_IDS.get(sensor.config.kind) == message_id:
+                if message_id in mavlink_ids_of(sensor.config) - {ORIGIN}:
                     self.heard[name].arrivals_s.append(now_s)
 
     def receive_sample(

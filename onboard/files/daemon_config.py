@@ -12,8 +12,9 @@ from onboard.files.contract_file import InputSet, NonNegative, Positive
 from onboard.files.mission_file import EnergyBudget
 from onboard.files.sensor_sources import (
     AnySource,
+    DistanceSensorSource,
     FieldFileSource,
-    MavlinkSource,
+    ObstacleDistanceSource,
     Topic,
     excludes_real_sensors,
     with_files_in,
@@ -241,7 +242,8 @@ class DaemonConfig(FileModel):
     @model_validator(mode="after")
     def _reads_no_output_of_its_own(self) -> DaemonConfig:
         shown = self.outputs.obstacle_distance
-        reading = [each.name for each in self.sources if isinstance(each, MavlinkSource)]
+        ranging = ObstacleDistanceSource | DistanceSensorSource
+        reading = [each.name for each in self.sources if isinstance(each, ranging)]
         if shown is not None and shown.through_autopilot and reading:
             raise ValueError(
                 "outputs.obstacle_distance.through_autopilot: the sensor "

@@ -21,7 +21,14 @@ View = Annotated[float, Field(gt=0.0, le=360.0)]
 # Forward, left, up, or, of cameras, right, down, forward.
 Axes = Literal["flu", "optical"]
 Topic = Annotated[str, Field(pattern=r"^/?[A-Za-z0-9_]+(/[A-Za-z0-9_]+)*$")]
+Label = Annotated[str, Field(min_length=1, max_length=64)]
+MoverKind = Annotated[str, Field(pattern=r"^[a-z0-9_]{1,32}$")]
 PointsMin = Annotated[int, Field(ge=1, le=1000)]
+UTM: Final = "utm_global_position"
+TrafficMessage = Literal[
+    "adsb_vehicle", "utm_global_position", "global_position_int", "open_drone_id_location"
+]
+STATE_NO_ACCURACY: Final = ("adsb_vehicle", "global_position_int")  # of their position
 _OFFSET_MAX_M: Final = 3.0
 # Of a vehicle, by REP 105.
 _BASE_FRAME: Final = "base_link"
@@ -92,6 +99,9 @@ class SensorSource(FileModel):
     blind_sectors_deg: Annotated[tuple[Sector, ...], Field(strict=False)] = Field(
         (), description="bearings (from, to), clockwise, that parts of the vehicle hide"
     )
+    exposure_s: Annotated[float, Field(ge=0.0, le=1.0)] = Field(
+        0.0, description="how much later than its stamp any part of a message may be measured"
+    )
     box_max_m: Annotated[float, Field(ge=0.2, le=100.0)] = Field(
         2.0, description="larger obstacles become boxes side by side"
     )
@@ -101,6 +111,11 @@ class SensorSource(FileModel):
     points_min: PointsMin = Field(
         1, description="fewer points together make neither an obstacle nor free space"
     )
+
+    @property
+    def measured_within_s(self) -> float:
+        """How much later than its stamp any part of a message may have been measured."""
+        return self.exposure_s
 
     @model_validator(mode="after")
     def _free_no_farther_than_it_sees(self) -> SensorSource:
@@ -150,7 +165,24 @@ class RangeSource(Ros2Source):
     kind: Literal["range"]
 
 
-class DetectionsSource(Ros2Source):
+class LabelledSource(Ros2Source):
+    """Boxes with labels: classes of a contract's movers, where it has some.
+
+    Attributes:
+        labels: class of each label; a box with any other is of class ``unknown``.
+        boxes_whole: whether a box holds all of what it shows, faces within ``uncertainty_m``.
+    """
+
+    labels: Annotated[dict[Label, MoverKind], Field(max_length=100)] = Field(
+        default_factory=dict,
+        description="class of movers, as the contract names it, of each label",
+    )
+    boxes_whole: bool = Field(
+        False, description="a box holds all of what it shows, and not only what faces the sensor"
+    )
+
+
+class DetectionsSource(LabelledSource):
     """vision_msgs/Detection3DArray: boxes of a detector."""
 
     kind: Literal["detection3d"]
@@ -158,6 +190,28 @@ class DetectionsSource(Ros2Source):
     view_deg: Annotated[tuple[View, View], Field(strict=False)] = Field(
         description="of the sensor itself, around its axis: across, up and down"
     )
+
+
+class TrackedObjectsSource(LabelledSource):
+    """autoware_perception_msgs/TrackedObjects: movers besides those that sensors see.
+
+    With ``local_enu`` objects lie in the autopilot's local frame, x east and y north, as MAVROS
+    names it; with ``body`` forward, left, up of the vehicle.
+    """
+
+    kind: Literal["tracked_objects"]
+    objects_frame: Literal["body", "local_enu"]
+    sigmas: Annotated[float, Field(gt=0.0, le=10.0)] | None = Field(
+        None, description="standard deviations of a position to add to uncertainty_m; unset: none"
+    )
+
+    @model_validator(mode="after")
+    def _shows_nothing_free(self) -> TrackedObjectsSource:
+        if self.no_return_is_free_to_m is not None:
+            raise ValueError("no_return_is_free_to_m: what a tracker does not report may be there")
+        if self.mounting.tf_topic is not None:
+            raise ValueError("mounting.tf_topic: objects_frame says where objects are")
+        return self
 
 
 class OccupancyGridSource(Ros2Source):
@@ -192,6 +246,11 @@ class MavlinkSource(SensorSource):
         0.05, description="from measurement to arrival"
     )
 
+    @property
+    def measured_within_s(self) -> float:
+        """As of every sensor: at any time until it arrives, since it says nothing of that."""
+        return max(self.exposure_s, self.latency_s)
+
     @model_validator(mode="after")
     def _names_no_frame(self) -> MavlinkSource:
         if self.mounting.tf_topic is not None:
@@ -215,6 +274,43 @@ class DistanceSensorSource(MavlinkSource):
     beam_width_deg: Annotated[float, Field(ge=2.0, le=120.0)] = Field(
         3.0, description="where messages do not state it"
     )
+
+
+class TrafficSource(MavlinkSource):
+    """What other vehicles and an ADS-B receiver report on the vehicle's link: movers besides.
+
+    Remote ID (OPEN_DRONE_ID_LOCATION) is logged only.
+    """
+
+    kind: Literal["traffic"]
+    messages: Annotated[tuple[TrafficMessage, ...], Field(strict=False, min_length=1)]
+    mover_class: MoverKind = Field(description="of all that is reported, as the contract names it")
+    latency_s: Annotated[float, Field(ge=0.0, le=5.0)] = Field(
+        description="from measurement to arrival, at most, where a message does not tell"
+    )
+    accuracy_m: Annotated[float, Field(gt=0.0, le=100.0)] | None = Field(
+        None, description="how far a position may be off of which the message does not say that"
+    )
+    sigmas: Annotated[float, Field(ge=1.0, le=10.0)] | None = Field(
+        None, description="standard deviations that a position of UTM_GLOBAL_POSITION may be off"
+    )
+    height_m: Annotated[float, Field(gt=0.0, le=10_000.0)] | None = Field(
+        None, description="what is farther above or below the vehicle does not count; unset: all do"
+    )
+    own_icao_address: Annotated[int, Field(ge=0, le=0xFFFFFF)] | None = Field(
+        None, description="of the vehicle's own transponder, whose echo is no other vehicle"
+    )
+
+    @model_validator(mode="after")
+    def _knows_how_far_positions_are_off(self) -> TrafficSource:
+        silent = [each for each in self.messages if each in STATE_NO_ACCURACY]
+        if silent and self.accuracy_m is None:
+            raise ValueError(f"accuracy_m: needed for {silent[0]}, which states none")
+        if UTM in self.messages and self.sigmas is None and self.accuracy_m is None:
+            raise ValueError(f"sigmas or accuracy_m: needed for {UTM}, which states deviations")
+        if self.no_return_is_free_to_m is not None:
+            raise ValueError("no_return_is_free_to_m: who does not report may be there")
+        return self
 
 
 class FieldFileSource(SensorSource):
@@ -262,9 +358,11 @@ AnySource = Annotated[
     | PointCloudSource
     | RangeSource
     | DetectionsSource
+    | TrackedObjectsSource
     | OccupancyGridSource
     | ObstacleDistanceSource
     | DistanceSensorSource
+    | TrafficSource
     | FieldFileSource,
     Field(discriminator="kind"),
 ]
@@ -295,3 +393,8 @@ def with_files_in(base: Path, sources: Iterable[AnySource]) -> tuple[AnySource, 
         else source
         for source in sources
     )
+
+
+def only_adds_movers(source: SensorSource) -> bool:
+    """Tell whether a source tells of movers and shows nothing, so that no flight relies on it."""
+    return isinstance(source, TrackedObjectsSource | TrafficSource)

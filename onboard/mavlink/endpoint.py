@@ -81,12 +81,19 @@ _MISSION_MESSAGES: Final = (
     mavlink.MAVLINK_MSG_ID_HOME_POSITION,
     mavlink.MAVLINK_MSG_ID_GPS_GLOBAL_ORIGIN,
 )
+# Of other vehicles; these the vehicle itself sends about itself.
+_OF_OWN_POSITION: Final = (
+    mavlink.MAVLINK_MSG_ID_GLOBAL_POSITION_INT,
+    mavlink.MAVLINK_MSG_ID_UTM_GLOBAL_POSITION,
+)
 _RANGES_HZ: Final = 10.0
 _BATTERY_HZ: Final = 1.0
 # By which a change of the mission on board shows.
 _MISSION_HZ: Final = 1.0
 # A tick sees one or two; a burst beyond this is a fault: the oldest are dropped.
 _RANGES_PENDING_MAX: Final = 32
+# Of others there may be many.
+_TRAFFIC_PENDING_MAX: Final = 256
 _NOWHERE: Final = (math.nan, math.nan, math.nan)
 
 
@@ -130,6 +137,7 @@ class MavlinkEndpoint:
         missions: reads the mission on board, where that is wanted.
         security: what is refused because of its signature.
         range_messages: ids of the messages of ranges that are wanted, to be taken by `take_ranges`.
+        traffic_messages: ids of those of other vehicles, to be taken by `take_traffic`.
     """
 
     def __init__(
@@ -150,6 +158,8 @@ class MavlinkEndpoint:
         self.missions = MissionReader()
         self.range_messages: frozenset[int] = frozenset()
         self._ranges: deque[tuple[int, bytes]] = deque(maxlen=_RANGES_PENDING_MAX)
+        self.traffic_messages: frozenset[int] = frozenset()
+        self._traffic: deque[tuple[int, bytes]] = deque(maxlen=_TRAFFIC_PENDING_MAX)
         self._system_id = system_id
         self._attitude_rad: tuple[float, float, float] | None = None
         self._attitude_s = -math.inf
@@ -171,8 +181,20 @@ class MavlinkEndpoint:
             **dict.fromkeys(_MISSION_MESSAGES, self._on_mission),
             **{each.message_id: partial(self._on_estimator, each) for each in ESTIMATOR_MESSAGES},
         }
-        wanted = frozenset((*self._handlers, *_SETPOINT_MESSAGES, *_RANGE_MESSAGES))
-        self._reader = FrameReader(mavlink, wanted, trusts_unknown=True)
+        self._reader = self._new_reader()
+
+    def _new_reader(self) -> FrameReader:
+        own = (*self._handlers, *_SETPOINT_MESSAGES, *_RANGE_MESSAGES)
+        return FrameReader(mavlink, {*own, *self.traffic_messages}, trusts_unknown=True)
+
+    def listen_to_traffic(self, messages: frozenset[int]) -> None:
+        """Hear other vehicles, too; before anything is received.
+
+        Args:
+            messages: ids of what they send, and of what the vehicle says that places them.
+        """
+        self.traffic_messages = messages
+        self._reader = self._new_reader()
 
     def receive(self, data: bytes, now_s: float) -> None:
         """Take bytes from the link; malformed ones are counted and dropped."""
@@ -207,6 +229,12 @@ class MavlinkEndpoint:
         self._ranges.clear()
         return taken
 
+    def take_traffic(self) -> list[tuple[int, bytes]]:
+        """Return and forget the messages of other vehicles that have arrived, as `take_ranges`."""
+        taken = list(self._traffic)
+        self._traffic.clear()
+        return taken
+
     def send_setpoint(self, setpoint: Setpoint, now_s: float) -> None:
         """Queue one SET_POSITION_TARGET_LOCAL_NED."""
         self.transmitter.send_setpoint(setpoint, now_s)
@@ -221,6 +249,10 @@ class MavlinkEndpoint:
 
     def _handle(self, message: Any, now_s: float, *, of_vehicle: bool) -> None:
         message_id = message.get_msgId()
+        if message_id in self.traffic_messages and self._is_of_others(message, of_vehicle):
+            self._traffic.append((message_id, bytes(message.get_msgbuf())))
+            if not of_vehicle:
+                return
         if message_id in _RANGE_MESSAGES:
             sender = (message.get_srcSystem(), message.get_srcComponent())
             if sender == (self._system_id, COMPONENT_ID):
@@ -235,6 +267,13 @@ class MavlinkEndpoint:
         elif (handler := self._handlers.get(message_id)) is not None:
             self._requests.heard(message_id)
             handler(message, now_s)
+
+    def _is_of_others(self, message: Any, of_vehicle: bool) -> bool:
+        """Tell whether a message is of other vehicles, or says where our own local frame is."""
+        message_id, own = message.get_msgId(), message.get_srcSystem() == self._system_id
+        if message_id == mavlink.MAVLINK_MSG_ID_GPS_GLOBAL_ORIGIN:
+            return of_vehicle
+        return not (own and message_id in _OF_OWN_POSITION)
 
     def _note_second_commander(self, message: Any, now_s: float) -> None:
         tells_where_to_go = message.get_msgId() in _SETPOINT_MESSAGES

@@ -29,7 +29,7 @@ from onboard.perception.detection import (
 )
 from onboard.perception.heights import heights_filled_m
 from onboard.perception.intake import DetectionCounters
-from onboard.perception.movers.moving_detection import is_complete
+from onboard.perception.movers.moving_detection import ReportsFrame, is_complete
 from onboard.perception.placement import PlacedBox, blurs_m, place
 from onboard.perception.pose_history import PoseHistory
 from onboard.vehicle_state import Pose
@@ -84,6 +84,9 @@ class DetectionEvaluator:
             now_s: the time.
             heading: learns of tracks that are seen from the body once more.
         """
+        if isinstance(frame, ReportsFrame):
+            yield from self._take_reports(frame, stamp_s, now_s)
+            return
         doubted = False
         for violation in self._evaluate(frame, stamp_s, now_s, heading):
             doubted |= violation.assumption in DOUBTS
@@ -135,6 +138,19 @@ class DetectionEvaluator:
         for box in placed:
             if box.track_id not in moving:
                 yield from self._take_everywhere(box, stamp_s, now_s)
+
+    def _take_reports(
+        self, frame: ReportsFrame, stamp_s: float, now_s: float
+    ) -> Iterator[Violation]:
+        """Add the movers that are reported; one from the future has been stamped wrongly."""
+        shifts_m = self._placements_m(stamp_s)
+        if len(shifts_m) != 1 or stamp_s > now_s + CLOCK_TOLERANCE_S:
+            self._counters.unplaced_frames += 1
+            return
+        placed = place(frame, None, None, lambda *_: ANY_HEIGHT)
+        yield from self.movers.track(
+            frame, [box.shifted_by(shifts_m[0]) for box in placed], stamp_s
+        )
 
     def _filled_m(
         self, frame: DetectionFrame, pose: Pose | None, stamp_s: float

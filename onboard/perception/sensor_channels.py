@@ -10,7 +10,7 @@ from collections import Counter, deque
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Final, NamedTuple
 
-from onboard.files.sensor_sources import AnySource, FieldFileSource
+from onboard.files.sensor_sources import AnySource, FieldFileSource, TrafficSource
 from onboard.perception.detection import DetectionFrame
 from onboard.perception.intake import MAX_PENDING_FRAMES, DetectionCounters, Refusal
 from onboard.perception.ros2.cdr import DecodeError
@@ -22,6 +22,7 @@ from onboard.perception.sources.registry import (
     MAVLINK_IDS,
     TRANSFORMS,
     Sensor,
+    mavlink_ids_of,
     sensor,
 )
 from onboard.perception.sources.sensor_input import NO_POSE_YET, PastPoses
@@ -66,9 +67,16 @@ class SensorChannels:
 
     @property
     def mavlink_ids(self) -> frozenset[int]:
-        """Messages of the MAVLink link that are read."""
+        """Messages of ranges on the MAVLink link that are read."""
         kinds = {each.config.kind for each in self._sensors.values()}
         return frozenset(number for kind, number in MAVLINK_IDS.items() if kind in kinds)
+
+    @property
+    def traffic_ids(self) -> frozenset[int]:
+        """Messages of other vehicles on the MAVLink link that are read."""
+        configs = [each.config for each in self._sensors.values()]
+        traffic = (each for each in configs if isinstance(each, TrafficSource))
+        return frozenset().union(*map(mavlink_ids_of, traffic))
 
     def receive(
         self, name: str, payload: bytes, now_s: float, *, key: str = "", attachment: bytes = b""
@@ -119,7 +127,7 @@ class SensorChannels:
     def receive_mavlink(self, message_id: int, payload: bytes, now_s: float) -> None:
         """Latch one MAVLink frame for every sensor that reads its kind."""
         for name, each in self._sensors.items():
-            if MAVLINK_IDS.get(each.config.kind) == message_id:
+            if message_id in mavlink_ids_of(each.config):
                 self.receive(name, payload, now_s)
 
     def measure_virtual(self, now_s: float, home_ned_m: Home | None) -> None:

@@ -21,6 +21,7 @@ from sitl.plant.truth import VehicleTruth
 
 # The vehicle's centre is this high above the ground on which it stands.
 _STANDS_M: Final = 0.15
+NOTHING: Final = ObstacleField.of(())
 # Steeper than this a ray meets the ground or nothing.
 _STEEP: Final = 1e-3
 
@@ -87,13 +88,20 @@ class MountedBeams:
         self._offset_m = np.array([[mounting.x_m], [mounting.y_m], [mounting.z_m]])
         self._field, self._near = field, Neighbourhood(field)
 
-    def ranges_m(self, truths: PastTruths, times_s: FloatArray, range_max_m: float) -> FloatArray:
+    def ranges_m(
+        self,
+        truths: PastTruths,
+        times_s: FloatArray,
+        range_max_m: float,
+        movers: ObstacleField = NOTHING,
+    ) -> FloatArray:
         """Return the distance (n,) at which each ray first meets something; infinite beyond range.
 
         Args:
             truths: of the vehicle.
             times_s: (n,) when each ray is cast.
             range_max_m: how far they reach.
+            movers: what moves, where it is as the scan ends.
         """
         places_m, attitudes = truths.at(times_s)
         rays = turned(attitudes, self._directions)
@@ -105,10 +113,11 @@ class MountedBeams:
         candidates = self._near.within(first_m, range_max_m + spread_m)
         found_m = np.full(rays.shape[1], math.inf)
         flat = np.flatnonzero(level > _STEEP)
-        if candidates.size:
-            starts_m, bearings_rad = origins_m[:2, flat].T, np.arctan2(rays[1, flat], rays[0, flat])
-            away_m = ray_ranges_m(starts_m, bearings_rad, self._field, candidates)
-            found_m[flat] = away_m / level[flat]
+        starts_m, bearings_rad = origins_m[:2, flat].T, np.arctan2(rays[1, flat], rays[0, flat])
+        for field, near in ((self._field, candidates), (movers, np.arange(len(movers.ids)))):
+            if near.size:
+                away_m = ray_ranges_m(starts_m, bearings_rad, field, near) / level[flat]
+                found_m[flat] = np.minimum(found_m[flat], away_m)
         ground_m = np.maximum(_STANDS_M - origins_m[2], 0.0) / np.maximum(rays[2], 1e-9)
         found_m = np.minimum(found_m, ground_m)
         return np.where(found_m <= range_max_m, found_m, math.inf)

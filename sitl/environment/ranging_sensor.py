@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
+from collections.abc import Sequence
 from typing import Final
 
 import numpy as np
@@ -11,7 +12,8 @@ from numpy.typing import NDArray
 
 from onboard.files.obstacle_field import FloatArray, ObstacleField
 from sitl.environment.formats.ros2_topics import Ros2Publisher
-from sitl.environment.mounted_beams import MountedBeams, PastTruths
+from sitl.environment.mounted_beams import NOTHING, MountedBeams, PastTruths
+from sitl.environment.movers.movers import Mover
 from sitl.environment.ranging_formats import FORMATS, Measured
 from sitl.environment.sensor import SensorConfig
 from sitl.environment.sensor_message import LinkMessage, SensorMessage, ZenohMessage
@@ -31,12 +33,18 @@ class RangingSensor:
         field: the obstacles.
         seed: of its noise.
         start_unix_s: Unix time at time zero.
+        movers: what moves, which rays meet as they do obstacles.
     """
 
     def __init__(
-        self, config: SensorConfig, field: ObstacleField, seed: int, start_unix_s: float = 0.0
+        self,
+        config: SensorConfig,
+        field: ObstacleField,
+        seed: int,
+        start_unix_s: float = 0.0,
+        movers: Sequence[Mover] = (),
     ) -> None:
-        self.config = config
+        self.config, self._movers = config, movers
         self._format = FORMATS[config.publishes](config)
         azimuth_rad, elevation_rad = self._format.azimuth_rad, self._format.elevation_rad
         flat = np.cos(elevation_rad)
@@ -95,7 +103,7 @@ class RangingSensor:
         beams = self.config.beams
         begin_s = now_s - beams.scan_time_s
         times_s = begin_s + beams.scan_time_s * self._format.shares
-        true_m = self._beams.ranges_m(self._truths, times_s, range_m)
+        true_m = self._beams.ranges_m(self._truths, times_s, range_m, _boxes(self._movers))
         count = len(true_m)
         ranges_m = true_m + self._noise.normal(0.0, beams.range_noise_m, count)
         lost = (self._noise.random(count) < beams.dropout) | (ranges_m > range_m)
@@ -103,6 +111,19 @@ class RangingSensor:
         ranges_m[self._hidden] = _OWN_PART_M
         limits_m = (beams.range_min_m, self.config.range_m)
         return Measured(begin_s, ranges_m, self._hidden, limits_m)
+
+
+def _boxes(movers: Sequence[Mover]) -> ObstacleField:
+    """Return movers as the boxes that they are now."""
+    if not movers:
+        return NOTHING
+    half_m = [mover.half_m for mover in movers]
+    return ObstacleField(
+        ids=tuple(mover.config.id for mover in movers),
+        center_ned_m=np.array([mover.position_ned_m for mover in movers]),
+        half_size_m=np.stack((half_m, half_m), axis=1),
+        yaw_rad=np.zeros(len(movers)),
+    )
 
 
 def _in_sectors(

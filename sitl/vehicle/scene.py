@@ -65,7 +65,7 @@ class Scene:
             if sensor.publishes == "json"
         ]
         self._ranging = [
-            RangingSensor(sensor, field, config.seed, start_unix_s)
+            RangingSensor(sensor, field, config.seed, start_unix_s, self.movers.all)
             for sensor in config.sensors
             if sensor.publishes != "json"
         ]

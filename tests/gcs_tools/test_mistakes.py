@@ -32,6 +32,10 @@ CHECK = "preflight --contract contract.yaml"
 STATED = "range_m: 9.0, uncertainty_m: 0.1"
 SOURCE = f"sources: [{{kind: laserscan, name: l, topic: /scan, {STATED}, mounting: "
 VIRTUAL = f"kind: field_file, name: v, {STATED}"
+TRAFFIC = (
+    f"kind: traffic, name: t, {STATED}, messages: [adsb_vehicle], mover_class: drone, "
+    "latency_s: 0.5"
+)
 READ_BACK = (
     f"sources: [{{kind: obstacle_distance, name: p, {STATED}}}]\n"
     "outputs: {obstacle_distance: {through_autopilot: true}}"
@@ -372,6 +376,22 @@ MISTAKES = [
         "virtual obstacles of a file that is lost", "clearway-onboard --config onboard.yaml",
         ("wood.yaml", "No such file"),
         ("onboard.yaml", "require_preflight: false", f"sources: [{{{VIRTUAL}, field: wood.yaml}}]"),
+    ),
+    Mistake(
+        "other vehicles without movers", f"{CHECK} --daemon-config onboard.yaml",
+        ("onboard.yaml: sources: 't' (traffic) tells of movers only", "movers = none"),
+        ("onboard.yaml", "require_preflight: false", f"sources: [{{{TRAFFIC}, accuracy_m: 9.0}}]"),
+    ),
+    Mistake(
+        "a tracker without movers", "clearway-onboard --config onboard.yaml",
+        ("onboard.yaml: sources: 'o' (tracked_objects) tells of movers only", "remove it"),
+        ("onboard.yaml", "require_preflight: false",
+         f"sources: [{{kind: tracked_objects, name: o, topic: o, objects_frame: body, {STATED}}}]"),
+    ),
+    Mistake(
+        "other vehicles of no accuracy", "clearway-onboard --config onboard.yaml",
+        ("onboard.yaml", "accuracy_m: needed for adsb_vehicle"),
+        ("onboard.yaml", "require_preflight: false", f"sources: [{{{TRAFFIC}}}]"),
     ),
     # ------------------------------------------------------------------------ live view, service
     Mistake("a port that is none", "watch --port 80000", ("--port", "80000")),

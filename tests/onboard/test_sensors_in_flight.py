@@ -13,11 +13,13 @@ from onboard.autonomy import Autonomy
 from onboard.contract.assessment import TICK_S
 from onboard.files.contract_file import load_contract
 from onboard.files.mission_file import Mission
-from onboard.files.sensor_sources import AnySource, ObstacleDistanceSource
+from onboard.files.sensor_sources import AnySource, ObstacleDistanceSource, TrafficSource
 from onboard.guidance.phases import Phase
 from tests.onboard.conftest import FROZEN
 from tests.onboard.perception.ros2.encoding import attachment, scan_all_round
 from tests.onboard.perception.sources.scenes import Box, lidar, tilted_ranges
+from tests.onboard.perception.sources.test_traffic import KEYS as TRAFFIC
+from tests.onboard.perception.sources.test_traffic import adsb, origin, position
 from tests.onboard.test_autonomy import EPOCH_UNIX_S, OFFBOARD, Rig
 
 CONTRACT = Path(__file__).parents[2] / "config" / "default_contract.yaml"
@@ -147,3 +149,18 @@ def test_a_vehicle_without_such_a_sensor_does_not_listen() -> None:
     rig.autonomy.receive_mavlink(bytes(message.pack(mavlink.MAVLink(None, 1, 1))), rig.now_s)
     assert rig.autonomy.link.take_ranges() == []
     assert math.isinf(rig.autonomy.supervisor.detections.monitor.age_s(1.0))
+
+
+def test_other_vehicles_are_heard_on_the_link_but_no_flight_relies_on_them() -> None:
+    source = TrafficSource.model_validate(TRAFFIC)
+    rig = LidarRig([], [source], 40.0).rig
+    autonomy = rig.autonomy
+    assert autonomy.supervisor.detections.monitor.expected == frozenset()
+    rig.run(0.5)
+    autonomy.receive_mavlink(origin() + position(30.0, 40.0) + adsb(5.0, 0.0), rig.now_s)
+    rig.tick()
+    assert autonomy.sensors.frames_read == {"traffic": 2}
+    assert autonomy.detections.malformed_frames == 0
+    assert "traffic" not in autonomy.supervisor.detections.monitor.sensors
+    # The contract has no movers: they are none, and nothing that stands still either.
+    assert len(autonomy.navigator.obstacles) == 0

@@ -29,6 +29,7 @@ from onboard.perception.ros2.messages import (
     decode_transforms,
 )
 from onboard.perception.ros2.point_cloud import decode_point_cloud
+from onboard.perception.ros2.tracked_objects import decode_tracked_objects
 from onboard.perception.ros2.transform_tree import TransformTree
 from onboard.perception.sources.registry import MAVLINK_IDS, sensor
 from onboard.perception.sources.sensor_input import SensorInput
@@ -58,6 +59,7 @@ DECODERS: dict[str, Callable[[bytes], Any]] = {
     "sensor_msgs/PointCloud2": decode_point_cloud,
     "sensor_msgs/Range": decode_range,
     "vision_msgs/Detection3DArray": decode_detections,
+    "autoware_perception_msgs/TrackedObjects": decode_tracked_objects,
     "nav_msgs/OccupancyGrid": decode_occupancy_grid,
     "tf2_msgs/TFMessage": decode_transforms,
 }
@@ -75,6 +77,7 @@ VALID: dict[str, list[bytes]] = {
     ],
     "range": encoded("sensor_msgs/Range", "le"),
     "detection3d": encoded("vision_msgs/Detection3DArray", "le"),
+    "tracked_objects": encoded("autoware_perception_msgs/TrackedObjects", "le"),
     "occupancygrid": encoded("nav_msgs/OccupancyGrid", "le"),
     "obstacle_distance": [obstacle_distance({3: 400, 4: 420})],
     "distance_sensor": [distance(450)],
@@ -135,7 +138,8 @@ def inputs_of_sensors() -> Iterator[tuple[str, Callable[[bytes], Any], list[byte
     for kind in KINDS:
         keys: dict[str, Any] = {
             "mounting": {"x_m": 0.1, "pitch_deg": 3.0},
-            "no_return_is_free_to_m": 8.0,
+            # A tracker shows nothing free.
+            "no_return_is_free_to_m": None if kind == "tracked_objects" else 8.0,
         }
         reader = sensor(source(kind, **keys), poses_of(pose_at())).input
 

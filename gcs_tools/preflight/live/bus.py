@@ -19,6 +19,7 @@ from gcs_tools.preflight.live.daemon import (
     contract_finding,
     detections_finding,
     mission_findings,
+    ring_findings,
     sensor_findings,
     telemetry_finding,
     virtual_findings,
@@ -102,13 +103,19 @@ class BusCheck:
         # If this computer sets its clock during the check, the other clocks must not seem to step.
         self._epoch_unix_s = time.time() - time.monotonic()
 
-    def run(self, assessment: Assessment, sensors: tuple[str, ...] = ()) -> list[Finding]:
+    def run(
+        self,
+        assessment: Assessment,
+        sensors: tuple[str, ...] = (),
+        rings: tuple[str, ...] = (),
+    ) -> list[Finding]:
         """Listen for `LISTEN_S`, query the daemon, and check both against the contract.
 
         Args:
             assessment: the contract.
             sensors: names of those of the daemon's file, which the daemon alone hears; with them
                 there need not be detections as JSON.
+            rings: those of them that see all round.
         """
         samples: list[Sample] = []
         listeners = [
@@ -129,11 +136,12 @@ class BusCheck:
         heard, statuses, terms = tuple(samples), tuple(self._statuses), assessment.terms
         self._daemon_ahead_s = clock_ahead_s(statuses)
         detections = check_detections(
-            heard, announced, terms, LISTEN_S, self._daemon_ahead_s, needed=not sensors
+            heard, announced, terms, LISTEN_S, self._daemon_ahead_s, needed=not sensors, rings=rings
         )
         return [
             *detections,
             *sensor_findings(statuses, sensors, terms),
+            *ring_findings(statuses, rings, terms),
             self._contract(assessment.contract),
             detections_finding(statuses, terms),
             telemetry_finding(statuses),

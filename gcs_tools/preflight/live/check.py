@@ -37,6 +37,7 @@ class LiveRequest:
         connect_timeout_s: how long to wait for an autopilot.
         system_id: of the vehicle; None if there is only one on the connection.
         sensors: names of those of the daemon's file, each of which has to deliver.
+        rings: those of them that see all round.
         accept_no_progress: have the daemon fly once without a guarantee to arrive.
         mavlink_key: of a vehicle that signs its messages; None of one that does not.
         operator_key: signs the authorization; None where the daemon needs no signature.
@@ -48,6 +49,7 @@ class LiveRequest:
     connect_timeout_s: float = CONNECT_TIMEOUT_S
     system_id: int | None = None
     sensors: tuple[str, ...] = ()
+    rings: tuple[str, ...] = ()
     accept_no_progress: bool = False
     mavlink_key: bytes | None = None
     operator_key: bytes | None = None
@@ -86,7 +88,7 @@ def check_live(
             )
         if bus is not None:
             report("detections and daemon")
-            findings += bus.run(assessment, request.sensors)
+            findings += bus.run(assessment, request.sensors, request.rings)
         if bus is not None and request.vehicle_url is not None and mission is not None:
             report("authorizing the daemon")
             finding = bus.authorize(

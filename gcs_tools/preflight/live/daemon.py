@@ -87,6 +87,41 @@ def sensor_findings(
     return [_sensor_finding(name, known.get(name), terms, heard=bool(statuses)) for name in sensors]
 
 
+def ring_findings(
+    statuses: Sequence[Status], rings: Sequence[str], terms: Terms[float]
+) -> list[Finding]:
+    """Check that a sensor of the daemon's file that sees all round does so, where movers matter.
+
+    Args:
+        statuses: of the daemon, in order.
+        rings: names of those of its sensors that see all round.
+        terms: the contract.
+    """
+    if terms.movers_level == "none":
+        return []
+    return [_ring_finding(name, statuses, terms.frame_age_max_s) for name in rings]
+
+
+def _ring_finding(name: str, statuses: Sequence[Status], limit_s: float) -> Finding:
+    """Return how old its newest frame was at most, over all that the daemon said."""
+    ages_s = []
+    for status in statuses:
+        sensors = status.document.get("sensors")
+        said = sensors.get(name) if isinstance(sensors, dict) else None
+        ages_s.append(_number(said.get("age_s")) if isinstance(said, dict) else None)
+    known_s = [age_s for age_s in ages_s if age_s is not None]
+    if not statuses:
+        text = "no status received from a daemon"
+        return Finding("sensor", f"{name} all_round", Verdict.UNKNOWN, text)
+    if len(known_s) < len(ages_s):
+        text = "the daemon did not hear it all the time: nothing else sees all round"
+        return Finding("sensor", f"{name} all_round", Verdict.BROKEN, text)
+    text = f"newest frame up to {max(known_s):.3f} s old in {len(known_s)} statuses"
+    text += f", frame_age_max_s {limit_s:g} s"
+    holds = max(known_s) <= limit_s
+    return Finding("sensor", f"{name} all_round", Verdict.of(holds=holds), text)
+
+
 def _sensor_finding(name: str, said: object, terms: Terms[float], *, heard: bool) -> Finding:
     if not heard:
         return Finding("sensor", name, Verdict.UNKNOWN, "no status received from a daemon")

@@ -10,7 +10,7 @@ from collections.abc import Iterator, Sequence
 from typing import Final
 
 from gcs_tools.preflight.finding import NOT_SEEN, VIRTUAL, Finding, Verdict
-from onboard.contract.assessment import Assessment
+from onboard.contract.assessment import Assessment, Terms
 from onboard.files.mission_file import Mission
 from onboard.files.sensor_sources import (
     AnySource,
@@ -21,7 +21,9 @@ from onboard.files.sensor_sources import (
     ObstacleDistanceSource,
     OccupancyGridSource,
     PointCloudSource,
+    only_adds_movers,
 )
+from onboard.monitoring.assumptions import ALL_ROUND_DEG
 from onboard.perception.scan.levelling import band_above_ground_m
 
 # By how much the heights that are looked at have to reach below the sensor.
@@ -39,8 +41,12 @@ def check_sources(
         assessment: the contract.
         mission: what is to be flown.
     """
-    findings = []
+    findings = list(_all_round(sources, assessment))
     for source in sources:
+        if only_adds_movers(source):
+            text = f"{source.kind}, {source.range_m:g} m: adds movers, and shows nothing free"
+            findings.append(Finding("sensor", f"{source.name} declares", Verdict.HOLDS, text))
+            continue
         wrong = [
             *_against_contract(source, assessment),
             *_against_tilt(source, assessment, mission),
@@ -61,10 +67,48 @@ def virtual_finding(name: str) -> Finding:
     return Finding("sensor", f"{name} {VIRTUAL}", Verdict.HOLDS, NOT_SEEN)
 
 
+def is_ring(source: AnySource, terms: Terms[float]) -> bool:
+    """Tell whether a sensor is the contract's all-round one, and not the one ahead as well."""
+    return (terms.all_round_range_m or 0.0) > 0.0 and _view_deg(source) >= ALL_ROUND_DEG
+
+
+def rings_of(sources: Sequence[AnySource]) -> tuple[str, ...]:
+    """Return the names of the sensors that see all round."""
+    seeing = (each for each in sources if not only_adds_movers(each))
+    return tuple(each.name for each in seeing if _view_deg(each) >= ALL_ROUND_DEG)
+
+
+def _needed_range(source: AnySource, terms: Terms[float]) -> tuple[float, str]:
+    """Return how far the contract has a sensor see, and the key that says so."""
+    ring_m = terms.all_round_range_m or 0.0
+    if is_ring(source, terms) and ring_m < terms.detection_range_m:
+        return ring_m, f"all_round_range_m {ring_m:g} m"
+    return terms.detection_range_m, f"detection_range_m {terms.detection_range_m:g} m"
+
+
+def _all_round(sources: Sequence[AnySource], assessment: Assessment) -> Iterator[Finding]:
+    """Say which sensor covers all round where movers are required; JSON may bring another."""
+    terms = assessment.terms
+    if terms.movers_level == "none":
+        return
+    for source in sources:
+        if only_adds_movers(source) or _view_deg(source) < ALL_ROUND_DEG:
+            continue
+        need_m, key = _needed_range(source, terms)
+        text = f"{source.range_m:g} m of 360°, the contract's {key}; clearway sensor check measures"
+        holds = source.range_m >= need_m
+        yield Finding("sensor", f"{source.name} all_round", Verdict.of(holds=holds), text)
+        free_m = source.no_return_is_free_to_m or 0.0
+        if free_m < need_m:
+            text = f"{free_m:g} m, the contract's {key}: what returns nothing shows no place free"
+            name = f"{source.name} no_return_is_free_to_m"
+            yield Finding("sensor", name, Verdict.BROKEN, text)
+
+
 def _against_contract(source: AnySource, assessment: Assessment) -> Iterator[tuple[str, str]]:
     terms = assessment.terms
-    if source.range_m < terms.detection_range_m:
-        need = f"detection_range_m {terms.detection_range_m:g} m"
+    need_m, need = _needed_range(source, terms)
+    if source.range_m < need_m:
         yield "range_m", f"{source.range_m:g} m, the contract's {need}"
     if source.uncertainty_m > terms.position_error_m:
         need = f"position_error_m {terms.position_error_m:g} m"
@@ -106,7 +150,7 @@ def _against_tilt(
     """Check that a plane that tilts with the body stays in the height band up to the range."""
     if not isinstance(source, LaserScanSource | ObstacleDistanceSource):
         return
-    vehicle, need_m = assessment.contract.vehicle, assessment.terms.detection_range_m
+    vehicle, (need_m, need) = assessment.contract.vehicle, _needed_range(source, assessment.terms)
     tilt_deg = max(vehicle.roll_max_deg, vehicle.pitch_max_deg)
     z_m = source.mounting.z_m
     above_m, below_m = source.height_band_m
@@ -116,8 +160,7 @@ def _against_tilt(
     band_m = max(min(above_m + z_m, below_m - z_m), 0.0)
     seen_m = band_m / math.tan(math.radians(tilt_deg))
     if seen_m < need_m:
-        need = f"the contract's detection_range_m {need_m:g} m"
-        leaves = f"the scan leaves {band_m:.4g} m after {seen_m:.1f} m, {need}"
+        leaves = f"the scan leaves {band_m:.4g} m after {seen_m:.1f} m, the contract's {need}"
         cure = "state the heights that every obstacle spans"
         if below_m < source.height_band_m[1] and below_m - z_m <= band_m:
             margin = f"ground_margin_m {source.ground_margin_m:g} m"

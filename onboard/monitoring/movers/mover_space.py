@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
@@ -16,6 +17,7 @@ from onboard.files.contract_terms.mover_terms import UNKNOWN, MoverClass
 from onboard.geometry.box import Box
 from onboard.geometry.frames import FloatArray
 from onboard.monitoring.assumptions import ALL_ROUND_DEG, Assumption, Violation
+from onboard.monitoring.movers.claimed_boxes import ClaimedBoxes
 from onboard.monitoring.movers.frame_rows import FrameRows, Uncounted
 from onboard.monitoring.seen.scan_limits import resolved_m, scan_of
 from onboard.monitoring.seen.sight import Sight
@@ -26,6 +28,8 @@ from onboard.perception.line_of_sight import View
 from onboard.perception.movers.mover_free import Glance, MoverFree, boxes_array, without
 from onboard.perception.movers.moving_detection import (
     MovingDetection,
+    ReturnsFrame,
+    exposure_s,
     is_complete,
     is_mover,
     is_whole,
@@ -142,9 +146,12 @@ class MoverSpace:
         """
         if not self.active:
             return []
-        if frame.field_of_view_deg >= ALL_ROUND_DEG:
+        if frame.field_of_view_deg >= ALL_ROUND_DEG and is_complete(frame):
             self.all_round_s = max(self.all_round_s, stamp_s)
         by_id = {frame.track_id(seen): seen for seen in frame.obstacles}
+        if isinstance(frame, ReturnsFrame):
+            self._track_returns(frame, [(by_id[box.track_id], box) for box in placed], stamp_s)
+            return []
         found: list[Violation] = []
         sightings = []
         for box in placed:
@@ -169,6 +176,26 @@ class MoverSpace:
             for each in too_fast
         ]
         return found
+
+    def _track_returns(
+        self, frame: DetectionFrame, seen: list[tuple[Detection, PlacedBox]], stamp_s: float
+    ) -> None:
+        """Take what a sensor that tells ranges only has measured: what is not claimed may move.
+
+        Tracks say where something was measured; where else that may be, the mover-free set says.
+        """
+        claimed, moving = self._claimed(), []
+        for detection, box in seen:
+            sighting = self._sighting(frame, detection, box)._replace(whole=True)
+            if not claimed.explain(box.corners_ned_m, sighting.error_m):
+                moving.append(sighting)
+        self._new = frozenset(
+            each.track_id for each in moving if not self._is_explained(each, stamp_s)
+        )
+        self._tracker.replace_returns(frame.source, moving, stamp_s)
+
+    def _claimed(self) -> ClaimedBoxes:
+        return ClaimedBoxes(self._known_boxes(), self._flight.assessment.terms.map_error_m)
 
     def see(self, sight: Sight) -> list[Violation]:
         """Take a frame that counts: it shows where no mover is; return what it contradicts.
@@ -266,6 +293,13 @@ class MoverSpace:
                 continue
             corners = np.array(corners_m)
             margin_m = self._box_margin_m(sight, corners)
+            if isinstance(sight.frame, ReturnsFrame):
+                # Somewhere in the box something is.
+                low, high = corners.min(axis=0) - margin_m, corners.max(axis=0) + margin_m
+                until_s = np.array([sight.stamp_s + POSE_TIMING_S])
+                if self._free.are_free(low[None], high[None], until_s):
+                    found.append(_first_sight(track_id))
+                continue
             for begin_m, end_m in zip(corners, np.roll(corners, -1, axis=0), strict=True):
                 low_n, high_n, low_e, high_e = strip_around(begin_m, end_m, margin_m)
                 low, high = np.stack((low_n, low_e), axis=1), np.stack((high_n, high_e), axis=1)
@@ -292,17 +326,19 @@ class MoverSpace:
         scan, view_rad = scan_of(frame, terms), math.radians(frame.field_of_view_deg)
         corners = np.array(sight.placed_ned_m).reshape(-1, 4, 2)
         raw = enclosing_boxes(corners, e)
-        moving = [self.is_mover(frame, seen) for seen in frame.obstacles]
-        rows = []
+        moving, rows = self._moving(sight, corners), []
         for index, (detection, moves) in enumerate(zip(frame.obstacles, moving, strict=True)):
             if not moves:
                 continue
             margin_m = self._box_margin_m(sight, corners[index])
             bound = self._tracker.bound(kind_of(detection))
             grown = raw[index].inflated(margin_m)
-            if not is_whole(detection):
+            # Of a return, all that its sensor does not see past stays unseen.
+            if not (is_whole(detection) or isinstance(frame, ReturnsFrame)):
                 raw[index] = grown = with_hidden_part(raw[index], margin_m, bound.size_max_m)
-            grown = grown.inflated(bound.speed_max_mps * POSE_TIMING_S)
+            raw[index] = raw[index].inflated(bound.speed_max_mps * exposure_s(frame))
+            # While a measurement lasts, what moves is anywhere within its way.
+            grown = grown.inflated(bound.speed_max_mps * (POSE_TIMING_S + exposure_s(frame)))
             rows.append((grown.x_min_m, grown.x_max_m, grown.y_min_m, grown.y_max_m))
         view = View(
             position_leg_m=pose.position_ned_m[:2],
@@ -320,7 +356,15 @@ class MoverSpace:
         open_view = None if self._hidden else without(view, moving)
         known = [around(corners_m) for corners_m in self._known_boxes()]
         everything = replace(view, boxes=[*raw, *known])
-        return Glance(everything, sight.stamp_s, boxes_array(rows), open_view)
+        lasting_s = exposure_s(frame)
+        return Glance(everything, sight.stamp_s, boxes_array(rows), open_view, lasting_s)
+
+    def _moving(self, sight: Sight, corners: FloatArray) -> list[bool]:
+        """Tell of each box of a frame whether it may move."""
+        frame = sight.frame
+        if not isinstance(frame, ReturnsFrame):
+            return [self.is_mover(frame, seen) for seen in frame.obstacles]
+        return self._claimed().unexplained(corners, partial(self._box_margin_m, sight))
 
     def _half_view_rad(self, frame: DetectionFrame, terms: Terms[float]) -> float:
         """Return half of what a frame shows: all round, or no more than the contract counts on."""

@@ -54,16 +54,18 @@ class Glance:
 
     Attributes:
         view: the frame, with every box that blocks its lines of sight.
-        stamp_s: when it was taken.
+        stamp_s: when it was taken; when its measurement began.
         movers: (n, 4): least and greatest north, least and greatest east of each mover's box, its
             errors included; no cell of them is free.
         open_view: the same without what stands still, where no mover hides behind that.
+        exposure_s: how long its measurement took, at most.
     """
 
     view: View
     stamp_s: float
     movers: FloatArray
     open_view: View | None = None
+    exposure_s: float = 0.0
 
 
 @dataclass
@@ -71,6 +73,8 @@ class _Step:
     """A frame on the raster, and what was known before it."""
 
     stamp_s: float
+    # When the measurement had ended.
+    ended_s: float
     source: str
     # Which of its sensor's rows of successive frames it belongs to.
     row: int
@@ -217,13 +221,15 @@ class MoverFree:
         for box in glance.movers:
             occupied[self._window(*box)] = True
         row = self._rows.get(source, 0)
-        return _Step(glance.stamp_s, source, row, seen & ~occupied, shaded & ~occupied, occupied)
+        ended_s = glance.stamp_s + glance.exposure_s
+        seen, shaded = seen & ~occupied, shaded & ~occupied
+        return _Step(glance.stamp_s, ended_s, source, row, seen, shaded, occupied)
 
     def _apply(self, position: int) -> None:
         """Account for a step, all before it being accounted for."""
         step = self._steps[position]
         step.free_until_s, step.unvisited_until_s = self._free_until_s, self._unvisited_until_s
-        at_s = step.stamp_s + self._error_s
+        at_s = step.ended_s + self._error_s
         unvisited = self._unvisited_until_s > at_s
         open_cells = step.seen | (step.shaded & unvisited)
         step.depth = _depth(open_cells, edge_open=False)
@@ -245,7 +251,7 @@ class MoverFree:
             if left == 0:
                 break
             if (earlier.source, earlier.row) == (step.source, step.row):
-                age_s = step.stamp_s - earlier.stamp_s + 2.0 * self._error_s
+                age_s = step.ended_s - earlier.stamp_s + 2.0 * self._error_s
                 shown &= earlier.depth * CELL_M >= self._speed_mps * age_s
                 left -= 1
         if left > 0:
@@ -256,7 +262,7 @@ class MoverFree:
         self, shown: BoolArray, before_s: FloatArray, step: _Step, *, edge_open: bool
     ) -> FloatArray:
         """Return until when no mover can be in each cell (Theorem M3)."""
-        at_s = step.stamp_s + self._error_s
+        at_s = step.ended_s + self._error_s
         held = before_s > at_s
         # Movers where none could be: an assumption has failed, or one is seen for the first time.
         surprising = bool((held & step.occupied).any())
@@ -358,7 +364,9 @@ def _nothing_near(view: View) -> bool:
     """Tell whether a sensor that sees all round reports nothing close to itself."""
     x_m, y_m = view.position_leg_m
     reach_m = NEAR_M + view.face_error_m + view.pose_error_m + view.placing_error_m
-    return view.half_view_rad >= math.pi and not any(
+    # A scan that measured nothing in some direction has not looked there.
+    looks = view.half_view_rad >= math.pi and min(view.free_range_m, default=reach_m) >= reach_m
+    return looks and not any(
         math.hypot(
             max(box.x_min_m - x_m, 0.0, x_m - box.x_max_m),
             max(box.y_min_m - y_m, 0.0, y_m - box.y_max_m),

@@ -6,6 +6,7 @@ Readers of version 1 reject it, so that they are blind and hold: they would take
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping, Sequence
 from typing import Annotated, Literal
 
 from pydantic import AfterValidator, Field
@@ -52,11 +53,36 @@ class MovingFrame(DetectionFrame):
     Attributes:
         frame_complete: whether everything within range and view is among the obstacles; a frame
             that is not complete shows nothing free.
+        exposure_s: how much later than the stamp any part of it may have been measured.
     """
 
     version: Literal[2]  # type: ignore[assignment]  # a frame of another version
     obstacles: Annotated[tuple[CheckedDetection, ...], Field(max_length=MAX_OBSTACLES_PER_FRAME)]
     frame_complete: Annotated[bool, Field(strict=True)] = False
+    exposure_s: Annotated[float, Field(ge=0.0, le=2.0)] = 0.0
+
+
+class ReturnsFrame(MovingFrame):
+    """What a sensor measured that tells ranges only, such as a lidar or a ring of sectors.
+
+    Its obstacles enclose returns.  A return has no class, says nothing of motion, shows only the
+    side that faces the sensor, and has no identity: a name is a place, and not who is there.
+    """
+
+    frame_complete: Annotated[bool, Field(strict=True)] = True
+
+
+class ReportsFrame(MovingFrame):
+    """What others say of movers, such as a tracker, or a vehicle of itself.
+
+    It adds movers.  Who is not reported may be there: it shows no place free, its range and view
+    mean nothing, and its silence tells nothing.
+    """
+
+
+def exposure_s(frame: DetectionFrame) -> float:
+    """Return how much later than its stamp any part of a frame may have been measured."""
+    return frame.exposure_s if isinstance(frame, MovingFrame) else 0.0
 
 
 def is_mover(detection: Detection) -> bool:
@@ -70,6 +96,17 @@ def is_mover(detection: Detection) -> bool:
 def kind_of(detection: Detection) -> str:
     """Return the class that a sensor states; unknown where it states none."""
     return detection.kind if isinstance(detection, MovingDetection) else UNKNOWN_CLASS
+
+
+def kind_of_labels(labels: Sequence[str], kinds: Mapping[str, str]) -> str:
+    """Return the class of a box; unknown unless all that its detector takes it for are of one.
+
+    Args:
+        labels: what it may be.
+        kinds: classes by label.
+    """
+    found = {kinds.get(label, UNKNOWN_CLASS) for label in labels}
+    return found.pop() if len(found) == 1 else UNKNOWN_CLASS
 
 
 def is_whole(detection: Detection) -> bool:

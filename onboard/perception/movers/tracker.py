@@ -17,7 +17,7 @@ from onboard.geometry.box import Box
 # Complete frames of its sensor without it: then it is unseen, and its place counts as such.
 MISSED_MAX: Final = 3
 # A track that no frame of its sensor has updated for so long is unseen, too.
-_MEMORY_S: Final = 5.0
+MEMORY_S: Final = 5.0
 # A mover that was faster than declared may become faster still.
 _RAISED: Final = 1.25
 _ROUND_OFF_M: Final = 1e-6
@@ -176,6 +176,26 @@ class MoverTracker:
         self._forget(f"{source}/", shown, stamp_s, complete=complete)
         return found
 
+    def replace_returns(self, source: str, sightings: Iterable[Sighting], stamp_s: float) -> None:
+        """Take the returns of a frame, which have no identity: none is one of an earlier frame.
+
+        What an earlier frame showed and this one does not is unseen, and its place counts as such.
+
+        Args:
+            source: the sensor, with whose name its tracks begin.
+            sightings: all its returns.
+            stamp_s: when it was taken; an older one than before changes nothing.
+        """
+        own = [track for track in self._tracks.values() if track.id.startswith(f"{source}/")]
+        if any(track.seen_s >= stamp_s for track in own):
+            return
+        for track in own:
+            del self._tracks[track.id]
+        for sighting in sightings:
+            self._tracks[sighting.track_id] = self._track_of(sighting, stamp_s)
+        self.renamed = set()
+        self._forget(f"{source}/", set(), stamp_s, complete=False)
+
     def _updated(
         self,
         known: MoverTrack | None,
@@ -237,7 +257,7 @@ class MoverTracker:
 
     def _forget(self, prefix: str, shown: set[str], stamp_s: float, *, complete: bool) -> None:
         for track_id, track in list(self._tracks.items()):
-            if stamp_s - track.seen_s > _MEMORY_S:
+            if stamp_s - track.seen_s > MEMORY_S:
                 del self._tracks[track_id]
             elif complete and track_id.startswith(prefix) and track_id not in shown:
                 if track.missed + 1 >= MISSED_MAX:

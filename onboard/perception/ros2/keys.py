@@ -26,6 +26,9 @@ TYPE_HASHES: Final = {
     "vision_msgs/Detection3DArray": (
         "793f5eab9595ac1c0da07873cc859db42eae51f0ee76056db8562515d830e018",
     ),
+    "autoware_perception_msgs/TrackedObjects": (
+        "3559bd4e62ce8a4d96e32720c02bbe656cc090bb2b3f3f91f52a7c3ab095417a",
+    ),
     "nav_msgs/OccupancyGrid": ("8d348150c12913a31ee0ec170fbf25089e4745d17035792a1ba94d6f0bc0cfc7",),
     "tf2_msgs/TFMessage": ("e369d0f05a23ae52508854b66f6aa0437f3449d652e8cbf22d5abe85d020f087",),
 }

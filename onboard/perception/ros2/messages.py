@@ -95,12 +95,13 @@ class OccupancyGrid:
 
 
 class DetectedBox(NamedTuple):
-    """One vision_msgs/Detection3D: its box, its track (may be empty), and its best score."""
+    """One vision_msgs/Detection3D: its box, track (may be empty), best score, and labels."""
 
     center: PoseInFrame
     size_m: Vector
     id: str
     score: float
+    labels: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -230,15 +231,15 @@ def decode_transforms(payload: bytes) -> tuple[Transform, ...]:
 
 def _read_detection(reader: CdrReader) -> DetectedBox:
     read_header(reader)  # repeats that of the array
-    scores = []
+    scores, labels = [], []
     for _ in range(reader.count(_HYPOTHESIS_BYTES)):
-        reader.text()  # its class
+        labels.append(reader.text())
         scores.append(_finite(reader.f64()))
         reader.f64s(7 + 36)  # its pose and covariance
     center, size_m = read_pose(reader), _read_vector(reader)
     if min(size_m) < 0.0:
         raise DecodeError("negative size")
-    return DetectedBox(center, size_m, reader.text(), max(scores, default=1.0))
+    return DetectedBox(center, size_m, reader.text(), max(scores, default=1.0), tuple(labels))
 
 
 def _read_vector(reader: CdrReader) -> Vector:

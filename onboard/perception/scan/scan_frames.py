@@ -10,6 +10,7 @@ import numpy as np
 from onboard.files.sensor_sources import SensorSource
 from onboard.geometry.frames import LegFrame
 from onboard.perception.detection import DetectionFrame
+from onboard.perception.movers.moving_detection import MovingFrame, ReturnsFrame
 from onboard.perception.ros2.cdr import DecodeError
 from onboard.perception.scan.free_ranges import free_view
 from onboard.perception.scan.levelled_beams import LevelledBeams
@@ -53,7 +54,12 @@ class ScanFrames:
         self._sequence = 0
 
     def frame(
-        self, beams: LevelledBeams, pose: Pose, stamp_unix_s: float, generation: int
+        self,
+        beams: LevelledBeams,
+        pose: Pose,
+        stamp_unix_s: float,
+        generation: int,
+        lasting_s: float = 0.0,
     ) -> DetectionFrame:
         """Return the frame of a scan, seen from the levelled body.
 
@@ -62,6 +68,7 @@ class ScanFrames:
             pose: of the body at the stamp.
             stamp_unix_s: when the scan began.
             generation: of the local frame.
+            lasting_s: how long it took.
 
         Raises:
             BlindAheadError: the beams do not cover the nose, or most of them measured nothing.
@@ -87,6 +94,7 @@ class ScanFrames:
             range_m=view.range_m,
             field_of_view_deg=min(math.degrees(2.0 * view.half_view_rad), 360.0),
             free_range_m=tuple(free_m.tolist()),
+            lasting_s=lasting_s,
         )
 
     def frame_of(
@@ -98,16 +106,18 @@ class ScanFrames:
         field_of_view_deg: float,
         free_range_m: tuple[float, ...],
         vertical_view: VerticalView = NO_HEIGHTS,
+        lasting_s: float = 0.0,
+        kind: type[MovingFrame] = ReturnsFrame,
     ) -> DetectionFrame:
-        """Return the next frame with given content.
+        """Return the next frame with given content: returns, unless its kind says more of it.
 
         A scan takes everything within its band of heights for pillars, so that by itself it shows
         none of the heights between its beams.
         """
         self._sequence += 1
-        return DetectionFrame.model_validate(
+        return kind.model_validate(
             {
-                "version": 1,
+                "version": 2,
                 "source": self._config.name,
                 "sequence": self._sequence,
                 "stamp_unix_s": stamp_unix_s,
@@ -116,6 +126,8 @@ class ScanFrames:
                 "field_of_view_deg": field_of_view_deg,
                 "obstacles": obstacles,
                 "free_range_m": free_range_m,
+                "frame_complete": True,
+                "exposure_s": max(lasting_s, self._config.measured_within_s),
                 **vertical_view._asdict(),
             }
         )

@@ -11,6 +11,7 @@ import numpy as np
 from onboard.files.sensor_sources import DetectionsSource
 from onboard.geometry.frames import FloatArray, LegFrame
 from onboard.perception.detection import DetectionFrame
+from onboard.perception.movers.moving_detection import MovingFrame, kind_of_labels
 from onboard.perception.ros2.cdr import DecodeError
 from onboard.perception.ros2.messages import DetectedBox, Quaternion, decode_detections
 from onboard.perception.scan.box_tracks import BoxTracks
@@ -41,6 +42,7 @@ class _Footprint(NamedTuple):
     yaw_rad: float
     bounds_ned_m: FloatArray
     down_m: tuple[float, float]
+    kind: str
 
 
 class DetectionsInput(SensorInput):
@@ -96,6 +98,7 @@ class DetectionsInput(SensorInput):
                 field_of_view_deg=min(math.degrees(2.0 * view.half_view_rad), 360.0),
                 free_range_m=tuple(view.free_m.tolist()),
                 vertical_view=VerticalView((vertical_deg, vertical_deg), band_m),
+                kind=MovingFrame,
             ),
         )
 
@@ -146,7 +149,8 @@ class DetectionsInput(SensorInput):
         ned_m = body.position_ned_from_leg(corners_m)
         low_m, high_m = ned_m.min(axis=0), ned_m.max(axis=0)
         bounds_ned_m = np.array((low_m[0], high_m[0], low_m[1], high_m[1]))
-        return _Footprint(center_m[:2], size_m, yaw_rad, bounds_ned_m, down_m)
+        kind = kind_of_labels(box.labels, self._config.labels)
+        return _Footprint(center_m[:2], size_m, yaw_rad, bounds_ned_m, down_m, kind)
 
     def _obstacles(self, found: list[tuple[str, _Footprint]]) -> list[dict[str, Any]]:
         if self._generation != self._poses.generation:
@@ -172,6 +176,8 @@ class DetectionsInput(SensorInput):
                 "uncertainty_m": self._config.uncertainty_m,
                 "down_m": each.down_m,
                 "down_uncertainty_m": self._config.uncertainty_m,
+                "class": each.kind,
+                "box_whole": self._config.boxes_whole,
             }
             for name, (_, each) in zip(names, found, strict=True)
         ]

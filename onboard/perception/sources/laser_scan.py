@@ -52,7 +52,8 @@ class LaserScanInput(SensorInput):
             ranges_m = scan.ranges_m.astype(np.float64)
         down_m = poses[0].position_ned_m[2]
         beams = levelled_beams(ranges_m, limits_m, directions, motion, down_m, self._config)
-        return (self._frames.frame(beams, poses[0], stamp_unix_s, self._poses.generation),)
+        generation = self._poses.generation
+        return (self._frames.frame(beams, poses[0], stamp_unix_s, generation, lasting_s),)
 
     def _directions_of(self, scan: LaserScan) -> BeamDirections:
         """Return the directions of the beams, which are the same from scan to scan."""

@@ -14,12 +14,15 @@ from onboard.files.sensor_sources import (
     DistanceSensorSource,
     FieldFileSource,
     LaserScanSource,
+    MavlinkSource,
     ObstacleDistanceSource,
     OccupancyGridSource,
     PointCloudSource,
     RangeSource,
     Ros2Source,
     SensorSource,
+    TrackedObjectsSource,
+    TrafficSource,
 )
 from onboard.perception.ros2.keys import OnePublisher, check_key, key_expression
 from onboard.perception.sources.detections3d import DetectionsInput
@@ -30,6 +33,8 @@ from onboard.perception.sources.mounted_by_transforms import MountedByTransforms
 from onboard.perception.sources.occupancy_grid import OccupancyGridInput
 from onboard.perception.sources.point_cloud import PointCloudInput
 from onboard.perception.sources.sensor_input import PastPoses, SensorInput
+from onboard.perception.sources.tracked_objects import TrackedObjectsInput
+from onboard.perception.sources.traffic import ORIGIN, TRAFFIC_IDS, TrafficInput
 
 TRANSFORMS: Final = "tf2_msgs/TFMessage"
 TYPE_NAMES: Final = {
@@ -37,6 +42,7 @@ TYPE_NAMES: Final = {
     "pointcloud2": "sensor_msgs/PointCloud2",
     "range": "sensor_msgs/Range",
     "detection3d": "vision_msgs/Detection3DArray",
+    "tracked_objects": "autoware_perception_msgs/TrackedObjects",
     "occupancygrid": "nav_msgs/OccupancyGrid",
 }
 MAVLINK_IDS: Final = {
@@ -46,15 +52,18 @@ MAVLINK_IDS: Final = {
 MAVLINK_NAMES: Final = {
     "obstacle_distance": "OBSTACLE_DISTANCE",
     "distance_sensor": "DISTANCE_SENSOR",
+    "traffic": "messages of other vehicles",
 }
 _INPUTS: Final[dict[type[SensorSource], Callable[[Any, PastPoses], SensorInput]]] = {
     LaserScanSource: LaserScanInput,
     PointCloudSource: PointCloudInput,
     RangeSource: RangeInput,
     DetectionsSource: DetectionsInput,
+    TrackedObjectsSource: TrackedObjectsInput,
     OccupancyGridSource: OccupancyGridInput,
     ObstacleDistanceSource: ObstacleDistanceInput,
     DistanceSensorSource: DistanceSensorInput,
+    TrafficSource: TrafficInput,
     FieldFileSource: FieldFileInput,
 }
 # Large messages wait at most so many deep, and one of them is read per tick.
@@ -94,9 +103,17 @@ class Sensor:
         self.publishers.check(attachment, now_s)
 
 
+def mavlink_ids_of(config: AnySource) -> frozenset[int]:
+    """Return the ids of the messages on the vehicle's link that a sensor reads."""
+    if isinstance(config, TrafficSource):
+        return frozenset((ORIGIN, *(TRAFFIC_IDS[each] for each in config.messages)))
+    number = MAVLINK_IDS.get(config.kind)
+    return frozenset() if number is None else frozenset((number,))
+
+
 def zenoh_key(config: AnySource) -> str | None:
     """Return the Zenoh key expression of a sensor; None for one that is not on Zenoh."""
-    if isinstance(config, ObstacleDistanceSource | DistanceSensorSource | FieldFileSource):
+    if isinstance(config, MavlinkSource | FieldFileSource):
         return None
     bridged = config.middleware != "rmw_zenoh"
     name = TYPE_NAMES[config.kind]

@@ -17,7 +17,7 @@ STATED: dict[str, Any] = {"name": "lidar", "range_m": 10.0, "uncertainty_m": 0.1
 
 def config(*kinds: str, **keys: Any) -> DaemonConfig:
     """Return a daemon's file with one sensor of each kind, named after it."""
-    sources = [STATED | {"name": kind, "kind": kind} | KINDS[kind] | keys for kind in kinds]
+    sources = [STATED | {"name": kind, "kind": kind} | KINDS.get(kind, {}) | keys for kind in kinds]
     document = {"contract": "contract.yaml", "mission": "mission.yaml", "sources": sources}
     return DaemonConfig.model_validate(document)
 

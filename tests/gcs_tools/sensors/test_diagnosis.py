@@ -8,6 +8,7 @@ from typing import Any
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
+from gcs_tools.sensors.command import _facts
 from gcs_tools.sensors.diagnosis import Diagnosis, diagnose
 from gcs_tools.sensors.observation import SensorObserver
 from onboard.files.daemon_config import DaemonConfig
@@ -18,6 +19,7 @@ from tests.gcs_tools.sensors.observers import KEY, config, observer, scan, send
 from tests.onboard.perception.messages import frame
 from tests.onboard.perception.sources.scenes import EPOCH_UNIX_S
 from tests.onboard.perception.sources.test_mavlink_ranges import distance, obstacle_distance
+from tests.onboard.perception.sources.test_traffic import origin, position
 
 LIDAR = config("laserscan")
 SCAN = "sensor_msgs/LaserScan"
@@ -224,3 +226,28 @@ def test_detections_as_json() -> None:
     seen.malformed_json.clear()
     seen.receive_json("vehicle", json_frame(stamp_unix_s=EPOCH_UNIX_S), 0.02)
     assert only(of, seen) == Diagnosis("front", delivers=True)
+
+
+def test_other_vehicles_that_say_nothing_are_no_fault_but_a_missing_origin_is() -> None:
+    of = config(
+        "traffic", messages=["global_position_int"], mover_class="drone", latency_s=0.5,
+        accuracy_m=5.0,
+    )  # fmt: skip
+    seen = observer(of)
+    check(only(of, seen), "link is silent", "mavlink.url")
+    seen.receive_mavlink(heartbeat(1), 0.1)
+    check(only(of, seen), "no other vehicle reports itself", "", delivers=True)
+    seen.receive_mavlink(position(3.0, 4.0), 0.2)
+    seen.tick(0.2)
+    check(only(of, seen), "local origin not known yet", "GPS_GLOBAL_ORIGIN")
+    seen.receive_mavlink(origin() + position(3.0, 4.0), 0.3)
+    seen.tick(0.3)
+    check(only(of, seen), "", "", delivers=True)
+    (report,) = seen.heard["traffic"].frames
+    assert report.obstacles[0].id == "system-7"
+    assert (
+        "1 movers, within 10 m; shows nothing free"
+        in dict(_facts(seen.heard["traffic"]))["reports"]
+    )
+    # The origin is no report.
+    assert len(seen.heard["traffic"].arrivals_s) == 2

@@ -111,7 +111,7 @@ def test_the_page_names_every_kind_and_key_and_its_example_loads(tmp_path: Path)
     example, *_ = re.findall(r"^```yaml\n(.*?)^```", page, re.MULTILINE | re.DOTALL)
     assert len(load(tmp_path, example).sources) == 2
     models = get_args(get_args(AnySource)[0])
-    assert len(models) == 8
+    assert len(models) == 10
     for model in models:
         for key in model.model_fields:
             assert f"`{key}" in page or f"{key}:" in page, key

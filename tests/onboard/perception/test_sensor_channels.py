@@ -25,6 +25,7 @@ KINDS: dict[str, dict[str, Any]] = {
     "pointcloud2": {"topic": "/points", "view_deg": [90.0, 60.0]},
     "range": {"topic": "/sonar"},
     "detection3d": {"topic": "/detections", "view_deg": [90.0, 60.0]},
+    "tracked_objects": {"topic": "/objects", "objects_frame": "body"},
     "occupancygrid": {"topic": "/map", "grid_frame": "body"},
     "obstacle_distance": {},
     "distance_sensor": {},
@@ -34,7 +35,7 @@ KINDS: dict[str, dict[str, Any]] = {
 def source(kind: str, name: str = "", **keys: Any) -> AnySource:
     stated = {"kind": kind, "name": name or kind, "range_m": 10.0, "uncertainty_m": 0.1}
     adapter: TypeAdapter[AnySource] = TypeAdapter(AnySource)
-    return adapter.validate_python(stated | KINDS[kind] | keys)
+    return adapter.validate_python(stated | KINDS.get(kind, {}) | keys)
 
 
 def scan(range_m: float = 5.0) -> bytes:

@@ -18,9 +18,7 @@ from sitl.virtual.simulation import SimulatedFlight, Simulation, deliver, withou
 SENSORS = Path(__file__).parents[3] / "config" / "scenarios" / "sensors"
 
 
-def simulation_of(
-    name: str, leg_m: float, *, listening: bool = True, **sitl: dict[str, Any]
-) -> Simulation:
+def simulation_of(name: str, leg_m: float, *, listening: bool = True, **sitl: Any) -> Simulation:
     """Return a flight of a shipped scenario along the begin of its leg, already in the air."""
     scenario = load_scenario(SENSORS / f"{name}.yaml")
     document = scenario.mission.model_dump(mode="json")
@@ -67,6 +65,24 @@ def test_the_autopilots_distances_lead_around_an_obstacle() -> None:
     assert simulation.autonomy.navigator.phase is Phase.ARRIVED
     assert simulation.scene.world.collisions == 0
     assert abs(simulation.scene.vehicle.truth.position_ned_m[1]) < 8.0
+
+
+def test_who_walks_up_from_behind_is_seen_by_the_autopilots_distances() -> None:
+    behind = {
+        "id": "walker", "class": "person", "speed_mps": 1.2,
+        "path": {"kind": "pursuit", "start_ned_m": (-7.0, 0.0)},
+    }  # fmt: skip
+    simulation = simulation_of("obstacle_distance_ring", 9.0, movers=(behind,))
+    yielded = False
+    while simulation.now_s < 9.0 and not simulation.scene.movers.contacts_at_rest:
+        simulation.advance()
+        phase = simulation.autonomy.navigator.phase
+        yielded |= phase is Phase.YIELD
+        assert phase in (Phase.STANDBY, Phase.CRUISE, Phase.YIELD)
+    assert yielded
+    assert simulation.scene.movers.contacts_at_rest == 1
+    assert simulation.scene.movers.contacts_moving == 0
+    assert violations(simulation) == []
 
 
 def test_a_depth_camera_leads_through_a_forest() -> None:

@@ -7,7 +7,12 @@ from typing import Any
 import pytest
 
 from gcs_tools.preflight.finding import Verdict
-from gcs_tools.preflight.live.daemon import Status, mission_findings, sensor_findings
+from gcs_tools.preflight.live.daemon import (
+    Status,
+    mission_findings,
+    ring_findings,
+    sensor_findings,
+)
 from gcs_tools.preflight.live.detections import check_detections
 from onboard.contract.assessment import assess
 from onboard.files.contract_file import load_contract
@@ -35,6 +40,29 @@ def test_each_sensor_is_judged_by_name(said: Any, verdict: Verdict, words: str) 
     (found,) = sensor_findings(statuses, ("lidar",), TERMS)
     assert (found.subject, found.name, found.verdict) == ("sensor", "lidar", verdict)
     assert words in found.text
+
+
+@pytest.mark.parametrize(
+    ("ages_s", "verdict", "words"),
+    [
+        ((0.02, 0.21, 0.06), Verdict.HOLDS, "up to 0.210 s old in 3 statuses, frame_age_max_s 0.3"),
+        ((0.02, 0.41, 0.06), Verdict.BROKEN, "up to 0.410 s old"),
+        ((None, 0.06), Verdict.BROKEN, "did not hear it all the time"),
+        ((), Verdict.UNKNOWN, "no status"),
+    ],
+)
+def test_the_sensor_that_sees_all_round_is_measured(
+    ages_s: tuple[float | None, ...], verdict: Verdict, words: str
+) -> None:
+    terms = assess(load_contract(CONFIG / "movers_contract.yaml")).terms
+    statuses = [Status(0.0, {"sensors": {"ring": {"age_s": age_s}}}) for age_s in ages_s]
+    (found,) = ring_findings(statuses, ("ring",), terms)
+    assert (found.name, found.verdict) == ("ring all_round", verdict)
+    assert words in found.text
+    assert ring_findings(statuses, ("ring",), TERMS) == []  # without movers
+    # Then no detections as JSON have to see all round.
+    live = check_detections([], [], terms, 3.0, None, needed=False, rings=("ring",))
+    assert live == []
 
 
 @pytest.mark.parametrize(

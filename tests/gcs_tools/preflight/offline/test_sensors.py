@@ -11,7 +11,7 @@ import pytest
 import yaml
 
 from gcs_tools.preflight.finding import Finding, Verdict
-from gcs_tools.preflight.offline.sensors import check_sources
+from gcs_tools.preflight.offline.sensors import check_sources, rings_of
 from onboard.contract.assessment import assess
 from onboard.files.contract_file import load_contract
 from onboard.files.mission_file import Mission
@@ -89,6 +89,49 @@ def test_of_the_height_band_what_the_ground_takes_is_not_counted_on() -> None:
 
 def test_a_blind_sector_behind_is_no_matter() -> None:
     assert list(checked("laserscan", blind_sectors_deg=[(160.0, -160.0)])) == ["declares"]
+
+
+RING_CONTRACT = load_contract(CONFIG / "movers_contract.yaml")  # 14 m ahead, 13 m all round
+RING: dict[str, Any] = {
+    "range_m": 13.0, "height_band_m": (6.0, 4.5), "box_max_m": 1.5, "no_return_is_free_to_m": 13.0,
+}  # fmt: skip
+
+
+def ring_checked(kind: str = "obstacle_distance", **keys: Any) -> dict[str, Verdict]:
+    stated = {"uncertainty_m": 0.05} | RING | keys
+    found = check_sources([source(kind, "s", **stated)], assess(RING_CONTRACT), None)
+    return {each.name.removeprefix("s "): each.verdict for each in found}
+
+
+@pytest.mark.parametrize("kind", ["obstacle_distance", "laserscan"])
+def test_the_sensor_that_covers_all_round_is_said(kind: str) -> None:
+    assert ring_checked(kind) == {"all_round": Verdict.HOLDS, "declares": Verdict.HOLDS}
+    assert rings_of([source(kind, "s"), source("range", "r")]) == ("s", "r")
+
+
+@pytest.mark.parametrize(
+    ("keys", "broken"),
+    [
+        ({"range_m": 12.9, "no_return_is_free_to_m": 12.9},
+         ["all_round", "no_return_is_free_to_m", "range_m"]),
+        ({"no_return_is_free_to_m": None}, ["no_return_is_free_to_m"]),
+        ({"no_return_is_free_to_m": 12.0}, ["no_return_is_free_to_m"]),
+        ({"blind_sectors_deg": [(160.0, -160.0)]}, ["range_m"]),  # then it has to see ahead
+        ({"height_band_m": (3.0, 3.0)}, ["height_band_m"]),
+    ],
+)  # fmt: skip
+def test_a_ring_that_shows_less_than_all_round_is_refused(
+    keys: dict[str, Any], broken: list[str]
+) -> None:
+    found = ring_checked(**keys)
+    assert sorted(name for name, each in found.items() if each is Verdict.BROKEN) == broken
+    assert ("all_round" in found) is ("blind_sectors_deg" not in keys)
+
+
+def test_who_only_adds_movers_need_not_see_what_the_contract_says() -> None:
+    found = ring_checked("tracked_objects", range_m=5.0, no_return_is_free_to_m=None)
+    assert found == {"declares": Verdict.HOLDS}
+    assert rings_of([source("tracked_objects", "s")]) == ()
 
 
 def test_preflight_reads_the_daemon_s_file(clearway: Clearway, tmp_path: Path) -> None:

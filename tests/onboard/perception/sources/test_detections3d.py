@@ -10,6 +10,11 @@ from scipy.spatial.transform import Rotation
 
 from onboard.files.sensor_sources import DetectionsSource
 from onboard.perception.detection import DetectionFrame
+from onboard.perception.movers.moving_detection import (
+    MovingDetection,
+    ReturnsFrame,
+    is_complete,
+)
 from onboard.perception.sources.detections3d import DetectionsInput, rotation_of
 from onboard.vehicle_state import Pose
 from tests.onboard.perception.ros2.encoding import CdrWriter, stamp_of
@@ -166,3 +171,31 @@ def test_heights_are_those_of_the_levelled_body() -> None:
 def test_a_sensor_that_is_mounted_at_an_angle_shows_less_either_way() -> None:
     frame = read(TREE, mounting={"pitch_deg": -20.0})
     assert frame.vertical_field_of_view_deg == pytest.approx((10.0, 10.0))
+
+
+@pytest.mark.parametrize(
+    ("labels", "kind"),
+    [
+        ((), "unknown"),
+        (("human",), "person"),
+        (("human", "pedestrian"), "person"),
+        (("human", "dog"), "unknown"),
+        (("dog",), "unknown"),
+    ],
+)
+def test_a_label_is_a_class_only_where_all_that_it_may_be_is(
+    labels: tuple[str, ...], kind: str
+) -> None:
+    writer = CdrWriter().header(stamp_of(EPOCH_UNIX_S), "camera").add("I", 1)
+    writer.header(stamp_of(EPOCH_UNIX_S), "camera").add("I", len(labels))
+    for label in labels:
+        writer.text(label).add("d", 0.5).add("d" * 43, *[0.0] * 43)
+    writer.add("d" * 10, 6.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.4, 0.8, 1.8).text("7")
+    for whole in (False, True):
+        source = detector(labels={"human": "person", "pedestrian": "person"}, boxes_whole=whole)
+        (frame,) = source.read(writer.payload(), 0.0)
+        (seen,) = frame.obstacles
+        assert isinstance(seen, MovingDetection)
+        assert (seen.kind, seen.motion, seen.box_whole) == (kind, "unknown", whole)
+        assert is_complete(frame)
+        assert not isinstance(frame, ReturnsFrame)  # it has identities
