@@ -35,6 +35,7 @@ from onboard.perception.movers.static_claims import StaticClaims
 from onboard.perception.movers.tracker import Bound, MoverTracker, Sighting, with_hidden_part
 from onboard.perception.placement import POSE_TIMING_S, PlacedBox
 from onboard.planning.mover_certifier import Movers
+from onboard.vehicle_state import Pose
 
 # Corners of what stands still.
 KnownBoxes = Callable[[], Sequence[Corners]]
@@ -60,6 +61,7 @@ class MoverSpace:
         self.all_round_s = -math.inf
         terms = flight.assessment.terms
         self.active = terms.movers_level != "none"
+        self.needs_ring = self.active and terms.movers_level != "passive_in_view"
         self._hidden = any(mover.hidden for mover in terms.movers)
         bounds, unknown = bounds_of(terms.movers)
         self._tracker = MoverTracker(bounds, unknown, stamp_error_s=POSE_TIMING_S)
@@ -99,6 +101,26 @@ class MoverSpace:
         self._tracker.clear()  # what was too fast before is found again
         if self._free is not None:
             self._free.begin()
+
+    def take_word(self, pose: Pose, radius_m: float, now_s: float) -> None:
+        """Take the operator's word that no mover is so near now, where no ring sees all round."""
+        if self._free is not None and not self.needs_ring:
+            north_m, east_m, _ = pose.position_ned_m
+            self._free.take_word(north_m, east_m, radius_m, now_s)
+
+    def near(self, pose: Pose | None, radius_m: float, now_s: float) -> list[str]:
+        """Return the tracks that contradict such a word."""
+        if pose is None or self._free is None or self.needs_ring:
+            return []
+        north_m, east_m, _ = pose.position_ned_m
+        around_it = Box(
+            north_m - radius_m, north_m + radius_m, east_m - radius_m, east_m + radius_m
+        )
+        return [
+            track.id
+            for track in self._tracker
+            if track.predicted(now_s, POSE_TIMING_S).intersects(around_it)
+        ]
 
     def void(self, *, frame_stands: bool = False) -> None:
         """Forget everything: the local frame has moved, or is in doubt.
@@ -183,7 +205,7 @@ class MoverSpace:
         """Tell whether what sees all round has been silent for longer than the contract allows."""
         terms = self._flight.assessment.terms
         age_s = now_s - self.all_round_s
-        if not self.active or age_s <= terms.frame_age_max_s:
+        if not self.needs_ring or age_s <= terms.frame_age_max_s:
             return None
         note = "nothing that sees all round is heard"
         age = (age_s, terms.frame_age_max_s, "s", "all round", note)
@@ -278,13 +300,14 @@ class MoverSpace:
         corners = np.array(sight.placed_ned_m).reshape(-1, 4, 2)
         raw = enclosing_boxes(corners, e)
         moving = [self.is_mover(frame, seen) for seen in frame.obstacles]
-        rows = []
+        rows, cores = [], []
         for index, (detection, moves) in enumerate(zip(frame.obstacles, moving, strict=True)):
             if not moves:
                 continue
             margin_m = self._box_margin_m(sight, corners[index])
             bound = self._tracker.bound(kind_of(detection))
             grown = raw[index].inflated(margin_m)
+            cores.append(_core(corners[index], margin_m))
             if not is_whole(detection):
                 raw[index] = grown = with_hidden_part(raw[index], margin_m, bound.size_max_m)
             grown = grown.inflated(bound.speed_max_mps * POSE_TIMING_S)
@@ -305,7 +328,8 @@ class MoverSpace:
         open_view = None if self._hidden else without(view, moving)
         known = [around(corners_m) for corners_m in self._known_boxes()]
         everything = replace(view, boxes=[*raw, *known])
-        return Glance(everything, sight.stamp_s, boxes_array(rows), open_view)
+        filled = boxes_array(cores)
+        return Glance(everything, sight.stamp_s, boxes_array(rows), open_view, filled)
 
     def _half_view_rad(self, frame: DetectionFrame, terms: Terms[float]) -> float:
         """Return half of what a frame shows: all round, or no more than the contract counts on."""
@@ -331,6 +355,17 @@ def bounds_of(classes: Sequence[MoverClass]) -> tuple[dict[str, Bound], Bound]:
         max((each.size_max_m for each in classes), default=0.0),
     )
     return bounds, bounds.get(UNKNOWN, largest)
+
+
+def _core(corners_m: FloatArray, error_m: float) -> tuple[float, float, float, float]:
+    """Return a part along the axes of what a box fills for sure; its middle if that is too little.
+
+    The square in its inscribed circle lies within it, however it is turned.
+    """
+    sides_m = np.hypot(*(corners_m[1:3] - corners_m[0:2]).T)
+    half_m = max(float(sides_m.min()) / math.sqrt(8.0) - error_m, 0.0)
+    north_m, east_m = corners_m.mean(axis=0)
+    return north_m - half_m, north_m + half_m, east_m - half_m, east_m + half_m
 
 
 def _first_sight(track_id: str) -> Violation:
