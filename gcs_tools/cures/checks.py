@@ -75,6 +75,12 @@ RULE_CURES: Final[Mapping[str, Cure]] = MappingProxyType(
             "small for the first hover",
             "move the start, or make sure that nothing stands within the stated radius and say so",
         ),
+        "start_clear_of_movers": Cure(
+            "passive_in_view: the operator vouches for too little around the start, or for "
+            "nothing, where the sensor does not see who is beside or behind",
+            "make sure, as control is granted, that no mover is within the stated radius, and say "
+            "so: start_clear_of_movers_m; or fly with a sensor that sees all round",
+        ),
         "start_room": Cure(
             "an obstacle stands where the vehicle first hovers", "move the mission's start_ned_m"
         ),

@@ -305,17 +305,20 @@ class Level:
     ring_m: float
     view_deg: float | None
 
-    def __str__(self) -> str:
-        """Say it as an operator reads it: "drone 15 m/s: NOT COVERED, needs 25.0 m ahead"."""
-        name = f"{self.mover.kind} {self.mover.speed_max_mps:g} m/s"
-        hidden = "" if self.mover.hidden else ", if none hides behind an obstacle"
-        if self.level == "passive":
-            return f"{name}: passive{hidden}"
-        if self.level is not None:
-            in_view = "passive in view, from the operator's word at the start, in a steady cruise"
-            return f"{name}: {in_view}{hidden}"
+    @property
+    def brief(self) -> str:
+        """Class and level: "drone 15 m/s: NOT COVERED, needs 25.0 m ahead and 9.1 m all round"."""
         needs = f"needs {self.front_m:.1f} m ahead and {self.ring_m:.1f} m all round"
-        return f"{name}: NOT COVERED, {needs}"
+        level = self.level or f"NOT COVERED, {needs}"
+        return f"{self.mover.kind} {self.mover.speed_max_mps:g} m/s: {level}"
+
+    def __str__(self) -> str:
+        """Say it with its conditions, as an operator reads it."""
+        if self.level is None:
+            return self.brief
+        hidden = "" if self.mover.hidden else ", if none hides behind an obstacle"
+        in_view = ", from the operator's word at the start, in a steady cruise"
+        return f"{self.brief}{in_view if self.level != 'passive' else ''}{hidden}"
 
 
 def levels(terms: Terms[float], derived: Derived[float], tick_s: float) -> tuple[Level, ...]:
