@@ -20,10 +20,10 @@ from dataclasses import dataclass, field, replace
 from typing import Final, NamedTuple
 
 import numpy as np
-from scipy.ndimage import distance_transform_edt
 
 from onboard.geometry.frames import FloatArray
 from onboard.perception.line_of_sight import BoolArray, View, seen_free
+from onboard.perception.movers.raster import depth_of, moved
 from onboard.perception.view_sector import in_sector
 
 CELL_M: Final = 0.2
@@ -178,16 +178,16 @@ class MoverFree:
         if not (di or dj):
             return
         self._corner = (wanted[0], wanted[1])
-        self._free_until_s = _moved(self._free_until_s, di, dj, -math.inf)
+        self._free_until_s = moved(self._free_until_s, di, dj, -math.inf)
         # A mover may have gone out and come back in elsewhere.
-        self._unvisited_until_s = _moved(self._unvisited_until_s, di, dj, -math.inf)
+        self._unvisited_until_s = moved(self._unvisited_until_s, di, dj, -math.inf)
         for step in self._steps:
             for name, fill in (
                 ("seen", False), ("shaded", False), ("occupied", False), ("filled", False),
                 ("depth", 0),
                 ("free_until_s", -math.inf), ("unvisited_until_s", -math.inf),
             ):  # fmt: skip
-                setattr(step, name, _moved(getattr(step, name), di, dj, fill))
+                setattr(step, name, moved(getattr(step, name), di, dj, fill))
         self.version += 1
 
     # ------------------------------------------------------------------ frames
@@ -247,7 +247,7 @@ class MoverFree:
         at_s = step.stamp_s + self._error_s
         unvisited = self._unvisited_until_s > at_s
         open_cells = step.seen | (step.shaded & unvisited)
-        step.depth = _depth(open_cells, edge_open=False)
+        step.depth = depth_of(open_cells, edge_open=False)
         shown = self._shown_in_a_row(position, open_cells)
         self._free_until_s = self._arrival_s(shown, self._free_until_s, step, edge_open=False)
         self._unvisited_until_s = self._arrival_s(
@@ -281,7 +281,7 @@ class MoverFree:
         # Movers where none could be: an assumption has failed, or one is seen for the first time.
         surprising = bool((held & step.filled).any())
         none_there = (shown | held) & ~step.occupied
-        depth = _depth(none_there, edge_open=edge_open)
+        depth = depth_of(none_there, edge_open=edge_open)
         since_s = step.stamp_s - self._error_s
         arrival_s = since_s + depth * (CELL_M / self._speed_mps)
         arrival_s[~none_there] = -math.inf
@@ -379,30 +379,3 @@ def _nothing_near(view: View) -> bool:
         <= reach_m
         for box in view.boxes
     )
-
-
-def _depth(cells: BoolArray, *, edge_open: bool) -> FloatArray:
-    """Return how many cells lie at least between each of some cells and the nearest other one.
-
-    From centre to centre it is the square root of two more, at most.
-
-    Args:
-        cells: those inside.
-        edge_open: whether what lies beyond the raster counts as inside.
-    """
-    padded = np.pad(cells, 1, constant_values=edge_open)
-    if padded.all():
-        return np.full(cells.shape, math.inf)
-    depth: FloatArray = distance_transform_edt(padded)[1:-1, 1:-1]
-    return np.maximum(depth - math.sqrt(2.0), 0.0)
-
-
-def _moved(cells: FloatArray, di: int, dj: int, fill: float) -> FloatArray:
-    """Return the window moved by whole cells; new cells get a value."""
-    moved = np.full_like(cells, fill)
-    size = cells.shape[0]
-    if abs(di) >= size or abs(dj) >= size:
-        return moved
-    source = cells[max(di, 0) : size + min(di, 0), max(dj, 0) : size + min(dj, 0)]
-    moved[max(-di, 0) : size + min(-di, 0), max(-dj, 0) : size + min(-dj, 0)] = source
-    return moved
