@@ -246,28 +246,33 @@ def class_clauses(
         Clause(name, required + RASTER_M, terms.detection_range_m, "m", reason)
         for name, required, reason in front
     ]
+    return found + _beside_clauses(terms, derived, stop, mover, ops)
+
+
+def _beside_clauses(
+    terms: Terms[Q], derived: Derived[Q], stop: Stop[Q], mover: MoverClass, ops: Arithmetic[Q]
+) -> list[Clause[Q]]:
+    """Return what is required against who comes from beside or behind."""
+    v_mps, kind, to_deg = mover.speed_max_mps, mover.kind, 180.0 / math.pi
     if terms.movers_level == "passive_in_view":
-        to_deg = 180.0 / math.pi
-        found.append(
-            Clause(
-                f"passive_in_view.{kind}",
-                in_view_rad(terms, derived, stop, v_mps, ops) * to_deg,
-                terms.field_of_view_rad * to_deg,
-                "°",
-                "in a steady cruise, who comes near must have come into range within the view",
-            )
+        in_view = Clause(
+            f"passive_in_view.{kind}",
+            in_view_rad(terms, derived, stop, v_mps, ops) * to_deg,
+            terms.field_of_view_rad * to_deg,
+            "°",
+            "in a steady cruise, who comes near must have come into range within the view",
         )
-    elif terms.all_round_range_m is not None and ops.anywhere(terms.all_round_range_m > 0.0):
-        found.append(
-            Clause(
-                f"all_round.{kind}",
-                all_round_m(terms, derived, stop, v_mps, ops) + RASTER_M,
-                terms.all_round_range_m,
-                "m",
-                "who comes from beside or behind must be seen before the vehicle cannot rest",
-            )
-        )
-    return found
+        return [in_view]
+    if terms.all_round_range_m is None or not ops.anywhere(terms.all_round_range_m > 0.0):
+        return []
+    ring = Clause(
+        f"all_round.{kind}",
+        all_round_m(terms, derived, stop, v_mps, ops) + RASTER_M,
+        terms.all_round_range_m,
+        "m",
+        "who comes from beside or behind must be seen before the vehicle cannot rest",
+    )
+    return [ring]
 
 
 def _stoppable_clauses(
