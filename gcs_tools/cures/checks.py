@@ -58,6 +58,16 @@ RULE_CURES: Final[Mapping[str, Cure]] = MappingProxyType(
             "braking for a mover reaches into a region that was not to be entered yet",
             "nothing for safety: the vehicle stops more often",
         ),
+        "emergence": Cure(
+            "movers hide behind obstacles, and these stand too near to each other to be passed with "
+            "room for who comes out",
+            f"nothing for safety: the vehicle waits; fly slower; {_SOLVE}",
+        ),
+        "emergence_range": Cure(
+            "movers hide behind obstacles, and the sensor sees too little ahead to pass these with "
+            "room for who comes out",
+            f"nothing for safety: the vehicle waits; a longer range, or slower; {_SOLVE}",
+        ),
         "recentring": Cure(
             "the view is too narrow to drift back to the line of the leg",
             f"switch recentring off, or take it slower; {_SOLVE}",

@@ -59,11 +59,13 @@ class Ahead:
         half_rad: of its view.
         walkers: who is about.
         word_m: within which none is at the start, as the operator says.
+        tree: stands still, and movers may hide behind it.
     """
 
     half_rad: float
     walkers: list[Walker] = field(default_factory=list)
     word_m: float = WORD_M
+    tree: Box | None = None
     now_s: float = 0.0
     x_m: float = 0.0
     speed_mps: float = 0.0
@@ -92,7 +94,9 @@ class Ahead:
                 boxes.append(box)
         grown = [box.inflated(ERROR_M) for box in boxes]
         rows = boxes_array([(b.x_min_m, b.x_max_m, b.y_min_m, b.y_max_m) for b in grown])
-        view = View((self.x_m, 0.0), 0.0, self.half_rad, RANGE_M, boxes, ERROR_M)
+        standing = [] if self.tree is None else [self.tree]
+        blocked = [*boxes, *standing]
+        view = View((self.x_m, 0.0), 0.0, self.half_rad, RANGE_M, blocked, ERROR_M)
         self.free.centre_on(self.x_m, 0.0)
         self.free.see(Glance(view, self.now_s, rows), "front")
 
@@ -165,6 +169,18 @@ def test_a_vehicle_that_is_no_faster_than_who_follows_comes_to_rest() -> None:
     flight.free.take_word(flight.x_m, 0.0, WORD_M, flight.now_s)
     flight.run(3.0)
     assert flight.x_m > rested_m + 3.0
+
+
+@pytest.mark.parametrize(("more", "stops"), [(1.0, False), (0.2, True)])
+def test_who_hides_behind_a_tree_asks_for_room_beside_it(more: float, *, stops: bool) -> None:
+    """With v_o t_s and the cells' metre beside the body it passes; with a part of that it waits."""
+    stopping_s = 2.0 * PERIOD_S + CRUISE_MPS / BRAKE_MPS2
+    beside_m = BODY_M + more * (MOVER_MPS * stopping_s + 1.0)
+    tree = Box(7.0, 7.4, beside_m, beside_m + 0.4)
+    flight = Ahead(math.radians(60.0), tree=tree)
+    flight.run(6.0)
+    assert (flight.stops > 0) == stops
+    assert (flight.x_m > 10.0) != stops
 
 
 def test_without_a_word_it_does_not_start() -> None:
