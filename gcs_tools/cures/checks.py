@@ -59,8 +59,8 @@ RULE_CURES: Final[Mapping[str, Cure]] = MappingProxyType(
             "nothing for safety: the vehicle stops more often",
         ),
         "emergence": Cure(
-            "movers hide behind obstacles, and these stand too near to each other to be passed with "
-            "room for who comes out",
+            "movers hide behind obstacles, and these stand too near to each other to be passed "
+            "with room for who comes out",
             f"nothing for safety: the vehicle waits; fly slower; {_SOLVE}",
         ),
         "emergence_range": Cure(
