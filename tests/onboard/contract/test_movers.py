@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
+from dataclasses import fields, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
+import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from onboard.contract.arithmetic import SCALAR
-from onboard.contract.assessment import TICK_S, assess, derive
+from onboard.contract.arithmetic import ARRAY, SCALAR
+from onboard.contract.assessment import TICK_S, assess, clauses, derive
 from onboard.contract.movers import (
     NOSE_TOLERANCE_RAD,
     STAMP_ERROR_S,
@@ -200,6 +201,25 @@ def test_the_view_in_view_grows_as_the_cruise_gets_slower() -> None:
     assert views[-1] == pytest.approx(720.0)
     slow = assess(in_view(sensor__field_of_view_deg=views[0] - 1.0))
     assert at_compliant_speed(slow, 2.8) is None
+
+
+def test_the_view_in_view_is_the_same_on_a_surface() -> None:
+    """Arrays, as `clearway contract surface` has them: some comply, some are too slow."""
+    speeds = np.array((0.8, 2.0, 2.4, 2.8))
+    hidden = [{**PERSON, "speed_max_mps": 0.5, "hidden": True}]
+    terms = Terms.of(in_view(environment__movers=hidden))
+    numbers: dict[str, Any] = {
+        each.name: np.full(len(speeds), value)
+        for each in fields(terms)
+        if isinstance(value := getattr(terms, each.name), float)
+    }
+    numbers["cruise_speed_mps"] = speeds
+    arrays: Terms[Any] = replace(cast("Terms[Any]", terms), **numbers)
+    found = {c.name: c.required for c in clauses(arrays, derive(arrays, ARRAY), ARRAY)}
+    for index, speed in enumerate(speeds.tolist()):
+        one = clauses_of(in_view(environment__movers=hidden, vehicle__cruise_speed_mps=speed))
+        for name in ("passive_in_view.person", "emergence", "emergence_range"):
+            assert found[name][index] == pytest.approx(one[name][0])
 
 
 @pytest.mark.parametrize(
