@@ -126,7 +126,7 @@ def unseen(cruise: Cruise, mover_mps: float, share: float, seed: int) -> int:
     brake_deg=st.floats(10.0, 30.0),
     seed=st.integers(0, 2**16),
 )
-@settings(max_examples=6, deadline=None)
+@settings(max_examples=4, deadline=None)
 def test_every_pursuer_who_may_touch_came_into_range_in_view(
     mover_mps: float, speed: float, range_m: float, brake_deg: float, seed: int
 ) -> None:
