@@ -6,6 +6,7 @@ from typing import Any
 
 from onboard.contract.agility import AccelerationLimits
 from onboard.contract.assessment import Assessment, Clause, Derived
+from onboard.contract.movers import Level
 
 
 def contract_document(assessment: Assessment) -> dict[str, Any]:
@@ -19,6 +20,19 @@ def contract_document(assessment: Assessment) -> dict[str, Any]:
         "clauses": [clause_document(clause) for clause in assessment.clauses],
         "binding": assessment.binding.name,
         "compliant": assessment.compliant,
+        "movers": [_level_document(level) for level in assessment.mover_levels],
+    }
+
+
+def _level_document(level: Level) -> dict[str, Any]:
+    """Return what is promised against one class; null where it is not covered."""
+    return {
+        "class": level.mover.kind,
+        "speed_max_mps": level.mover.speed_max_mps,
+        "level": level.level,
+        "front_required_m": level.front_m,
+        "all_round_required_m": level.ring_m,
+        "view_required_deg": level.view_deg,
     }
 
 

@@ -90,6 +90,12 @@ ASSUMPTION_CURES: Final[Mapping[Assumption, Cure]] = MappingProxyType(
             "movers have kept the vehicle waiting for longer than yield_max_s",
             "take over, or `clearway resume` once they are gone; lead the mission elsewhere",
         ),
+        Assumption.MOVER_VIEW: Cure(
+            "passive_in_view: at rest for so long that movers may have come to the vehicle, out of "
+            "the sensor's view",
+            "look around the vehicle; `clearway resume` says that no mover is within "
+            "start_clear_of_movers_m of it; a sensor that sees all round needs no such word",
+        ),
         Assumption.TRACKING_ERROR: Cure(
             "the vehicle was farther from its reference than tracking_error_m: wind, tuning, load, "
             "or a tilt limit of the autopilot",

@@ -58,6 +58,16 @@ RULE_CURES: Final[Mapping[str, Cure]] = MappingProxyType(
             "braking for a mover reaches into a region that was not to be entered yet",
             "nothing for safety: the vehicle stops more often",
         ),
+        "emergence": Cure(
+            "movers hide behind obstacles, and these stand too near to each other to be passed "
+            "with room for who comes out",
+            f"nothing for safety: the vehicle waits; fly slower; {_SOLVE}",
+        ),
+        "emergence_range": Cure(
+            "movers hide behind obstacles, and the sensor sees too little ahead to pass these with "
+            "room for who comes out",
+            f"nothing for safety: the vehicle waits; a longer range, or slower; {_SOLVE}",
+        ),
         "recentring": Cure(
             "the view is too narrow to drift back to the line of the leg",
             f"switch recentring off, or take it slower; {_SOLVE}",
@@ -74,6 +84,12 @@ RULE_CURES: Final[Mapping[str, Cure]] = MappingProxyType(
             "the start lies in a region of influence, or the operator's word start_clear_m is too "
             "small for the first hover",
             "move the start, or make sure that nothing stands within the stated radius and say so",
+        ),
+        "start_clear_of_movers": Cure(
+            "passive_in_view: the operator vouches for too little around the start, or for "
+            "nothing, where the sensor does not see who is beside or behind",
+            "make sure, as control is granted, that no mover is within the stated radius, and say "
+            "so: start_clear_of_movers_m; or fly with a sensor that sees all round",
         ),
         "start_room": Cure(
             "an obstacle stands where the vehicle first hovers", "move the mission's start_ned_m"

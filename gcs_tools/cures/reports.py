@@ -56,6 +56,12 @@ REFUSAL_CURES: Final[Mapping[RefusalKind, Cure]] = MappingProxyType(
             "a second daemon of the same system id and component 196 is on the vehicle's link",
             "stop one of both; one daemon flies one vehicle (docs/connecting.md)",
         ),
+        RefusalKind.START_WORD: Cure(
+            "passive_in_view needs the operator's word, as departure or resume is granted, that no "
+            "mover is near the vehicle, and a mover is seen there, or too little is vouched for",
+            "state start_clear_of_movers_m in the mission, as far as pre-flight says, and grant "
+            "control once no mover is so near; or fly with a sensor that sees all round",
+        ),
         RefusalKind.MISSION: Cure(
             "the mission is read from the vehicle, and what is on board was not read, or cannot be "
             "flown",

@@ -25,7 +25,7 @@ from gcs_tools.preflight.offline.sensors import check_sources, rings_of
 from gcs_tools.preflight.remedy import Remedy, remedies
 from gcs_tools.preflight.rule import Rule
 from gcs_tools.preflight.speed import fastest_speed_mps
-from gcs_tools.preflight.tier import Tier, seen_free_rules
+from gcs_tools.preflight.tier import Tier, seen_free_rules, words_on_movers
 from onboard.contract.assessment import Assessment, assess
 from onboard.files.contract_file import Contract, InputSet, load_contract
 from onboard.files.daemon_config import load_daemon_config
@@ -47,6 +47,7 @@ class Preflight:
         assessment: the contract's clauses.
         field_rules: the obstacle field's, where one was given.
         safety_rules: what safety needs where a clause about progress fails.
+        start_rules: what the operator has to vouch for in any case.
         fence_rules: the geofence's and the fleet's, where they were given.
         fastest_mps: fastest cruise that contract and field allow; None without a field, or if no
             speed complies.
@@ -61,6 +62,7 @@ class Preflight:
     assessment: Assessment
     field_rules: tuple[Rule, ...] = ()
     safety_rules: tuple[Rule, ...] = ()
+    start_rules: tuple[Rule, ...] = ()
     fence_rules: tuple[Rule, ...] = ()
     fastest_mps: float | None = None
     findings: tuple[Finding, ...] = ()
@@ -72,7 +74,7 @@ class Preflight:
     @property
     def compliant(self) -> bool:
         """Whether contract and field comply in everything, without regard to live findings."""
-        rules = (*self.field_rules, *self.fence_rules)
+        rules = (*self.field_rules, *self.fence_rules, *self.start_rules)
         return self.assessment.compliant and all(rule.holds for rule in rules)
 
     @property
@@ -81,7 +83,7 @@ class Preflight:
         if not self.assessment.terms.stop:
             return self.compliant
         clauses = self.assessment.clauses
-        rules = (*self.field_rules, *self.fence_rules, *self.safety_rules)
+        rules = (*self.field_rules, *self.fence_rules, *self.start_rules, *self.safety_rules)
         broken = [each.concerns for each in clauses if not each.holds]
         broken += [each.concerns for each in rules if not each.holds]
         return "safety" not in broken
@@ -139,9 +141,10 @@ class Preflight:
             for c in self.assessment.clauses
             if not c.holds
         )
+        checked = (*self.field_rules, *self.fence_rules, *self.start_rules)
         rules = tuple(
             f"{rule.name}: {rule.reason}{preflight_report.named(rule.offenders)}"
-            for rule in (*self.field_rules, *self.fence_rules, *self.broken_safety_rules)
+            for rule in (*checked, *self.broken_safety_rules)
             if not rule.holds
         )
         live = tuple(
@@ -164,6 +167,7 @@ class Preflight:
             "remedies": [vars(remedy) for remedy in self.remedies],
             "field": [rule.document() for rule in self.field_rules],
             "safety": [rule.document() for rule in self.safety_rules],
+            "start": [rule.document() for rule in self.start_rules],
             "geofence": [rule.document() for rule in self.fence_rules],
             "fastest_compliant_speed_mps": self.fastest_mps,
             "rehearsal": None if self.rehearsal is None else self.rehearsal.document(),
@@ -195,7 +199,10 @@ def check(
     if obstacles is not None and mission is not None:
         rules += (check_placement(obstacles, mission, contract.sensor.detection_range_m),)
     safety_rules = seen_free_rules(assessment, met, mission)
-    return Preflight(assessment, rules, safety_rules, accept_no_progress=accept_no_progress)
+    start_rules = () if mission is None else words_on_movers(assessment, mission)
+    return Preflight(
+        assessment, rules, safety_rules, start_rules, accept_no_progress=accept_no_progress
+    )
 
 
 def run_preflight(
@@ -362,6 +369,7 @@ def print_preflight(result: Preflight, title: str, console: Console) -> None:
     if not assessment.terms.stop:
         preflight_report.print_no_way_to_rest(console)
     preflight_report.print_contract(assessment, result.remedies, console)
+    preflight_report.print_rules("Start", result.start_rules, console)
     if not result.compliant and result.safety_rules:
         preflight_report.print_rules(
             "Safety where arrival is not guaranteed", result.safety_rules, console
@@ -377,4 +385,5 @@ def print_preflight(result: Preflight, title: str, console: Console) -> None:
     if result.findings:
         preflight_report.print_findings(result.findings, console)
         preflight_report.print_settings(result.findings, console)
+    preflight_report.print_levels(assessment, console)
     preflight_report.print_verdict(result.tier, title, len(result.refusals), console)

@@ -35,7 +35,7 @@ def region_boxes(assessment: Assessment, boxes_m: FloatArray) -> RegionBoxes:
     Vectorized form of `Assessment.region_around`.
     """
     terms = assessment.terms
-    margin_m = assessment.inflation_m()
+    margin_m = assessment.inflation_m() + assessment.emergence_m
     inflated_m = boxes_m + margin_m * np.array([-1.0, 1.0, -1.0, 1.0])
     x_min_m, x_max_m, y_min_m, y_max_m = inflated_m.T
     numbers: dict[str, Any] = {

@@ -142,7 +142,9 @@ def print_rehearsal(sentence: str, console: Console) -> None:
 
 
 def print_rules(title: str, rules: tuple[Rule, ...], console: Console) -> None:
-    """Print rules as a table."""
+    """Print rules as a table; nothing without any."""
+    if not rules:
+        return
     table = Table("rule", "", title=title, title_justify="left")
     for column in ("required", "declared", "unit", "offenders"):
         table.add_column(column, justify="right" if column.endswith("ed") else "left")
@@ -176,6 +178,14 @@ def print_settings(findings: tuple[Finding, ...], console: Console) -> None:
         if others[name]:
             instead = ", or ".join(f"{other} to {number:.7g}" for other, number in others[name])
             console.print(f"    (or instead: set {instead})", markup=False, soft_wrap=True)
+
+
+def print_levels(assessment: Assessment, console: Console) -> None:
+    """Print the level against each class of movers once more, in one line; nothing without any."""
+    if assessment.mover_levels:
+        none = " (none enforced)" if assessment.terms.movers_level == "none" else ""
+        levels = "; ".join(level.brief for level in assessment.mover_levels)
+        console.print(f"movers{none}: {levels}", markup=False, soft_wrap=True)
 
 
 def print_verdict(tier: Tier, title: str, reasons: int, console: Console) -> None:

@@ -18,6 +18,7 @@ import numpy as np
 
 from gcs_tools.preflight.rule import Rule
 from onboard.contract.assessment import Assessment, assess_terms
+from onboard.contract.movers import start_clear_of_movers_m
 from onboard.files.mission_file import Mission
 from onboard.files.obstacle_field import ObstacleField
 from onboard.geometry.frames import FloatArray
@@ -70,6 +71,24 @@ def seen_free_rules(
     if obstacles is None or mission is None:
         return rules
     return (*rules, _start_room(assessment, obstacles, mission))
+
+
+def words_on_movers(assessment: Assessment, mission: Mission) -> tuple[Rule, ...]:
+    """Return what the operator has to say of movers, where no sensor sees all round (theory M)."""
+    if assessment.terms.movers_level != "passive_in_view":
+        return ()
+    needed_m = start_clear_of_movers_m(assessment.terms, assessment.inflated)
+    stated_m = mission.start_clear_of_movers_m or 0.0
+    word = Rule(
+        "start_clear_of_movers",
+        needed_m,
+        stated_m,
+        "m",
+        f"mission.start_clear_of_movers_m is {stated_m:g} m, needed {needed_m:.1f} m: by granting "
+        "control you say that no mover is so near; nothing else tells of those outside the view",
+        concerns="safety",
+    )
+    return (word,)
 
 
 def _range(assessment: Assessment) -> Rule:

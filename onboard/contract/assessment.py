@@ -21,6 +21,7 @@ from onboard.contract.derivation import (
     stop_region,
     worst_encounter,
 )
+from onboard.contract.emergence import emergence_m
 from onboard.contract.movers import Level, levels
 from onboard.contract.recentring import Corridor
 from onboard.contract.region import RegionOfInfluence
@@ -86,6 +87,11 @@ class Assessment:
         return face_error_m(self.terms, SCALAR)
 
     @cached_property
+    def emergence_m(self) -> float:
+        """How much more room is kept beside obstacles, which movers may hide behind."""
+        return emergence_m(self.terms, self.inflated, SCALAR)
+
+    @cached_property
     def mover_levels(self) -> tuple[Level, ...]:
         """What is promised against each declared class of movers."""
         return levels(self.terms, self.inflated, TICK_S)
@@ -107,7 +113,7 @@ class Assessment:
             obstacle: the measured box, leg frame.
             position_error_m: of each face; at least the contract's is used.
         """
-        inflated = obstacle.inflated(self.inflation_m(position_error_m))
+        inflated = obstacle.inflated(self.inflation_m(position_error_m) + self.emergence_m)
         encounter = worst_encounter(self.terms, *inflated.size_m, SCALAR)
         stop = stop_region(self.terms, *inflated.size_m, SCALAR) if self.terms.stops else None
         return RegionOfInfluence.around(inflated, encounter, stop)

@@ -8,7 +8,8 @@ from typing import Final
 from onboard.contract.agility import thrust_to_weight_at_corner, tilt_limits
 from onboard.contract.arithmetic import Arithmetic
 from onboard.contract.clause import Clause
-from onboard.contract.derivation import Derived
+from onboard.contract.derivation import Derived, separation_m
+from onboard.contract.emergence import emergence_clauses
 from onboard.contract.heights import ground_below_m, view_needed_rad
 from onboard.contract.movers import mover_clauses
 from onboard.contract.recentring import Drift, drift_of, required_view
@@ -41,7 +42,7 @@ def clauses(terms: Terms[Q], derived: Derived[Q], ops: Arithmetic[Q]) -> tuple[C
     """Every requirement of the contract, in the order in which an operator reads them."""
     separation = Clause(
         "separation",
-        _separation(terms, derived, ops),
+        separation_m(terms, derived, ops),
         terms.obstacle_separation_min_m,
         "m",
         "the region of influence of an obstacle must be free of any other",
@@ -57,20 +58,12 @@ def clauses(terms: Terms[Q], derived: Derived[Q], ops: Arithmetic[Q]) -> tuple[C
         + _view_of_heights_clauses(terms, derived, ops)
         + _seen_free_clauses(terms)
         + mover_clauses(terms, derived, ops, TICK_S)
+        + emergence_clauses(terms, derived, ops)
         + (separation,)
     )
     if not terms.stop:
         return found
     return tuple([_concerning(clause) for clause in found])
-
-
-def _separation(terms: Terms[Q], derived: Derived[Q], ops: Arithmetic[Q]) -> Q:
-    """Return the separation required, in metres; of a pair, its diagonal with the pair's shares."""
-    if terms.separation_shares is None:
-        return derived.required_separation_m
-    along, across = terms.separation_shares
-    along_m, across_m = derived.required_separation_box_m
-    return ops.maximum(along_m / along, across_m / across)
 
 
 def _concerning(clause: Clause[Q]) -> Clause[Q]:

@@ -220,6 +220,15 @@ def derive(terms: Terms[Q], ops: Arithmetic[Q]) -> Derived[Q]:
     )
 
 
+def separation_m(terms: Terms[Q], derived: Derived[Q], ops: Arithmetic[Q]) -> Q:
+    """Return the separation required, in metres; of a pair, its diagonal with the pair's shares."""
+    if terms.separation_shares is None:
+        return derived.required_separation_m
+    along, across = terms.separation_shares
+    along_m, across_m = derived.required_separation_box_m
+    return ops.maximum(along_m / along, across_m / across)
+
+
 def _beside(region: Dimensions[Q]) -> Q:
     """Return what a region has beside its obstacle, on both sides together."""
     left_m = region.overhang_left_m + region.coast_left_m

@@ -27,6 +27,8 @@ NOSE_TOLERANCE_RAD: Final = math.radians(5.0)
 # What the cells of the mover-free set take of a range: at the edge of the view, between two cells,
 # in the frames that have to show a cell, and in rounding out what is asked about.
 RASTER_M: Final = 1.0
+# From the operator's word until frames have shown what is ahead, and the nose points along the leg.
+FIRST_SIGHT_S: Final = 1.0
 # No view is as wide as this: what is required where no view suffices.
 NO_VIEW_RAD: Final = 4.0 * math.pi
 
@@ -139,19 +141,40 @@ def all_round_m(
 def in_view_rad(
     terms: Terms[Q], derived: Derived[Q], stop: Stop[Q], mover_mps: float, ops: Arithmetic[Q]
 ) -> Q:
-    """Return the view that shows in a steady cruise who may come near (theory M, 4).
+    """Return the view that shows in a steady cruise who may come near (theory M, 5).
 
     A vehicle that is less than twice as fast as the mover needs more than any view.
     """
     across_mps = mover_mps + derived.manoeuvre_encounter.lateral_speed_mps
     slow_mps = terms.cruise_speed_mps - terms.velocity_error_x_mps
     reported_m = terms.detection_range_m - (stop.speed_mps + mover_mps) * terms.reaction_time_s
+    reported_m = reported_m - RASTER_M
     alpha_rad = _asin(across_mps / _not_zero(slow_mps, ops), ops)
-    aside_m = stop.fixed_m + mover_mps * slow_mps / (2.0 * stop.brake_mps2)
-    beta_rad = _asin(aside_m / _not_zero(reported_m, ops), ops)
-    view_rad = 2.0 * (alpha_rad + beta_rad + NOSE_TOLERANCE_RAD + terms.heading_error_rad)
-    fits = (slow_mps >= 2.0 * across_mps) & (reported_m > stop.fixed_m) & (reported_m > aside_m)
+    growing_s = slow_mps / (2.0 * stop.brake_mps2) + stop.rest_settle_s
+    if terms.passive_safety:  # where the vehicle is has to stay clear until its run-on has ended
+        growing_s = growing_s + _run_s(terms, stop)
+    fixed_m = stop.fixed_m + RASTER_M
+    aside_m = fixed_m + across_mps * growing_s
+    beta_rad = alpha_rad + _asin(aside_m / _not_zero(reported_m, ops), ops)
+    view_rad = 2.0 * (beta_rad + NOSE_TOLERANCE_RAD + terms.heading_error_rad)
+    # At the edges of the view, movers have to come into range ahead of the body.
+    ahead_m = reported_m * ops.sin(math.pi / 2.0 - beta_rad)
+    fits = (slow_mps >= 2.0 * across_mps) & (reported_m > aside_m) & (ahead_m > fixed_m)
     return ops.where(fits, view_rad, view_rad * 0.0 + NO_VIEW_RAD)
+
+
+def start_clear_of_movers_m(terms: Terms[float], derived: Derived[float]) -> float:
+    """Return how far around a vehicle that starts without a ring no mover may be.
+
+    Until it cruises, none outside the view may come so near that it cannot go on (theory M, 5).
+    """
+    stop = stop_of(terms, derived, SCALAR)
+    v_mps = max((mover.speed_max_mps for mover in terms.movers), default=0.0)
+    stopping_s = stop.time_s(terms.reaction_time_s)
+    if terms.passive_safety:
+        stopping_s += _run_s(terms, stop)
+    starting_s = stop.speed_mps / stop.brake_mps2 + 2.0 * stop.lag_s + FIRST_SIGHT_S
+    return stop.fixed_m + RASTER_M + v_mps * (stopping_s + starting_s)
 
 
 def _run_s(terms: Terms[Q], stop: Stop[Q]) -> Q:
@@ -196,7 +219,7 @@ def mover_clauses(
 def class_clauses(
     terms: Terms[Q], derived: Derived[Q], ops: Arithmetic[Q], tick_s: float, mover: MoverClass
 ) -> list[Clause[Q]]:
-    """Return the clauses of one class, as many as the level `passive` has."""
+    """Return the clauses of one class, as many as its level has, or as `passive` where none is."""
     stop, v_mps, kind = stop_of(terms, derived, ops), mover.speed_max_mps, mover.kind
     silent_s = terms.frame_age_max_s + tick_s
     front = [
@@ -223,17 +246,33 @@ def class_clauses(
         Clause(name, required + RASTER_M, terms.detection_range_m, "m", reason)
         for name, required, reason in front
     ]
-    if terms.all_round_range_m is not None and ops.anywhere(terms.all_round_range_m > 0.0):
-        found.append(
-            Clause(
-                f"all_round.{kind}",
-                all_round_m(terms, derived, stop, v_mps, ops) + RASTER_M,
-                terms.all_round_range_m,
-                "m",
-                "who comes from beside or behind must be seen before the vehicle cannot rest",
-            )
+    return found + _beside_clauses(terms, derived, stop, mover, ops)
+
+
+def _beside_clauses(
+    terms: Terms[Q], derived: Derived[Q], stop: Stop[Q], mover: MoverClass, ops: Arithmetic[Q]
+) -> list[Clause[Q]]:
+    """Return what is required against who comes from beside or behind."""
+    v_mps, kind, to_deg = mover.speed_max_mps, mover.kind, 180.0 / math.pi
+    if terms.movers_level == "passive_in_view":
+        in_view = Clause(
+            f"passive_in_view.{kind}",
+            in_view_rad(terms, derived, stop, v_mps, ops) * to_deg,
+            terms.field_of_view_rad * to_deg,
+            "°",
+            "in a steady cruise, who comes near must have come into range within the view",
         )
-    return found
+        return [in_view]
+    if terms.all_round_range_m is None or not ops.anywhere(terms.all_round_range_m > 0.0):
+        return []
+    ring = Clause(
+        f"all_round.{kind}",
+        all_round_m(terms, derived, stop, v_mps, ops) + RASTER_M,
+        terms.all_round_range_m,
+        "m",
+        "who comes from beside or behind must be seen before the vehicle cannot rest",
+    )
+    return [ring]
 
 
 def _stoppable_clauses(
@@ -271,17 +310,20 @@ class Level:
     ring_m: float
     view_deg: float | None
 
-    def __str__(self) -> str:
-        """Say it as an operator reads it: "drone 15 m/s: NOT COVERED, needs 25.0 m ahead"."""
-        name = f"{self.mover.kind} {self.mover.speed_max_mps:g} m/s"
-        hidden = "" if self.mover.hidden else ", if none hides behind an obstacle"
-        if self.level == "passive":
-            return f"{name}: passive{hidden}"
-        if self.level is not None:
-            in_view = "passive in view, in a steady cruise only, and not enforced in flight"
-            return f"{name}: {in_view}{hidden}"
+    @property
+    def brief(self) -> str:
+        """Class and level: "drone 15 m/s: NOT COVERED, needs 25.0 m ahead and 9.1 m all round"."""
         needs = f"needs {self.front_m:.1f} m ahead and {self.ring_m:.1f} m all round"
-        return f"{name}: NOT COVERED, {needs}"
+        level = self.level or f"NOT COVERED, {needs}"
+        return f"{self.mover.kind} {self.mover.speed_max_mps:g} m/s: {level}"
+
+    def __str__(self) -> str:
+        """Say it with its conditions, as an operator reads it."""
+        if self.level is None:
+            return self.brief
+        hidden = "" if self.mover.hidden else ", if none hides behind an obstacle"
+        in_view = ", from the operator's word at the start, in a steady cruise"
+        return f"{self.brief}{in_view if self.level != 'passive' else ''}{hidden}"
 
 
 def levels(terms: Terms[float], derived: Derived[float], tick_s: float) -> tuple[Level, ...]:
@@ -303,13 +345,14 @@ def _can_be_required(terms: Terms[float]) -> bool:
 def _level(terms: Terms[float], derived: Derived[float], tick_s: float, mover: MoverClass) -> Level:
     stop, v_mps = stop_of(terms, derived, SCALAR), mover.speed_max_mps
     found = class_clauses(terms, derived, SCALAR, tick_s, mover)
-    front = [clause for clause in found if not clause.name.startswith("all_round")]
+    front = [each for each in found if not each.name.startswith(("all_round", "passive_in_view"))]
     ring_m = all_round_m(terms, derived, stop, v_mps, SCALAR) + RASTER_M
     view_rad = in_view_rad(terms, derived, stop, v_mps, SCALAR)
     sees_all = terms.field_of_view_rad >= 2.0 * math.pi - 1e-9
     level: Literal["passive", "passive in view"] | None = None
     if _can_be_required(terms) and all(clause.holds for clause in front):
-        if sees_all or (terms.all_round_range_m or 0.0) > ring_m:
+        in_view_only = terms.movers_level == "passive_in_view"
+        if not in_view_only and (sees_all or (terms.all_round_range_m or 0.0) > ring_m):
             level = "passive"
         elif terms.field_of_view_rad > view_rad and not terms.best_effort:
             level = "passive in view"

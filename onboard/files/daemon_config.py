@@ -135,6 +135,7 @@ class VehicleMission(FileModel):
     climb_max_m: NonNegative = 0.0
     heading: Literal["leg", "path"] = "leg"
     start_clear_m: Positive | None = None
+    start_clear_of_movers_m: Positive | None = None
     on_end: Literal["hover", "return"] = "hover"
     energy: EnergyBudget | None = None
 

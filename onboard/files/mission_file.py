@@ -66,6 +66,11 @@ class Mission(FileModel):
         description="radius around start_ned_m, at altitude_m, in which the operator has confirmed"
         " that nothing stands; null: not confirmed, so that the vehicle looks all round first",
     )
+    start_clear_of_movers_m: Positive | None = Field(
+        None,
+        description="radius around the vehicle in which nothing that moves is, as the operator"
+        " confirms whenever control is granted or a hold ended; needed by passive_in_view",
+    )
     on_end: Literal["hover", "return"] = Field(
         "hover",
         description="at the end of the last leg: hover there, or return along the way that was"

@@ -142,6 +142,7 @@ class ControlAuthority:
         refusals = self.departure_refusals(pose, now_s, now_unix_s)
         if not refusals:
             self._supervisor.begin_flight(now_s)
+            self._take_word_on_movers(pose, now_s)
             self._authorization.begin_flight(now_unix_s)
             self._energy.begin_flight(self._link.battery.charge(now_s, SILENCE_S), now_s)
             self._land_asked = False
@@ -149,6 +150,12 @@ class ControlAuthority:
             self._navigator.take_control(pose, now_s)
         elif (news := self._refusals.news(refusals, now_s)) is not None:
             self._emit(news)
+
+    def _take_word_on_movers(self, pose: Pose, now_s: float) -> None:
+        """Take what the operator says, by having the vehicle fly on, of movers around it."""
+        radius_m = self._navigator.situation.route.mission.start_clear_of_movers_m
+        if radius_m is not None:
+            self._supervisor.detections.movers.take_word(pose, radius_m, now_s)
 
     def resume(self, pose: Pose | None, now_s: float, now_unix_s: float) -> list[Refusal]:
         """End a hold by the operator's command, where nothing speaks against it.
@@ -174,6 +181,7 @@ class ControlAuthority:
             self._emit(refused("not resuming", refusals, now_s))
         else:
             self._supervisor.resume_flight()
+            self._take_word_on_movers(pose, now_s)
             self._navigator.resume(pose, now_s)
         return refusals
 
@@ -306,6 +314,11 @@ class ControlAuthority:
         if ring is not None:
             text = "no fresh frames of a sensor that sees all round, which movers require"
             found.append(Refusal(RefusalKind.DETECTIONS, text, ring.key))
+        radius_m = self._navigator.situation.route.mission.start_clear_of_movers_m or 0.0
+        found += [
+            Refusal(RefusalKind.START_WORD, f"mover {track} is within {radius_m:g} m", track)
+            for track in detections.movers.near(self._link.pose, radius_m, now_s)
+        ]
         found += [
             Refusal(RefusalKind.CONTRADICTION, f"sightings of {track} contradict each other", track)
             for track in detections.consistency.contradicted(now_s)

@@ -9,6 +9,7 @@ from enum import StrEnum, unique
 from typing import Final
 
 from onboard.contract.heights import HeightBand, half_band_m
+from onboard.contract.movers import start_clear_of_movers_m
 from onboard.events import Event, EventName, RefusalReason, Severity
 from onboard.geometry.box import Box
 from onboard.guidance.envelope import at_rest_speed_mps
@@ -52,6 +53,7 @@ class RefusalKind(StrEnum):
     ENERGY = "energy"
     GEOFENCE = "geofence"
     OTHER_DAEMON = "other_daemon"
+    START_WORD = "start_word"
     MISSION = "mission"
     LEFT_FLIGHT = "left_flight"
     NO_PROGRESS = "no_progress"
@@ -128,6 +130,18 @@ def _checks(situation: Situation, pose: Pose) -> Iterator[tuple[RefusalKind, boo
     at_rest_mps = at_rest_speed_mps(situation.assessment)
     text = f"not at rest ({speed_mps:.1f} m/s, limit {at_rest_mps:.1f} m/s)"
     yield RefusalKind.MOVING, speed_mps < at_rest_mps, text
+    yield RefusalKind.START_WORD, *_word_on_movers(situation)
+
+
+def _word_on_movers(situation: Situation) -> tuple[bool, str]:
+    """Tell whether the operator vouches for enough around the start, where no ring sees it."""
+    assessment = situation.assessment
+    if assessment.terms.movers_level != "passive_in_view":
+        return True, ""
+    stated_m = situation.route.mission.start_clear_of_movers_m or 0.0
+    needed_m = start_clear_of_movers_m(assessment.terms, assessment.inflated)
+    text = f"the mission's start_clear_of_movers_m is {stated_m:g} m (needed {needed_m:.1f} m)"
+    return stated_m >= needed_m, text
 
 
 def _at_hand(situation: Situation, pose: Pose) -> str | None:

@@ -92,6 +92,7 @@ def _mission(route: Route, height_m: float, stated: VehicleMission) -> Mission:
         climb_max_m=stated.climb_max_m,
         heading=stated.heading,
         start_clear_m=stated.start_clear_m,
+        start_clear_of_movers_m=stated.start_clear_of_movers_m,
         on_end=stated.on_end,
         energy=stated.energy,
         legs=tuple(

@@ -299,7 +299,12 @@ class MissionProgress:
             return None
         mission = stated.model_copy(
             # What the operator has confirmed of the first start says nothing of this one.
-            update={"start_ned_m": here_ned_m, "start_clear_m": None, "legs": (*ahead, *left)}
+            update={
+                "start_ned_m": here_ned_m,
+                "start_clear_m": None,
+                "start_clear_of_movers_m": None,
+                "legs": (*ahead, *left),
+            }
         )
         return _Continuation(mission, stated, self.saved.mission, len(ahead), first + 1)
 

@@ -45,6 +45,7 @@ class Assumption(StrEnum):
     STATIC_CLAIM = "static_claim"
     REST_SPEED = "rest_speed"
     YIELD_TIME = "yield_time"
+    MOVER_VIEW = "mover_view"
     TRACKING_ERROR = "tracking_error"
     TRACKING_ERROR_Z = "tracking_error_z"
     VELOCITY_ERROR = "velocity_error"

@@ -34,6 +34,7 @@ RESUMABLE: Final = frozenset(
         Assumption.MOVER_CLASS,
         Assumption.REST_SPEED,
         Assumption.YIELD_TIME,
+        Assumption.MOVER_VIEW,
     }
 )
 

@@ -82,7 +82,7 @@ def _check_ring(
     frames: Mapping[str, list[tuple[float, DetectionFrame]]], terms: Terms[float], *, needed: bool
 ) -> list[Finding]:
     """Check that a sensor sees all round, where movers are required; others than these may, too."""
-    if terms.movers_level == "none":
+    if terms.movers_level in ("none", "passive_in_view"):
         return []
     heard = [frame for arrivals in frames.values() for _, frame in arrivals]
     rings = [frame for frame in heard if frame.field_of_view_deg >= ALL_ROUND_DEG]

@@ -10,10 +10,13 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, Protocol
 
+import numpy as np
+
 from onboard.planning.mover_certifier import Movers, Settling, mover_failures
 
 if TYPE_CHECKING:
     from onboard.contract.assessment import Assessment
+    from onboard.geometry.frames import Vector
     from onboard.guidance.situation import Situation
     from onboard.motion.trajectory import Trajectory
     from onboard.planning.rest_certifier import RestLimits
@@ -73,6 +76,19 @@ class MoverGuard:
             if movers.missing is not None:
                 self.reason = f"no place is known to hold no mover: {movers.missing}"
         return found
+
+    def has_lost_view(self, position_leg_m: Vector, now_s: float) -> bool:
+        """Tell whether movers may have come, unseen, to where the vehicle rests.
+
+        Without a sensor that sees all round, nothing leads on then.
+        """
+        movers, situation = self.known.movers, self._situation
+        terms = situation.assessment.terms
+        if movers is None or terms.movers_level != "passive_in_view":
+            return False
+        here_ned_m = np.array((situation.leg.position_ned(position_leg_m)[:2],))
+        low, high = here_ned_m - terms.body_m, here_ned_m + terms.body_m
+        return movers.places.first_reached(low, high, np.array((now_s,))) is not None
 
     def has_refused(self, now_s: float, within_s: float) -> bool:
         """Tell whether a way that was free otherwise has been refused lately."""

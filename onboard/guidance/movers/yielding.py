@@ -22,6 +22,9 @@ if TYPE_CHECKING:
 
 # Without a way that only movers speak against for so long, something else does.
 _OTHER_REASON_S: Final = 2.0
+_OUT_OF_VIEW: Final = (
+    "out of view, movers may have come to where the vehicle rests: it goes on by your word only"
+)
 # A cruise is taken up again once it has been clear for so long.
 CLEAR_S: Final = 1.0
 # Whether it is clear is asked this often.
@@ -75,6 +78,12 @@ class Yielding:
         if longest_s is not None and waited_s > longest_s:
             self._fallback.report_and_hold(
                 Violation(Assumption.YIELD_TIME, waited_s, longest_s, "s"), now_s
+            )
+            return False
+        resting = self._situation.reference.sample(now_s)
+        if resting is not None and self._guard.has_lost_view(resting.position_leg_m, now_s):
+            self._fallback.report_and_hold(
+                Violation(Assumption.MOVER_VIEW, waited_s, 0.0, "s", sentence=_OUT_OF_VIEW), now_s
             )
             return False
         rested_s = now_s - wait.rest_since_s

@@ -102,7 +102,8 @@ class FlownWay:
                     at = end_ned_m
         if not legs:
             return None
-        back = {"start_ned_m": here_ned_m, "start_clear_m": None, "on_end": "hover"}
+        unsaid = {"start_clear_m": None, "start_clear_of_movers_m": None}
+        back = {"start_ned_m": here_ned_m, **unsaid, "on_end": "hover"}
         return mission.model_copy(update={**back, "legs": tuple(legs)})
 
     def _places(self) -> list[Place]:

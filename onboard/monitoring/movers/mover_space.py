@@ -7,29 +7,25 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 from functools import partial
 
 import numpy as np
 
-from onboard.contract.terms import Terms
 from onboard.files.contract_terms.mover_terms import UNKNOWN, MoverClass
 from onboard.geometry.box import Box
 from onboard.geometry.frames import FloatArray
 from onboard.monitoring.assumptions import ALL_ROUND_DEG, Assumption, Violation
 from onboard.monitoring.movers.claimed_boxes import ClaimedBoxes
 from onboard.monitoring.movers.frame_rows import FrameRows, Uncounted
-from onboard.monitoring.seen.scan_limits import resolved_m, scan_of
+from onboard.monitoring.movers.glances import around, box_margin_m, glance_of, turned
 from onboard.monitoring.seen.sight import Sight
 from onboard.monitoring.supervised_flight import SupervisedFlight
 from onboard.perception.detection import Corners, Detection, DetectionFrame
-from onboard.perception.face_strips import enclosing_boxes, strip_around
-from onboard.perception.line_of_sight import View
-from onboard.perception.movers.mover_free import Glance, MoverFree, boxes_array, without
+from onboard.perception.face_strips import strip_around
+from onboard.perception.movers.mover_free import MoverFree
 from onboard.perception.movers.moving_detection import (
     MovingDetection,
     ReturnsFrame,
-    exposure_s,
     is_complete,
     is_mover,
     is_whole,
@@ -37,9 +33,10 @@ from onboard.perception.movers.moving_detection import (
     turned_velocity_mps,
 )
 from onboard.perception.movers.static_claims import StaticClaims
-from onboard.perception.movers.tracker import Bound, MoverTracker, Sighting, with_hidden_part
+from onboard.perception.movers.tracker import Bound, MoverTracker, Sighting
 from onboard.perception.placement import POSE_TIMING_S, PlacedBox
 from onboard.planning.mover_certifier import Movers
+from onboard.vehicle_state import Pose
 
 # Corners of what stands still.
 KnownBoxes = Callable[[], Sequence[Corners]]
@@ -65,6 +62,7 @@ class MoverSpace:
         self.all_round_s = -math.inf
         terms = flight.assessment.terms
         self.active = terms.movers_level != "none"
+        self.needs_ring = self.active and terms.movers_level != "passive_in_view"
         self._hidden = any(mover.hidden for mover in terms.movers)
         bounds, unknown = bounds_of(terms.movers)
         self._tracker = MoverTracker(bounds, unknown, stamp_error_s=POSE_TIMING_S)
@@ -116,6 +114,26 @@ class MoverSpace:
         self._tracker.clear()  # what was too fast before is found again
         if self._free is not None:
             self._free.begin()
+
+    def take_word(self, pose: Pose, radius_m: float, now_s: float) -> None:
+        """Take the operator's word that no mover is so near now, where no ring sees all round."""
+        if self._free is not None and not self.needs_ring:
+            north_m, east_m, _ = pose.position_ned_m
+            self._free.take_word(north_m, east_m, radius_m, now_s)
+
+    def near(self, pose: Pose | None, radius_m: float, now_s: float) -> list[str]:
+        """Return the tracks that contradict such a word."""
+        if pose is None or self._free is None or self.needs_ring:
+            return []
+        north_m, east_m, _ = pose.position_ned_m
+        around_it = Box(
+            north_m - radius_m, north_m + radius_m, east_m - radius_m, east_m + radius_m
+        )
+        return [
+            track.id
+            for track in self._tracker
+            if track.predicted(now_s, POSE_TIMING_S).intersects(around_it)
+        ]
 
     def void(self, *, frame_stands: bool = False) -> None:
         """Forget everything: the local frame has moved, or is in doubt.
@@ -209,7 +227,10 @@ class MoverSpace:
         north_m, east_m, _ = sight.pose.position_ned_m
         self._free.centre_on(north_m, east_m)
         late = self._late_first_sights(sight)
-        glance = self._glance(sight, terms)
+        corners = np.array(sight.placed_ned_m).reshape(-1, 4, 2)
+        moving = self._moving(sight, corners)
+        known = [around(corners_m) for corners_m in self._known_boxes()]
+        glance = glance_of(sight, terms, moving, self._tracker.bound, known, hidden=self._hidden)
         placed = self._free.see(glance, sight.frame.source)
         self._frame_rows.note(sight.frame, None if placed else Uncounted.LATE)
         self._new = frozenset()
@@ -225,7 +246,7 @@ class MoverSpace:
         """Tell whether what sees all round has been silent for longer than the contract allows."""
         terms = self._flight.assessment.terms
         age_s = now_s - self.all_round_s
-        if not self.active or age_s <= terms.frame_age_max_s:
+        if not self.needs_ring or age_s <= terms.frame_age_max_s:
             return None
         note = "nothing that sees all round is heard"
         age = (age_s, terms.frame_age_max_s, "s", "all round", note)
@@ -243,7 +264,7 @@ class MoverSpace:
             kind_of(detection),
             around(box.corners_ned_m),
             # What stamp and pose are apart displaces a box seen from the body.
-            _turned(box.corners_ned_m) * error_m + self._clock_error_m(box),
+            turned(box.corners_ned_m) * error_m + self._clock_error_m(box),
             is_whole(detection),
             turned_velocity_mps(detection, yaw_rad),
         )
@@ -267,7 +288,7 @@ class MoverSpace:
         terms = self._flight.assessment.terms
         error_m = max(box.uncertainty_m, terms.map_error_m) + box.blur_m
         error_m += box.displacement_m(terms.heading_error_rad) + self._clock_error_m(box)
-        error_m *= _turned(box.corners_ned_m)
+        error_m *= turned(box.corners_ned_m)
         moved = self._claims.check(box.track_id, around(box.corners_ned_m), error_m)
         if moved is None:
             return []
@@ -292,7 +313,7 @@ class MoverSpace:
             if track_id not in self._new:
                 continue
             corners = np.array(corners_m)
-            margin_m = self._box_margin_m(sight, corners)
+            margin_m = box_margin_m(sight, self._flight.assessment.terms, corners)
             if isinstance(sight.frame, ReturnsFrame):
                 # Somewhere in the box something is.
                 low, high = corners.min(axis=0) - margin_m, corners.max(axis=0) + margin_m
@@ -309,77 +330,14 @@ class MoverSpace:
                     break
         return found
 
-    def _box_margin_m(self, sight: Sight, corners_m: FloatArray) -> float:
-        """Return how far the faces of one box may be off, its stamp and its growth included."""
-        terms = self._flight.assessment.terms
-        north_m, east_m, _ = sight.pose.position_ned_m
-        far_m = float(np.hypot(corners_m[:, 0] - north_m, corners_m[:, 1] - east_m).max())
-        speed_mps = math.hypot(*sight.pose.velocity_ned_mps[:2])
-        heading_rad = terms.heading_error_rad + sight.turn_radps * POSE_TIMING_S
-        return terms.map_error_m + speed_mps * POSE_TIMING_S + heading_rad * far_m
-
-    def _glance(self, sight: Sight, terms: Terms[float]) -> Glance:
-        """Return what a frame says of movers, as the seen-free set takes it, but in local NED."""
-        frame, pose, e = sight.frame, sight.pose, terms.map_error_m
-        heading_error_rad = terms.heading_error_rad + sight.turn_radps * POSE_TIMING_S
-        clock_error_m = math.hypot(*pose.velocity_ned_mps[:2]) * POSE_TIMING_S
-        scan, view_rad = scan_of(frame, terms), math.radians(frame.field_of_view_deg)
-        corners = np.array(sight.placed_ned_m).reshape(-1, 4, 2)
-        raw = enclosing_boxes(corners, e)
-        moving, rows = self._moving(sight, corners), []
-        for index, (detection, moves) in enumerate(zip(frame.obstacles, moving, strict=True)):
-            if not moves:
-                continue
-            margin_m = self._box_margin_m(sight, corners[index])
-            bound = self._tracker.bound(kind_of(detection))
-            grown = raw[index].inflated(margin_m)
-            # Of a return, all that its sensor does not see past stays unseen.
-            if not (is_whole(detection) or isinstance(frame, ReturnsFrame)):
-                raw[index] = grown = with_hidden_part(raw[index], margin_m, bound.size_max_m)
-            raw[index] = raw[index].inflated(bound.speed_max_mps * exposure_s(frame))
-            # While a measurement lasts, what moves is anywhere within its way.
-            grown = grown.inflated(bound.speed_max_mps * (POSE_TIMING_S + exposure_s(frame)))
-            rows.append((grown.x_min_m, grown.x_max_m, grown.y_min_m, grown.y_max_m))
-        view = View(
-            position_leg_m=pose.position_ned_m[:2],
-            heading_leg_rad=pose.yaw_rad,
-            half_view_rad=self._half_view_rad(frame, terms),
-            range_m=min(frame.range_m, _declared_range_m(frame, terms), resolved_m(frame, terms)),
-            boxes=raw,
-            face_error_m=e * (1.0 + heading_error_rad),
-            pose_error_m=clock_error_m + (e if scan else 0.0),
-            placing_error_m=math.sqrt(2.0) * e,
-            heading_error_rad=heading_error_rad,
-            free_range_m=scan,
-            scan_half_view_rad=view_rad / 2.0,
-        )
-        open_view = None if self._hidden else without(view, moving)
-        known = [around(corners_m) for corners_m in self._known_boxes()]
-        everything = replace(view, boxes=[*raw, *known])
-        lasting_s = exposure_s(frame)
-        return Glance(everything, sight.stamp_s, boxes_array(rows), open_view, lasting_s)
-
     def _moving(self, sight: Sight, corners: FloatArray) -> list[bool]:
         """Tell of each box of a frame whether it may move."""
         frame = sight.frame
         if not isinstance(frame, ReturnsFrame):
             return [self.is_mover(frame, seen) for seen in frame.obstacles]
-        return self._claimed().unexplained(corners, partial(self._box_margin_m, sight))
-
-    def _half_view_rad(self, frame: DetectionFrame, terms: Terms[float]) -> float:
-        """Return half of what a frame shows: all round, or no more than the contract counts on."""
-        view_rad = math.radians(frame.field_of_view_deg)
-        if frame.field_of_view_deg >= ALL_ROUND_DEG:
-            return math.pi
-        return min(view_rad, terms.field_of_view_rad) / 2.0
-
-
-def _declared_range_m(frame: DetectionFrame, terms: Terms[float]) -> float:
-    """Return how far the contract counts on what a sensor says: a ring no farther than declared."""
-    ring_m = terms.all_round_range_m or 0.0
-    if ring_m > 0.0 and frame.field_of_view_deg >= ALL_ROUND_DEG:
-        return min(ring_m, terms.detection_range_m)
-    return terms.detection_range_m
+        return self._claimed().unexplained(
+            corners, partial(box_margin_m, sight, self._flight.assessment.terms)
+        )
 
 
 def bounds_of(classes: Sequence[MoverClass]) -> tuple[dict[str, Bound], Bound]:
@@ -395,19 +353,3 @@ def bounds_of(classes: Sequence[MoverClass]) -> tuple[dict[str, Bound], Bound]:
 def _first_sight(track_id: str) -> Violation:
     sentence = f"mover {track_id} was first seen where none could be"
     return Violation(Assumption.MOVER_FIRST_SIGHT, 1.0, 0.0, "movers", track_id, sentence=sentence)
-
-
-def _turned(corners_m: Corners) -> float:
-    """Return how much farther along the axes a corner of a turned box is off than its faces."""
-    (x0_m, y0_m), (x1_m, y1_m), (x2_m, y2_m), _ = corners_m
-    sides = ((x1_m - x0_m, y1_m - y0_m), (x2_m - x1_m, y2_m - y1_m))
-    longer = max(sides, key=lambda side: math.hypot(*side))
-    length_m = math.hypot(*longer)
-    # A box without extent may be turned by any angle.
-    return math.sqrt(2.0) if length_m < 1e-3 else sum(map(abs, longer)) / length_m
-
-
-def around(corners_m: Corners) -> Box:
-    """Return the box along the axes around some corners."""
-    first, second = zip(*corners_m, strict=True)
-    return Box(min(first), max(first), min(second), max(second))

@@ -19,13 +19,13 @@ import itertools
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
-from scipy.ndimage import distance_transform_edt
 
 from onboard.geometry.frames import FloatArray
 from onboard.perception.line_of_sight import BoolArray, View, seen_free
+from onboard.perception.movers.raster import depth_of, moved
 from onboard.perception.view_sector import in_sector
 
 CELL_M: Final = 0.2
@@ -59,6 +59,8 @@ class Glance:
             errors included; no cell of them is free.
         open_view: the same without what stands still, where no mover hides behind that.
         exposure_s: how long its measurement took, at most.
+        cores: as `movers`, but what each fills at least: only that may be a surprise.  By default
+            the same.
     """
 
     view: View
@@ -66,6 +68,7 @@ class Glance:
     movers: FloatArray
     open_view: View | None = None
     exposure_s: float = 0.0
+    cores: FloatArray | None = None
 
 
 @dataclass
@@ -81,10 +84,20 @@ class _Step:
     seen: BoolArray
     shaded: BoolArray
     occupied: BoolArray
+    filled: BoolArray
     free_until_s: FloatArray = field(default_factory=lambda: np.empty(0))
     unvisited_until_s: FloatArray = field(default_factory=lambda: np.empty(0))
     # From each of the cells that this frame shows open to the nearest other one, in cells.
     depth: FloatArray = field(default_factory=lambda: np.empty(0))
+
+
+class _Word(NamedTuple):
+    """No mover is in a disc at a time, as the operator says."""
+
+    north_m: float
+    east_m: float
+    radius_m: float
+    at_s: float
 
 
 class MoverFree:
@@ -115,6 +128,8 @@ class MoverFree:
         self._half = math.ceil(reach_m / CELL_M) + _STEP_CELLS
         self._corner = (-self._half, -self._half)
         self._steps: list[_Step] = []
+        self._free_until_s: FloatArray
+        self._word: _Word | None = None
         self._rows: dict[str, int] = {}  # by sensor, how often it began again
         # By sensor, the newest first, at most as many as a row needs before its last frame.
         self._past: dict[str, list[_Past]] = {}
@@ -125,6 +140,31 @@ class MoverFree:
         """Begin with a flight: no frame has counted, and none hides that was not seen to hide."""
         self._clear(unvisited_until_s=math.inf)
 
+    def take_word(self, north_m: float, east_m: float, radius_m: float, at_s: float) -> None:
+        """Take the operator's word that at a time no mover is in a disc, at whatever height.
+
+        Args:
+            north_m: of its centre.
+            east_m: likewise.
+            radius_m: its radius.
+            at_s: the time; frames that were taken before it change nothing any more.
+        """
+        self.centre_on(north_m, east_m)
+        self._word = _Word(north_m, east_m, radius_m, at_s)
+        self._apply_word()
+
+    def _apply_word(self) -> None:
+        """Account for the word: into the disc a mover has to come from outside."""
+        if self._word is None:
+            return
+        north_m, east_m, radius_m, at_s = self._word
+        xs_m, ys_m = self._centres()
+        inside_m = radius_m - np.hypot(xs_m[:, None] - north_m, ys_m[None, :] - east_m)
+        inside_m -= CELL_M / math.sqrt(2.0)
+        until_s = np.where(inside_m >= 0.0, at_s + inside_m / self._speed_mps, -math.inf)
+        self._free_until_s = np.maximum(self._free_until_s, until_s)
+        self.version += 1
+
     def void(self) -> None:
         """Forget everything, also that no mover is hidden: the local frame is in doubt."""
         self._clear(unvisited_until_s=-math.inf)
@@ -134,11 +174,13 @@ class MoverFree:
         self._free_until_s = np.full((2 * self._half, 2 * self._half), -math.inf)
         self._past.clear()
         self._steps.clear()
+        self._apply_word()
         self.version += 1
 
     def _clear(self, unvisited_until_s: float) -> None:
         # Until when no mover that was ever seen can be in a cell.
         self._unvisited_until_s = np.full((2 * self._half, 2 * self._half), unvisited_until_s)
+        self._word = None
         self.forget_seen()
 
     def break_row(self, source: str) -> None:
@@ -162,17 +204,18 @@ class MoverFree:
         if not (di or dj):
             return
         self._corner = (wanted[0], wanted[1])
-        self._free_until_s = _moved(self._free_until_s, di, dj, -math.inf)
+        self._free_until_s = moved(self._free_until_s, di, dj, -math.inf)
         # A mover may have gone out and come back in elsewhere.
-        self._unvisited_until_s = _moved(self._unvisited_until_s, di, dj, -math.inf)
+        self._unvisited_until_s = moved(self._unvisited_until_s, di, dj, -math.inf)
         for step in self._steps:
             for name, fill in (
-                ("seen", False), ("shaded", False), ("occupied", False), ("depth", 0),
+                ("seen", False), ("shaded", False), ("occupied", False), ("filled", False),
+                ("depth", 0),
                 ("free_until_s", -math.inf), ("unvisited_until_s", -math.inf),
             ):  # fmt: skip
-                setattr(step, name, _moved(getattr(step, name), di, dj, fill))
+                setattr(step, name, moved(getattr(step, name), di, dj, fill))
         for past in itertools.chain.from_iterable(self._past.values()):
-            past.depth = _moved(past.depth, di, dj, 0)
+            past.depth = moved(past.depth, di, dj, 0)
         self.version += 1
 
     # ------------------------------------------------------------------ frames
@@ -180,7 +223,8 @@ class MoverFree:
     def see(self, glance: Glance, source: str) -> bool:
         """Take a frame of a sensor; tell whether it could still be put in its place."""
         index = bisect.bisect_right(self._steps, glance.stamp_s, key=lambda step: step.stamp_s)
-        if index == 0 and len(self._steps) >= _HISTORY_MAX:
+        too_old = index == 0 and len(self._steps) >= _HISTORY_MAX
+        if too_old or (self._word is not None and glance.stamp_s < self._word.at_s):
             self.dropped += 1
             return False
         self._steps.insert(index, self._step(glance, source))
@@ -217,13 +261,25 @@ class MoverFree:
             north_m, east_m = glance.view.position_leg_m
             whole_m = NEAR_M - CELL_M / math.sqrt(2.0)
             seen |= np.hypot(xs_m[:, None] - north_m, ys_m[None, :] - east_m) <= whole_m
-        occupied = np.zeros_like(seen)
-        for box in glance.movers:
-            occupied[self._window(*box)] = True
-        row = self._rows.get(source, 0)
-        ended_s = glance.stamp_s + glance.exposure_s
-        seen, shaded = seen & ~occupied, shaded & ~occupied
-        return _Step(glance.stamp_s, ended_s, source, row, seen, shaded, occupied)
+        occupied = self._cells_of(glance.movers)
+        filled = occupied if glance.cores is None else self._cells_of(glance.cores)
+        return _Step(
+            glance.stamp_s,
+            glance.stamp_s + glance.exposure_s,
+            source,
+            self._rows.get(source, 0),
+            seen & ~occupied,
+            shaded & ~occupied,
+            occupied,
+            filled,
+        )
+
+    def _cells_of(self, boxes: FloatArray) -> BoolArray:
+        """Return which cells some boxes touch."""
+        cells = np.zeros((2 * self._half, 2 * self._half), dtype=bool)
+        for box in boxes:
+            cells[self._window(*box)] = True
+        return cells
 
     def _apply(self, position: int) -> None:
         """Account for a step, all before it being accounted for."""
@@ -232,7 +288,7 @@ class MoverFree:
         at_s = step.ended_s + self._error_s
         unvisited = self._unvisited_until_s > at_s
         open_cells = step.seen | (step.shaded & unvisited)
-        step.depth = _depth(open_cells, edge_open=False)
+        step.depth = depth_of(open_cells, edge_open=False)
         shown = self._shown_in_a_row(position, open_cells)
         self._free_until_s = self._arrival_s(shown, self._free_until_s, step, edge_open=False)
         self._unvisited_until_s = self._arrival_s(
@@ -265,13 +321,14 @@ class MoverFree:
         at_s = step.ended_s + self._error_s
         held = before_s > at_s
         # Movers where none could be: an assumption has failed, or one is seen for the first time.
-        surprising = bool((held & step.occupied).any())
+        surprising = bool((held & step.filled).any())
         none_there = (shown | held) & ~step.occupied
-        depth = _depth(none_there, edge_open=edge_open)
+        depth = depth_of(none_there, edge_open=edge_open)
         since_s = step.stamp_s - self._error_s
         arrival_s = since_s + depth * (CELL_M / self._speed_mps)
         arrival_s[~none_there] = -math.inf
         if surprising:
+            self._word = None  # whatever was not so is not said again
             return arrival_s
         arrival_s = np.maximum(arrival_s, before_s)
         arrival_s[step.occupied] = -math.inf
@@ -374,30 +431,3 @@ def _nothing_near(view: View) -> bool:
         <= reach_m
         for box in view.boxes
     )
-
-
-def _depth(cells: BoolArray, *, edge_open: bool) -> FloatArray:
-    """Return how many cells lie at least between each of some cells and the nearest other one.
-
-    From centre to centre it is the square root of two more, at most.
-
-    Args:
-        cells: those inside.
-        edge_open: whether what lies beyond the raster counts as inside.
-    """
-    padded = np.pad(cells, 1, constant_values=edge_open)
-    if padded.all():
-        return np.full(cells.shape, math.inf)
-    depth: FloatArray = distance_transform_edt(padded)[1:-1, 1:-1]
-    return np.maximum(depth - math.sqrt(2.0), 0.0)
-
-
-def _moved(cells: FloatArray, di: int, dj: int, fill: float) -> FloatArray:
-    """Return the window moved by whole cells; new cells get a value."""
-    moved = np.full_like(cells, fill)
-    size = cells.shape[0]
-    if abs(di) >= size or abs(dj) >= size:
-        return moved
-    source = cells[max(di, 0) : size + min(di, 0), max(dj, 0) : size + min(dj, 0)]
-    moved[max(-di, 0) : size + min(-di, 0), max(-dj, 0) : size + min(-dj, 0)] = source
-    return moved

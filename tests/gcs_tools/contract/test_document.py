@@ -25,7 +25,7 @@ def test_a_contract_is_json_with_the_published_keys(name: str) -> None:
     assert json.loads(json.dumps(document, allow_nan=False)) == document
     assert list(document) == [
         "contract_sha256", "input_set", "accel_mps2", "nominal", "inflated", "clauses", "binding",
-        "compliant",
+        "compliant", "movers",
     ]  # fmt: skip
     assert document["nominal"].keys() == document["inflated"].keys()
     assert set(document["accel_mps2"]) == {"brake", "forward", "left", "right"}

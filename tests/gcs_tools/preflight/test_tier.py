@@ -226,3 +226,55 @@ def test_the_operators_word_has_to_cover_the_start(more_m: float, *, holds: bool
     (rule,) = (r for r in seen_free_rules(assessment, None, mission) if r.name == "start_clear")
     assert rule.holds is holds
     assert "operator's word" in str(rule)
+
+
+# ---------------------------------------------------------------------- movers
+
+PERSON = "{class: person, speed_max_mps: 0.5, size_max_m: 1.0}"
+DRONE = "{class: drone, speed_max_mps: 15.0, size_max_m: 1.0}"
+DECLARED = (
+    "vehicle.rest_settle_s=0.4",
+    "vehicle.setpoint_loss_run_time_s=2.0",
+    "vehicle.velocity_error_mps=[0.3, 0.1]",
+)
+MOVERS = (*DECLARED, f"environment.movers=[{PERSON}, {DRONE}]")
+PEOPLE = (*DECLARED, f"environment.movers=[{PERSON}]")
+IN_VIEW = (*PEOPLE, "requirements.movers=passive_in_view")
+
+
+def test_the_level_of_each_class_is_said_and_repeated_above_the_last_verdict() -> None:
+    text = printed(checked(*MOVERS))
+    *_, levels, verdict = text.splitlines()
+    assert levels.startswith(
+        "movers (none enforced): person 0.5 m/s: passive in view; drone 15 m/s: NOT COVERED, needs "
+    )
+    assert verdict.startswith("PROGRESS GUARANTEED")
+    assert "  drone 15 m/s: NOT COVERED, needs " in text
+    document = json.loads(json.dumps(checked(*MOVERS).document()))
+    assert [each["level"] for each in document["contract"]["movers"]] == ["passive in view", None]
+    assert "movers" not in printed(checked())
+
+
+@pytest.mark.parametrize(("stated_m", "holds"), [(None, False), (3.0, False), (12.0, True)])
+def test_without_a_ring_the_operators_word_is_needed_in_any_case(
+    stated_m: float | None, *, holds: bool
+) -> None:
+    mission = MISSION.model_copy(update={"start_clear_of_movers_m": stated_m})
+    result = check(load_contract(DEFAULT, IN_VIEW), None, mission, accept_no_progress=True)
+    assert result.assessment.compliant
+    (rule,) = result.start_rules
+    assert (rule.name, rule.holds) == ("start_clear_of_movers", holds)
+    assert (result.tier is Tier.PROGRESS_GUARANTEED) == holds
+    assert (result.tier is Tier.DO_NOT_FLY) != holds
+    assert any("start_clear_of_movers" in reason for reason in result.refusals) != holds
+    text = printed(result)
+    assert "Start" in text
+    assert "movers: person 0.5 m/s: passive in view" in text.splitlines()
+    assert [each["name"] for each in result.document()["start"]] == ["start_clear_of_movers"]
+
+
+def test_with_a_ring_no_word_is_asked_for() -> None:
+    ringed = ("requirements.movers=passive", "sensor.all_round_range_m=12.0")
+    result = check(load_contract(DEFAULT, (*PEOPLE, *ringed)), None, MISSION)
+    assert result.start_rules == ()
+    assert "Start" not in printed(result)

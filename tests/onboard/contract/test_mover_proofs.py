@@ -99,6 +99,37 @@ def test_a5_in_a_steady_cruise_a_mover_falls_back_across_the_line_of_its_angle()
     assert_refuted(rate >= 0, *POSITIVE, *unit, 10 * sine * v == 9 * v_o, v_o > 0)
 
 
+def test_a5_drift_counts_as_speed_of_the_mover() -> None:
+    """With a lateral speed of at most w, sin alpha = (v_o + w) / V takes the place of v_o / V."""
+    sine, cosine, x, y, w, drift = z3.Reals("sine cosine x y w drift")
+    unit = [sine * sine + cosine * cosine == 1, cosine >= 0, x * x + y * y <= v_o * v_o]
+    drifts = [w >= 0, drift <= w, drift >= -w]
+    rate = -sine * (x - v) + cosine * (y - drift)
+    assert_theorem(rate >= 0, *POSITIVE, *unit, *drifts, sine * v == v_o + w)
+    assert_refuted(rate >= 0, *POSITIVE, *unit, *drifts, sine * v == v_o, w > 0, sine > 0)
+
+
+def test_a5_the_danger_set_reaches_no_farther_across_than_the_clause_has_it() -> None:
+    """What a mover may have come across the line of alpha, less what the vehicle has left it.
+
+    (v_o + w) (s - x(s) / V) <= (v_o + w) (V / 2b + t_set) until rest; in the dead time nothing.
+    """
+    across, growing = z3.Reals("across growing")
+    pre = [*POSITIVE, across >= 0, t <= kappa + v / b + t_set]
+    grown = across * (t - way(t) / v)
+    assert_theorem(grown <= across * growing, *pre, growing == v / (2 * b) + t_set)
+    assert_theorem(grown == 0, *pre, t <= kappa)
+    assert_refuted(grown <= across * growing, *pre, 10 * growing == 9 * v / (2 * b))
+
+
+def test_a5_who_cruises_faster_leaves_more_behind() -> None:
+    """The least speed is the worst: (v_o + w)(U / b - U^2 / 2bV) falls in U from V on."""
+    faster, across = z3.Reals("faster across")
+    left = across * (faster / b - faster * faster / (2 * b * v))
+    pre = [*POSITIVE, across >= 0, faster >= v]
+    assert_theorem(left <= across * v / (2 * b), *pre)
+
+
 def test_the_kappa_of_a_dead_daemon_begins_with_the_reaction_time() -> None:
     """Flown at V for tau, then run on by l within t_run: nearer by v_o tau it touches."""
     tau, run, t_run = z3.Reals("tau run t_run")

@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
+from dataclasses import fields, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
+import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from onboard.contract.arithmetic import SCALAR
-from onboard.contract.assessment import TICK_S, assess, derive
+from onboard.contract.arithmetic import ARRAY, SCALAR
+from onboard.contract.assessment import TICK_S, assess, clauses, derive
 from onboard.contract.movers import (
     NOSE_TOLERANCE_RAD,
     STAMP_ERROR_S,
@@ -21,6 +22,7 @@ from onboard.contract.movers import (
     dead_daemon_range_m,
     in_view_rad,
     passive_range_m,
+    start_clear_of_movers_m,
     stop_of,
     stoppable_m,
 )
@@ -29,6 +31,7 @@ from onboard.files.contract_file import Contract, load_contract
 from onboard.files.contract_terms.mover_terms import MoverClass
 from onboard.files.yaml_file import FileError, validate
 from onboard.guidance.envelope import HEADING_TOLERANCE_RAD
+from onboard.monitoring.adaptation import at_compliant_speed
 from onboard.perception.placement import POSE_TIMING_S
 
 PERSON = {"class": "person", "speed_max_mps": 1.5, "size_max_m": 1.0}
@@ -104,7 +107,6 @@ def test_at_their_defaults_the_keys_leave_the_hash_as_it_was() -> None:
             {"requirements__movers": "passive_in_view", "requirements__progress": "best_effort"},
             "counts only in a steady cruise",
         ),
-        ({"requirements__movers": "passive_in_view"}, "not enforced in flight yet"),
         (
             {"vehicle__setpoint_loss": {
                 "model": "frozen", "gain_per_s": 0.95, "velocity_gain_per_s": 1.8}},
@@ -152,7 +154,101 @@ def test_each_class_has_a_level() -> None:
     )
     said = [str(level) for level in assess(blind).mover_levels]
     assert said[0].startswith("person 1.5 m/s: NOT COVERED")
-    assert said[2].startswith("child 0.5 m/s: passive in view, in a steady cruise only, and not")
+    assert said[2] == (
+        "child 0.5 m/s: passive in view, from the operator's word at the start, in a steady cruise,"
+        " if none hides behind an obstacle"
+    )
+
+
+def in_view(**changes: Any) -> Contract:
+    """Return a contract without a ring, against people who are slow enough for that."""
+    slow = [{**PERSON, "speed_max_mps": 0.5}]
+    level = {"requirements__movers": "passive_in_view", "sensor__all_round_range_m": 0.0}
+    return contract(**{**level, "environment__movers": slow, **changes})
+
+
+def clauses_of(contract: Contract) -> dict[str, tuple[float, float]]:
+    return {c.name: (c.required, c.declared) for c in assess(contract).clauses}
+
+
+def test_a_level_in_view_needs_a_view_in_place_of_a_ring() -> None:
+    seen = assess(in_view())
+    assert seen.compliant
+    assert [level.brief for level in seen.mover_levels] == ["person 0.5 m/s: passive in view"]
+    found = clauses_of(in_view())
+    assert found["passive_in_view.person"][1] == pytest.approx(120.0)
+    assert not [name for name in found if name.startswith("all_round")]
+    assert "passive_in_view.person" not in clauses_of(contract())
+    narrow = assess(in_view(sensor__field_of_view_deg=found["passive_in_view.person"][0] - 0.1))
+    assert [c.name for c in narrow.clauses if not c.holds][-1] == "passive_in_view.person"
+    assert narrow.mover_levels[0].level is None
+
+
+def test_a_ring_that_nothing_watches_makes_no_higher_level() -> None:
+    ringed = in_view(sensor__all_round_range_m=11.0)
+    assert assess(ringed).mover_levels[0].level == "passive in view"
+
+
+def test_the_view_in_view_grows_as_the_cruise_gets_slower() -> None:
+    """So it is as the field of view: a slower cruise is no cure, and none is found by bisection."""
+    speeds = (2.8, 2.4, 2.0, 1.6, 1.0)
+    views = [
+        clauses_of(in_view(vehicle__cruise_speed_mps=v))["passive_in_view.person"][0]
+        for v in speeds
+    ]
+    assert views == sorted(views)
+    assert views[0] < 120.0
+    assert views[-1] == pytest.approx(720.0)
+    slow = assess(in_view(sensor__field_of_view_deg=views[0] - 1.0))
+    assert at_compliant_speed(slow, 2.8) is None
+
+
+def test_the_view_in_view_is_the_same_on_a_surface() -> None:
+    """Arrays, as `clearway contract surface` has them: some comply, some are too slow."""
+    speeds = np.array((0.8, 2.0, 2.4, 2.8))
+    hidden = [{**PERSON, "speed_max_mps": 0.5, "hidden": True}]
+    terms = Terms.of(in_view(environment__movers=hidden))
+    numbers: dict[str, Any] = {
+        each.name: np.full(len(speeds), value)
+        for each in fields(terms)
+        if isinstance(value := getattr(terms, each.name), float)
+    }
+    numbers["cruise_speed_mps"] = speeds
+    arrays: Terms[Any] = replace(cast("Terms[Any]", terms), **numbers)
+    found = {c.name: c.required for c in clauses(arrays, derive(arrays, ARRAY), ARRAY)}
+    for index, speed in enumerate(speeds.tolist()):
+        one = clauses_of(in_view(environment__movers=hidden, vehicle__cruise_speed_mps=speed))
+        for name in ("passive_in_view.person", "emergence", "emergence_range"):
+            assert found[name][index] == pytest.approx(one[name][0])
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"vehicle__rest_settle_s": 0.9},
+        {"environment__movers": [{**PERSON, "speed_max_mps": 0.6}]},
+        {"vehicle__velocity_error_mps": [0.1, 0.3]},
+        {"sensor__detection_range_m": 12.0},
+        {"vehicle__heading_error_deg": 3.0},
+        {"vehicle__tracking_error_m": 0.5},
+    ],
+)
+def test_what_makes_the_view_in_view_wider(changes: dict[str, Any]) -> None:
+    assert (
+        clauses_of(in_view(**changes))["passive_in_view.person"][0]
+        > clauses_of(in_view())["passive_in_view.person"][0]
+    )
+
+
+def test_the_operators_word_covers_the_way_into_the_cruise() -> None:
+    """At 0.5 m/s a mover comes 0.5 m nearer for each second until the vehicle cruises or rests."""
+    terms = Terms.of(in_view())
+    word_m = start_clear_of_movers_m(terms, derive(terms, SCALAR))
+    vehicle = stop(terms)
+    least_m = vehicle.fixed_m + 0.5 * vehicle.time_s(terms.reaction_time_s)
+    assert least_m + 1.0 < word_m < least_m + 4.0
+    slower = Terms.of(in_view(environment__movers=[{**PERSON, "speed_max_mps": 0.3}]))
+    assert start_clear_of_movers_m(slower, derive(slower, SCALAR)) < word_m
 
 
 @pytest.mark.parametrize(

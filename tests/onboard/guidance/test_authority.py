@@ -49,7 +49,7 @@ class FakeNavigator:
         self.planned = PLANNED
         self.hovers: list[Pose] = []
         # Without a budget of energy, and on the way out.
-        mission = SimpleNamespace(energy=None)
+        mission = SimpleNamespace(energy=None, start_clear_of_movers_m=None)
         self.situation = SimpleNamespace(route=SimpleNamespace(mission=mission, returning=False))
 
     @property
@@ -84,6 +84,8 @@ class FakeDetections:
     blind: Violation | None = None
     ring: Violation | None = None
     contradicting: list[str] = field(default_factory=list)
+    near: list[str] = field(default_factory=list)
+    words: list[tuple[float, float]] = field(default_factory=list)
 
     @property
     def monitor(self) -> Any:
@@ -91,7 +93,14 @@ class FakeDetections:
 
     @property
     def movers(self) -> Any:
-        return SimpleNamespace(check_ring=lambda _: self.ring, refusal=None)
+        return SimpleNamespace(
+            check_ring=lambda _: self.ring,
+            refusal=None,
+            near=lambda _pose, radius_m, _now_s: self.near if radius_m > 0.0 else [],
+            take_word=lambda pose, radius_m, _: self.words.append(
+                (pose.position_ned_m[0], radius_m)
+            ),
+        )
 
     @property
     def consistency(self) -> Any:
@@ -621,3 +630,29 @@ def test_no_sequence_takes_what_is_not_granted_or_keeps_what_is(
             assert sent is None
         elif bench.navigator.flying:
             assert sent == PLANNED
+
+
+def test_by_granting_control_the_operator_speaks_of_movers_where_the_vehicle_is() -> None:
+    bench = Bench(CONTRACT)
+    bench.navigator.situation.route.mission.start_clear_of_movers_m = 6.0
+    bench.supervisor.detections.near = ["front/7"]
+    bench.north_m = 3.0
+    bench.grant()
+    bench.tick()
+    assert not bench.navigator.flying
+    (refused,) = (event for event in bench.events if event.name == "refused")
+    assert "mover front/7 is within 6 m" in refused.text
+    assert bench.supervisor.detections.words == []
+    bench.supervisor.detections.near = []
+    bench.tick()
+    assert bench.navigator.flying
+    assert bench.supervisor.detections.words == [(3.0, 6.0)]
+
+
+def test_without_a_word_on_movers_none_is_taken() -> None:
+    bench = Bench(CONTRACT)
+    bench.supervisor.detections.near = ["front/7"]
+    bench.grant()
+    bench.tick()
+    assert bench.navigator.phase is Phase.CRUISE
+    assert bench.supervisor.detections.words == []

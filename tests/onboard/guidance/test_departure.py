@@ -3,6 +3,7 @@
 import pytest
 
 from onboard.files.contract_file import Contract
+from onboard.files.yaml_file import validate
 from onboard.guidance.departure import (
     REFUSAL_PERIOD_S,
     START_TOLERANCE_M,
@@ -144,3 +145,18 @@ def test_after_the_end_it_reports_again() -> None:
     report.news([MOVING], 0.0)
     report.end()
     assert report.news([MOVING], REFUSAL_PERIOD_S) is not None
+
+
+@pytest.mark.parametrize(("stated_m", "says"), [(None, "is 0 m"), (2.0, "is 2 m"), (9.0, None)])
+def test_without_a_ring_the_operator_has_to_vouch_for_enough(
+    contract: Contract, stated_m: float | None, says: str | None
+) -> None:
+    data = contract.model_dump(mode="json")
+    data["vehicle"] |= {"rest_settle_s": 0.4}
+    data["requirements"] |= {"stop": True, "passive_safety": False, "movers": "passive_in_view"}
+    data["environment"]["movers"] = [{"class": "person", "speed_max_mps": 0.5, "size_max_m": 1.0}]
+    mission = mission_to((60.0, 0.0)).model_copy(update={"start_clear_of_movers_m": stated_m})
+    flight = PerfectFlight(validate(data, Contract, source="test"), mission)
+    found = [each for each in refusals(flight, 0.0, 0.0, -4.0) if each.kind == "start_word"]
+    assert bool(found) == (says is not None)
+    assert all(says in each.text and "needed" in each.text for each in found if says)

@@ -212,12 +212,18 @@ def test_what_the_geofence_forbids_stays_refused_over_the_arming(contract: Contr
 def test_what_no_item_states_comes_from_the_daemons_file(contract: Contract) -> None:
     energy = EnergyBudget(reserve_fraction=0.3, endurance_s=600.0)
     stated = VehicleMission(
-        altitude_m=6.0, target_half_width_m=7.0, on_end="return", start_clear_m=2.0, energy=energy
+        altitude_m=6.0,
+        target_half_width_m=7.0,
+        on_end="return",
+        start_clear_m=2.0,
+        energy=energy,
+        start_clear_of_movers_m=9.0,
     )
     rig = board(contract, stated)
     rig.run(2.0)
     mission = rig.autonomy.navigator.situation.route.mission
     assert (mission.altitude_m, mission.on_end, mission.start_clear_m) == (6.0, "return", 2.0)
+    assert mission.start_clear_of_movers_m == 9.0
     assert mission.legs[0].target_half_width_m == 7.0
     assert mission.energy == energy
 

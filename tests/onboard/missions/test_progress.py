@@ -21,6 +21,7 @@ MISSION = Mission.model_validate(
     {
         "altitude_m": 4.0,
         "start_clear_m": 2.0,
+        "start_clear_of_movers_m": 5.0,
         "legs": [
             {"end_ned_m": [8.0, 0.0], "target_half_width_m": 8.0},
             {"end_ned_m": [22.0, 0.0], "target_half_width_m": 3.0},
@@ -106,7 +107,8 @@ def test_after_a_battery_swap_at_home_it_goes_on_by_way_of_the_place(contract: C
     ]
     assert route(rig) == [(0.0, 0.0), (16.0, 1.0), (22.0, 0.0), (22.0, 8.0)]
     # Confirmed was another start, if at another time: here the vehicle has to look for itself.
-    assert rig.autonomy.navigator.situation.route.mission.start_clear_m is None
+    mission = rig.autonomy.navigator.situation.route.mission
+    assert (mission.start_clear_m, mission.start_clear_of_movers_m) == (None, None)
     fly(rig)
     rig.run(20.0, until=lambda: rig.position_ned_m[0] > 10.0)
     # On the way there nothing new has been flown.

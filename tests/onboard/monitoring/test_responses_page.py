@@ -19,6 +19,7 @@ OF_MOVERS = {
     Assumption.STATIC_CLAIM,
     Assumption.REST_SPEED,
     Assumption.YIELD_TIME,
+    Assumption.MOVER_VIEW,
 }
 # Only reported: the step is planned from where the vehicle is.
 REPORTED = {Assumption.LATE_FIRST_SIGHT}

@@ -45,6 +45,7 @@ TERMS: Final[dict[Assumption, tuple[str, ...]]] = {
     Assumption.STATIC_CLAIM: ("movers",),
     Assumption.REST_SPEED: ("rest_settle_s",),
     Assumption.YIELD_TIME: ("movers",),
+    Assumption.MOVER_VIEW: ("movers",),
     # The vehicle is where its reference is, within that error: by its own controller, as told by a
     # link that is alive, and not by the setpoints of another commander.
     Assumption.TRACKING_ERROR: ("tracking_error_m",),

@@ -37,8 +37,8 @@ DIGESTS = {
     "competition": "64368921318d0599",
     "best-effort": "f3ee36056536f338",
     "best-effort-faults": "28247b695c5c5f24",
-    "movers": "99e8b6259eee129f",
-    "faster-movers": "79a4946e3e8f2f6c",
+    "movers": "9e00d9a6b19ded83",
+    "faster-movers": "349a5fe2c50e1fae",
     "quick": "c2ec896834344007",
     "quick-faults": "6098990d5ea11549",
 }
@@ -84,6 +84,7 @@ LATER: dict[str, tuple[Any, ...]] = {
     "terrain_max_m": (0.0,),
     "terrain_error_m": (0.0,),
     "down_m": (None,),
+    "start_clear_of_movers_m": (None,),
 }
 
 

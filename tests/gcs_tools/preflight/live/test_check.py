@@ -449,6 +449,9 @@ def test_against_movers_a_sensor_has_to_see_all_round(
     found = check_detections(samples, ("front",), terms, 3.0, 0.0, needed=needed)
     assert [each.verdict for each in found if each.name == "all_round"] == [verdict]
     assert "all_round" not in detected(*samples)
+    in_view = dataclasses.replace(ASSESSMENT.terms, movers_level="passive_in_view")
+    found = check_detections(samples, ("front",), in_view, 3.0, 0.0, needed=needed)
+    assert "all_round" not in {each.name for each in found}
 
 
 @pytest.mark.parametrize(("complete", "verdicts"), [(True, []), (False, [BROKEN])])

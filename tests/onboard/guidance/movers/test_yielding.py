@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import pytest
 
 from onboard.contract.run_on import NO_RUN_ON
 from onboard.files.contract_file import Contract
+from onboard.files.contract_terms.mover_terms import MoversLevel
 from onboard.geometry.frames import FloatArray
 from onboard.guidance.movers.early_stop import early_stops
 from onboard.guidance.movers.mover_guard import NoMovers
@@ -127,6 +128,28 @@ def test_a_wait_may_have_an_end(gated: GatedFlight) -> None:
     flight.run(60.0, until=lambda: flight.state in OVER)
     assert flight.state is FlightState.HOLDING
     assert any("yield_time" in event.text for event in flight.events)
+
+
+@CRUISING
+@pytest.mark.parametrize("level", ["passive", "passive_in_view"])
+def test_without_a_ring_a_wait_ends_where_movers_may_have_come_unseen(
+    gated: GatedFlight, level: MoversLevel
+) -> None:
+    """What was vouched for, or seen, has worn off at the very place where the vehicle rests."""
+    gate = Gate(12.0)
+    flight = gated(gate)
+    flight.depart()
+    assessment = flight.situation.assessment
+    terms = replace(assessment.terms, movers_level=level)
+    flight.situation.assessment = replace(assessment, terms=terms)
+    flight.run(60.0, until=lambda: flight.state.phase is Phase.YIELD)
+    flight.run(2.0)
+    assert flight.states[-1:] == [FlightState.YIELDING]
+    gate.north_m = -100.0
+    flight.run(1.0)
+    lost = [event.text for event in flight.events if "mover_view" in event.text]
+    assert bool(lost) == (level == "passive_in_view")
+    assert (flight.states[-1] is FlightState.HOLDING) == bool(lost)
 
 
 @CRUISING

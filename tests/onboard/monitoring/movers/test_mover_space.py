@@ -301,6 +301,43 @@ def test_the_ring_has_to_be_heard(scene: Scene) -> None:
     assert scene.movers.check_ring(scene.now_s + 1.01 * age_max_s) is not None
 
 
+def in_view(contract: Contract) -> Scene:
+    return Scene(FakeFlight.under(against_movers(contract, level="passive_in_view")))
+
+
+def test_in_view_no_ring_has_to_be_heard(contract: Contract) -> None:
+    assert in_view(contract).movers.check_ring(100.0) is None
+
+
+def test_in_view_the_operators_word_is_taken_for_the_place_of_the_vehicle(
+    contract: Contract,
+) -> None:
+    scene = in_view(contract)
+    scene.movers.begin_flight()
+    assert not scene.is_free(0.0, 0.0)
+    scene.movers.take_word(scene.pose, 6.0, scene.now_s)
+    assert scene.is_free(0.0, 0.0, in_s=3.0)  # 1.5 m/s
+    assert not scene.is_free(0.0, 0.0, in_s=4.1)
+    for _ in range(5):
+        assert scene.look(source="front", field_of_view_deg=120.0, range_m=12.0) == []
+    assert scene.is_free(9.0, 0.0)
+    assert not scene.is_free(-7.0, 0.0)
+    # Where a ring is required, it is no matter of words.
+    ringed = Scene(FakeFlight.under(against_movers(contract)))
+    ringed.movers.take_word(ringed.pose, 6.0, ringed.now_s)
+    assert not ringed.is_free(0.0, 0.0)
+
+
+def test_a_mover_that_is_seen_contradicts_the_word(contract: Contract) -> None:
+    scene = in_view(contract)
+    scene.look(person(5.0), source="front", field_of_view_deg=120.0)
+    near = scene.movers.near
+    assert near(scene.pose, 6.0, scene.now_s) == ["front/1"]
+    assert near(scene.pose, 3.0, scene.now_s) == []
+    assert near(scene.pose, 3.0, scene.now_s + 2.0) == ["front/1"]
+    assert near(None, 6.0, scene.now_s) == []
+
+
 def test_a_ring_may_see_less_far_than_what_looks_ahead(contract: Contract) -> None:
     terms = FakeFlight.under(against_movers(contract)).assessment.terms
     message = {
