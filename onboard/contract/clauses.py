@@ -10,6 +10,7 @@ from onboard.contract.arithmetic import Arithmetic
 from onboard.contract.clause import Clause
 from onboard.contract.derivation import Derived
 from onboard.contract.heights import ground_below_m, view_needed_rad
+from onboard.contract.mover_avoidance import avoidance_clauses
 from onboard.contract.movers import mover_clauses
 from onboard.contract.recentring import Drift, drift_of, required_view
 from onboard.contract.terms import Terms
@@ -57,6 +58,7 @@ def clauses(terms: Terms[Q], derived: Derived[Q], ops: Arithmetic[Q]) -> tuple[C
         + _view_of_heights_clauses(terms, derived, ops)
         + _seen_free_clauses(terms)
         + mover_clauses(terms, derived, ops, TICK_S)
+        + avoidance_clauses(terms, derived, ops)
         + (separation,)
     )
     return tuple(_concerning(clause, terms) for clause in found)

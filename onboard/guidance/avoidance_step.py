@@ -130,8 +130,11 @@ class AvoidanceStep:
             self._unplanned, self._retry_s = obstacle.id, now_s + RETRY_S
             return
         self._unplanned = ""
+        self.follow(avoidance, now_s, f"avoiding {obstacle.id} ({avoidance.plan.kind})")
+
+    def follow(self, avoidance: Avoidance, now_s: float, text: str) -> None:
+        """Fly an avoidance that the shield has accepted, where one is; the text is for the log."""
         self._fly(avoidance, now_s)
-        text = f"avoiding {obstacle.id} ({avoidance.plan.kind})"
         self._situation.fire(Trigger.PRE_CONDITION, now_s, text=text)
 
     def advance(self, now_s: float) -> None:

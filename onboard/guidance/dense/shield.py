@@ -48,6 +48,8 @@ _PATIENCE_S: Final = 1.0
 _MARGIN_EVERY: Final = 4
 # A cruise is taken up again after a mover once so much of it, and braking then, certifies.
 _CLEAR_AHEAD_S: Final = 1.0
+# Before a plan past a mover is flown, so often on its way a stop is looked at.
+_STOP_EVERY_S: Final = 0.5
 _SPEED_TOLERANCE_MPS: Final = 1e-6
 # An intention that starts elsewhere than what is flown has to be stated again.
 _APART_M: Final = 1e-6
@@ -217,6 +219,32 @@ class Shield:
         head = cruise.until(now_s + _CLEAR_AHEAD_S)
         way = next(ways_to_rest(head, cruise, situation.envelope))
         return self._certifies(way, at_rest, now_s, switch=head.final)
+
+    def certifies_start(self, plan: Trajectory, now_s: float) -> bool:
+        """Tell whether what a plan from rest begins with, and braking then, certifies."""
+        start, head = plan.sample(now_s), plan.until(now_s + _CLEAR_AHEAD_S)
+        ways = ways_to_rest(head, plan, self._situation.envelope)
+        return any(self._certifies(way, start, now_s, switch=head.final) for way in ways)
+
+    def stop_failures(self, plan: Trajectory, now_s: float) -> tuple[str, ...]:
+        """Return why a stop on a plan's way may meet a mover that is seen now; empty if none may.
+
+        Every so often only: what is flown is certified whenever it is renewed.
+        """
+        begins_s = plan.start_s
+        while begins_s < plan.end_s:
+            switch_s = min(begins_s + _STOP_EVERY_S, plan.end_s)
+            head = plan.until(switch_s).from_time(begins_s)
+            found: tuple[str, ...] = ()
+            for way in ways_to_rest(head, plan, self._situation.envelope):
+                limits = self._limits(way, head.final)
+                found = self._thread.guard.failures(way, limits, now_s, seen_only=True)
+                if not found:
+                    break
+            if found:
+                return found
+            begins_s = switch_s
+        return ()
 
     def divert(self, reason: str, now_s: float, *, yields: bool = False) -> None:
         """Come to rest on the way that is held, and fly the rest of the leg by THREAD.
