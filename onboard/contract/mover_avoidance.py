@@ -204,4 +204,6 @@ def _level(terms: Terms[float], derived: Derived[float], mover: MoverClass) -> s
         return f"{name}: waited for, not passed: passing it needs {takes}"
     if terms.movers_level != "avoid":
         return f"{name}: waited for; requirements.movers = avoid would have it passed: {takes}"
-    return f"{name}: passed in flight where each stop on the way certifies, else waited for: {takes}"
+    return (
+        f"{name}: passed in flight where each stop on the way certifies, else waited for: {takes}"
+    )

@@ -23,7 +23,6 @@ from onboard.guidance.fallback import Fallback
 from onboard.guidance.induction_planner import InductionPlanner
 from onboard.guidance.leg_progress import LegProgress
 from onboard.guidance.movers.mover_guard import KnownMovers
-from onboard.guidance.movers.mover_passing import MoverPassing
 from onboard.guidance.phases import FlightState, Phase
 from onboard.guidance.situation import Avoidance, Situation
 from onboard.monitoring.assumptions import Violation
@@ -66,20 +65,10 @@ class Navigator:
         self.thread = thread = Thread(situation, fallback) if assessment.terms.stop else None
         self.shield = shield = Shield(situation, thread) if thread else None
         self._cruise = cruise = Cruise(situation, fallback, shield)
-        self._avoidance_step = AvoidanceStep(
+        self._avoidance_step = step = AvoidanceStep(
             situation, clear_check, fallback, cruise, induction_planner, shield
         )
-        self._passing = passing = None
-        if thread is not None and shield is not None:
-            self._passing = passing = MoverPassing(
-                situation,
-                clear_check,
-                induction_planner,
-                shield,
-                thread.guard,
-                self._avoidance_step,
-            )
-        self._leg_progress = LegProgress(situation, fallback, cruise, thread, shield, passing)
+        self._leg_progress = LegProgress(situation, fallback, cruise, thread, shield, step.passing)
         ladder = AdaptationLadder(situation, fallback, cruise, self._avoidance_step, shield)
         # What needs no dispatch goes straight to the part that it concerns.
         self.take_control = self._leg_progress.take_control
@@ -195,9 +184,7 @@ class Navigator:
         if self.phase is Phase.AVOID:
             self._avoidance_step.advance(now_s)
         cruises = self.phase is Phase.CRUISE and not self._leg_progress.advance(pose, now_s)
-        if cruises and (obstacle := self._cruise.advance(now_s)) is not None:
-            self._avoidance_step.begin(obstacle, now_s)
-        if cruises and self._passing is not None and self.cruising_freely:
-            self._passing.begin_if_due(now_s)
+        if cruises:
+            self._avoidance_step.begin_due(self._cruise.advance(now_s), now_s)
         if self.shield is not None and self.shield.guards:
             self._cruise.keep_guarded(self.shield, now_s)

@@ -73,6 +73,7 @@ class _Unasked:
     ) -> int | None:
         """Return that none is reached."""
         del low_ned_m, high_ned_m, until_s
+        return None
 
 
 UNASKED: Final[MoverFreePlaces] = _Unasked()

@@ -39,6 +39,7 @@ if TYPE_CHECKING:
     from onboard.guidance.dense.thread import Thread
     from onboard.guidance.situation import Situation
     from onboard.monitoring.assumptions import Violation
+    from onboard.planning.mover_certifier import Movers
 
 # A certificate is renewed this often, and every tick once that fails: two ticks are left then.
 RENEWAL_S: Final = GUARD_AHEAD_S - 2.0 * TICK_S
@@ -90,6 +91,11 @@ class Shield:
         state = situation.state
         moving = state.cruising_freely or state.phase is Phase.AVOID
         return situation.shielded and moving
+
+    @property
+    def movers(self) -> Movers | None:
+        """What is known of movers; None where the contract has none."""
+        return self._thread.guard.known.movers
 
     # ------------------------------------------------------------------ for the record
 

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from typing import TYPE_CHECKING, Final, NamedTuple
+from typing import TYPE_CHECKING, Final, NamedTuple, Protocol
 
 from onboard.contract.arithmetic import SCALAR
 from onboard.contract.mover_avoidance import class_passing
@@ -22,19 +22,40 @@ from onboard.motion.trajectory import State, X
 from onboard.perception.obstacle_map import Obstacle
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from onboard.contract.assessment import Assessment
-    from onboard.guidance.avoidance_step import AvoidanceStep
     from onboard.guidance.clear_check import ClearCheck
-    from onboard.guidance.dense.shield import Shield
     from onboard.guidance.induction_planner import InductionPlanner
-    from onboard.guidance.movers.mover_guard import MoverGuard
     from onboard.guidance.situation import Avoidance, Situation
-    from onboard.planning.mover_certifier import GrowingBox
+    from onboard.motion.trajectory import Trajectory
+    from onboard.planning.mover_certifier import GrowingBox, Movers
 
 # What the cells of the mover-free set take beside a mover: rounding out, and between two of them.
 _CELLS_M: Final = 0.5
 # A plan is sought for so long before the vehicle would have to brake for the mover.
 _AHEAD_S: Final = 2.0
+
+
+class WaysToRest(Protocol):
+    """Certifies what is flown: the seam to the shield."""
+
+    @property
+    def movers(self) -> Movers | None:
+        """What is known of movers; None where the contract has none."""
+        ...
+
+    def accepts(self, trajectory: Trajectory, now_s: float) -> bool:
+        """Guard what is flown with a trajectory, if that certifies; tell whether it does."""
+        ...
+
+    def certifies_start(self, plan: Trajectory, now_s: float) -> bool:
+        """Tell whether what a plan from rest begins with, and braking then, certifies."""
+        ...
+
+    def stop_failures(self, plan: Trajectory, now_s: float) -> tuple[str, ...]:
+        """Return why a stop on a plan's way may meet a mover that is seen now."""
+        ...
 
 
 class _Attempt(NamedTuple):
@@ -65,9 +86,8 @@ class MoverPassing:
         situation: what is flown, and what is known.
         clear_check: certifies a plan against what stands still.
         planner: makes plans.
-        shield: certifies what is flown.
-        guard: knows the movers.
-        step: flies the plan.
+        shield: certifies what is flown, and knows the movers.
+        follow: flies the plan, with a text for the log.
     """
 
     def __init__(
@@ -75,12 +95,11 @@ class MoverPassing:
         situation: Situation,
         clear_check: ClearCheck,
         planner: InductionPlanner,
-        shield: Shield,
-        guard: MoverGuard,
-        step: AvoidanceStep,
+        shield: WaysToRest,
+        follow: Callable[[Avoidance, float, str], None],
     ) -> None:
         self._situation, self._clear_check, self._planner = situation, clear_check, planner
-        self._shield, self._guard, self._step = shield, guard, step
+        self._shield, self._follow = shield, follow
         # Which attempt comes next; the one that succeeded is the first again.
         self._next, self._retry_s = 0, -math.inf
         self._ahead_of: tuple[Assessment, float, float] | None = None
@@ -95,7 +114,7 @@ class MoverPassing:
         if found is None or not self._shield.accepts(found.plan.trajectory, now_s):
             return
         text = f"passing {found.obstacle.id} on the {found.plan.side} ({found.plan.kind})"
-        self._step.follow(found, now_s, text)
+        self._follow(found, now_s, text)
 
     def leads_on_from_rest(self, now_s: float) -> bool:
         """Tell whether a plan leads past the mover ahead from where the vehicle rests."""
@@ -110,33 +129,34 @@ class MoverPassing:
 
     def _plan(self, start: State, now_s: float) -> Avoidance | None:
         """Return a plan around the mover that is headed for, if the attempt that is due has one."""
-        situation = self._situation
-        assessment = situation.assessment
-        if assessment.terms.movers_level != "avoid" or not assessment.compliant:
-            return None
-        if situation.state.changes_mission:
-            return None
-        track = self._headed_for(start, now_s)
+        track = self._headed_for(start, now_s) if self._is_wanted else None
         if track is None:
             return None
         number, self._next = self._next, (self._next + 1) % len(_ATTEMPTS)
         obstacle = self._obstacle(track, start, now_s, _ATTEMPTS[number])
-        if obstacle.region.x_pob_m > situation.route.length_m:
-            return None  # the leg ends beside it
-        found = self._planner.plan(obstacle, start, now_s, start.velocity_leg_mps[X])
-        if found is None:
-            return None
-        trajectory = found.plan.trajectory
-        if not self._clear_check.is_clear(trajectory):
-            return None
-        if self._shield.stop_failures(trajectory, now_s):
+        ends_beside = obstacle.region.x_pob_m > self._situation.route.length_m
+        found = None
+        if not ends_beside:
+            found = self._planner.plan(obstacle, start, now_s, start.velocity_leg_mps[X])
+        if found is None or not self._is_clear(found.plan.trajectory, now_s):
             return None
         self._next = number
         return replace(found, of_mover=True)
 
+    @property
+    def _is_wanted(self) -> bool:
+        """Whether movers are to be passed, and all clauses of that hold."""
+        assessment, state = self._situation.assessment, self._situation.state
+        wanted = assessment.terms.movers_level == "avoid" and not state.changes_mission
+        return wanted and assessment.compliant
+
+    def _is_clear(self, plan: Trajectory, now_s: float) -> bool:
+        """Tell whether a plan is clear of what stands still, and its stops of who is seen."""
+        return self._clear_check.is_clear(plan) and not self._shield.stop_failures(plan, now_s)
+
     def _headed_for(self, start: State, now_s: float) -> GrowingBox | None:
         """Return the first mover ahead that may come to be in the way of a straight flight."""
-        movers = self._guard.known.movers
+        movers = self._shield.movers
         if movers is None:
             return None
         near_m, aside_m = self._reach_m()
