@@ -49,8 +49,6 @@ _PATIENCE_S: Final = 1.0
 _MARGIN_EVERY: Final = 4
 # A cruise is taken up again after a mover once so much of it, and braking then, certifies.
 _CLEAR_AHEAD_S: Final = 1.0
-# Before a plan past a mover is flown, so often on its way a stop is looked at.
-_STOP_EVERY_S: Final = 0.5
 _SPEED_TOLERANCE_MPS: Final = 1e-6
 # An intention that starts elsewhere than what is flown has to be stated again.
 _APART_M: Final = 1e-6
@@ -232,25 +230,23 @@ class Shield:
         ways = ways_to_rest(head, plan, self._situation.envelope)
         return any(self._certifies(way, start, now_s, switch=head.final) for way in ways)
 
-    def stop_failures(self, plan: Trajectory, now_s: float) -> tuple[str, ...]:
-        """Return why a stop on a plan's way may meet a mover that is seen now; empty if none may.
+    def meets_mover_after_stop(
+        self, plan: Trajectory, begin_s: float, switch_s: float, now_s: float
+    ) -> bool:
+        """Tell whether a plan that is left for a stop may meet a mover that is seen now.
 
-        Every so often only: what is flown is certified whenever it is renewed.
+        Args:
+            plan: is flown until the switch.
+            begin_s: of the part of it that is asked about.
+            switch_s: when the vehicle begins to stop.
+            now_s: the time.
         """
-        begins_s = plan.start_s
-        while begins_s < plan.end_s:
-            switch_s = min(begins_s + _STOP_EVERY_S, plan.end_s)
-            head = plan.until(switch_s).from_time(begins_s)
-            found: tuple[str, ...] = ()
-            for way in ways_to_rest(head, plan, self._situation.envelope):
-                limits = self._limits(way, head.final)
-                found = self._thread.guard.failures(way, limits, now_s, seen_only=True)
-                if not found:
-                    break
-            if found:
-                return found
-            begins_s = switch_s
-        return ()
+        head = plan.until(switch_s).from_time(begin_s)
+        guard = self._thread.guard
+        return all(
+            guard.failures(way, self._limits(way, head.final), now_s, seen_only=True)
+            for way in ways_to_rest(head, plan, self._situation.envelope)
+        )
 
     def divert(self, reason: str, now_s: float, *, yields: bool = False) -> None:
         """Come to rest on the way that is held, and fly the rest of the leg by THREAD.

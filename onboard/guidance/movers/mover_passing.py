@@ -17,7 +17,7 @@ from onboard.contract.arithmetic import SCALAR
 from onboard.contract.mover_avoidance import class_passing
 from onboard.geometry.box import Box
 from onboard.guidance.movers.mover_guard import settling_of
-from onboard.guidance.situation import GRID_MARGIN_M, RETRY_S
+from onboard.guidance.situation import GRID_MARGIN_M, GUARD_AHEAD_S, RETRY_S
 from onboard.motion.trajectory import State, X
 from onboard.perception.obstacle_map import Obstacle
 
@@ -33,6 +33,10 @@ if TYPE_CHECKING:
 
 # What the cells of the mover-free set take beside a mover: rounding out, and between two of them.
 _CELLS_M: Final = 0.5
+# So far ahead a plan begins, in which its stops are looked at: so many in a tick, so often on it.
+_LEAD_S: Final = 0.2
+_STOPS_A_TICK: Final = 4
+_STOP_EVERY_S: Final = 0.5
 # A plan is sought for so long before the vehicle would have to brake for the mover.
 _AHEAD_S: Final = 2.0
 
@@ -53,8 +57,10 @@ class WaysToRest(Protocol):
         """Tell whether what a plan from rest begins with, and braking then, certifies."""
         ...
 
-    def stop_failures(self, plan: Trajectory, now_s: float) -> tuple[str, ...]:
-        """Return why a stop on a plan's way may meet a mover that is seen now."""
+    def meets_mover_after_stop(
+        self, plan: Trajectory, begin_s: float, switch_s: float, now_s: float
+    ) -> bool:
+        """Tell whether a plan that is left for a stop may meet a mover that is seen now."""
         ...
 
 
@@ -102,19 +108,40 @@ class MoverPassing:
         self._shield, self._follow = shield, follow
         # Which attempt comes next; the one that succeeded is the first again.
         self._next, self._retry_s = 0, -math.inf
+        # What is being looked at, up to which time on its way.
+        self._pending: tuple[Avoidance, float] | None = None
         self._ahead_of: tuple[Assessment, float, float] | None = None
 
     def begin_if_due(self, now_s: float) -> None:
-        """Begin to pass the mover that the cruise is headed for, if a plan certifies."""
-        start = self._situation.reference.sample(now_s)
-        if start is None or now_s < self._retry_s:
+        """Begin to pass the mover that the cruise is headed for, if a plan certifies.
+
+        A plan is made in one tick, and looked at in the ones after it, so that none is late.
+        """
+        if self._pending is not None:
+            self._look_at(*self._pending, now_s)
+            return
+        intended = self._situation.reference.intended
+        if intended is None or now_s < self._retry_s:
             return
         self._retry_s = now_s + RETRY_S
-        found = self._plan(start, now_s)
-        if found is None or not self._shield.accepts(found.plan.trajectory, now_s):
-            return
-        text = f"passing {found.obstacle.id} on the {found.plan.side} ({found.plan.kind})"
-        self._follow(found, now_s, text)
+        start_s = now_s + _LEAD_S
+        found = self._plan(intended.sample(start_s), start_s)
+        if found is not None:
+            self._pending = (found, start_s)
+
+    def _look_at(self, found: Avoidance, looked_s: float, now_s: float) -> None:
+        """Look at more stops of a plan, and have it flown once all have been looked at."""
+        plan, self._pending = found.plan.trajectory, None
+        if now_s > plan.start_s:
+            return  # it comes too late
+        until_s = min(looked_s + _STOPS_A_TICK * _STOP_EVERY_S, plan.end_s)
+        if not self._stops_clear(plan, looked_s, until_s, now_s):
+            self._next = (self._next + 1) % len(_ATTEMPTS)
+        elif until_s < plan.end_s or now_s < plan.start_s - GUARD_AHEAD_S:
+            self._pending = (found, until_s)
+        elif self._shield.accepts(plan, now_s):
+            side, kind = found.plan.side, found.plan.kind
+            self._follow(found, now_s, f"passing {found.obstacle.id} on the {side} ({kind})")
 
     def leads_on_from_rest(self, now_s: float) -> bool:
         """Tell whether a plan leads past the mover ahead from where the vehicle rests."""
@@ -123,22 +150,31 @@ class MoverPassing:
             return False
         at_rest = State(start.position_leg_m, (0.0, 0.0, 0.0))
         found = self._plan(at_rest, now_s)
-        return found is not None and self._shield.certifies_start(found.plan.trajectory, now_s)
+        if found is None:
+            return False
+        plan = found.plan.trajectory
+        if self._stops_clear(plan, plan.start_s, plan.end_s, now_s):
+            return self._shield.certifies_start(plan, now_s)
+        self._next = (self._next + 1) % len(_ATTEMPTS)
+        return False
 
     # ------------------------------------------------------------------ one attempt
 
-    def _plan(self, start: State, now_s: float) -> Avoidance | None:
+    def _plan(self, start: State, start_s: float) -> Avoidance | None:
         """Return a plan around the mover that is headed for, if the attempt that is due has one."""
-        track = self._headed_for(start, now_s) if self._is_wanted else None
+        track = self._headed_for(start, start_s) if self._is_wanted else None
         if track is None:
             return None
         number, self._next = self._next, (self._next + 1) % len(_ATTEMPTS)
-        obstacle = self._obstacle(track, start, now_s, _ATTEMPTS[number])
-        ends_beside = obstacle.region.x_pob_m > self._situation.route.length_m
-        found = None
-        if not ends_beside:
-            found = self._planner.plan(obstacle, start, now_s, start.velocity_leg_mps[X])
-        if found is None or not self._is_clear(found.plan.trajectory, now_s):
+        obstacle = self._obstacle(track, start, start_s, _ATTEMPTS[number])
+        region, found = obstacle.region, None
+        x_m, y_m, _ = start.position_leg_m
+        keep_out = region.keep_out
+        inside = x_m > keep_out.x_min_m and keep_out.y_min_m < y_m < keep_out.y_max_m
+        ends_beside = region.x_pob_m > self._situation.route.length_m
+        if not (inside or ends_beside):
+            found = self._planner.plan(obstacle, start, start_s, start.velocity_leg_mps[X])
+        if found is None or not self._clear_check.is_clear(found.plan.trajectory):
             return None
         self._next = number
         return replace(found, of_mover=True)
@@ -150,11 +186,19 @@ class MoverPassing:
         wanted = assessment.terms.movers_level == "avoid" and not state.changes_mission
         return wanted and assessment.compliant
 
-    def _is_clear(self, plan: Trajectory, now_s: float) -> bool:
-        """Tell whether a plan is clear of what stands still, and its stops of who is seen."""
-        return self._clear_check.is_clear(plan) and not self._shield.stop_failures(plan, now_s)
+    def _stops_clear(self, plan: Trajectory, begin_s: float, end_s: float, now_s: float) -> bool:
+        """Tell whether none of the stops on a part of a plan may meet a mover that is seen.
 
-    def _headed_for(self, start: State, now_s: float) -> GrowingBox | None:
+        They are samples: what is flown is certified as a whole whenever it is renewed.
+        """
+        while begin_s < end_s:
+            switch_s = min(begin_s + _STOP_EVERY_S, end_s)
+            if self._shield.meets_mover_after_stop(plan, begin_s, switch_s, now_s):
+                return False
+            begin_s = switch_s
+        return True
+
+    def _headed_for(self, start: State, start_s: float) -> GrowingBox | None:
         """Return the first mover ahead that may come to be in the way of a straight flight."""
         movers = self._shield.movers
         if movers is None:
@@ -163,11 +207,11 @@ class MoverPassing:
         x_m, y_m, _ = start.position_leg_m
         ahead = []
         for track in movers.tracks:
-            box = self._leg_box(track.predicted(now_s, movers.stamp_error_s))
+            box = self._leg_box(track.predicted(start_s, movers.stamp_error_s))
             in_way = box.y_min_m - aside_m <= y_m <= box.y_max_m + aside_m
             if in_way and x_m < box.x_max_m + aside_m and box.x_min_m - x_m <= near_m:
-                ahead.append((box.x_min_m, track.id, track))
-        return min(ahead)[2] if ahead else None
+                ahead.append((box.x_min_m, track))
+        return min(ahead, key=lambda each: each[0])[1] if ahead else None
 
     def _reach_m(self) -> tuple[float, float]:
         """Return from how far ahead a plan is sought, and how far beside a mover it is needed.
@@ -190,18 +234,18 @@ class MoverPassing:
         return self._ahead_of[1:]
 
     def _obstacle(
-        self, track: GrowingBox, start: State, now_s: float, attempt: _Attempt
+        self, track: GrowingBox, start: State, start_s: float, attempt: _Attempt
     ) -> Obstacle:
         """Return a mover as large as it may become until it has been passed, with its region."""
         assessment = self._situation.assessment
         terms, margin_m = assessment.terms, assessment.inflation_m()
         speed_mps = terms.cruise_speed_mps
         forward_mps2 = assessment.limits.forward_mps2
-        behind_m = self._leg_box(track.predicted(now_s)).x_max_m + margin_m
+        behind_m = self._leg_box(track.predicted(start_s)).x_max_m + margin_m
         slow_s = (speed_mps - min(start.velocity_leg_mps[X], speed_mps)) / forward_mps2
         passing_s = max(behind_m - start.position_leg_m[X], 0.0) / speed_mps
         passing_s += self._clearing_s() + slow_s + terms.attitude_lag_s
-        worst_s = now_s + passing_s + attempt.settling * self._settling_s()
+        worst_s = start_s + passing_s + attempt.settling * self._settling_s()
         grown = self._leg_box(track.predicted(worst_s)).inflated(_CELLS_M)
         error_m = assessment.face_error_m + GRID_MARGIN_M
         region = assessment.region_around(grown, error_m)
