@@ -39,6 +39,7 @@ DIGESTS = {
     "best-effort-faults": "28247b695c5c5f24",
     "movers": "99e8b6259eee129f",
     "faster-movers": "79a4946e3e8f2f6c",
+    "passed-movers": "3adce90e1c6592f8",
     "quick": "c2ec896834344007",
     "quick-faults": "6098990d5ea11549",
 }
