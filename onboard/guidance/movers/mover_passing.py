@@ -14,7 +14,8 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Final, NamedTuple, Protocol
 
 from onboard.contract.arithmetic import SCALAR
-from onboard.contract.mover_avoidance import class_passing
+from onboard.contract.mover_avoidance import class_passing, fastest_mps
+from onboard.contract.movers import STAMP_ERROR_S
 from onboard.geometry.box import Box
 from onboard.guidance.movers.mover_guard import settling_of
 from onboard.guidance.situation import GRID_MARGIN_M, GUARD_AHEAD_S, RETRY_S
@@ -117,6 +118,9 @@ class MoverPassing:
 
         A plan is made in one tick, and looked at in the ones after it, so that none is late.
         """
+        if not self._is_wanted:
+            self._pending = None
+            return
         if self._pending is not None:
             self._look_at(*self._pending, now_s)
             return
@@ -146,7 +150,7 @@ class MoverPassing:
     def leads_on_from_rest(self, now_s: float) -> bool:
         """Tell whether a plan leads past the mover ahead from where the vehicle rests."""
         start = self._situation.reference.sample(now_s)
-        if start is None:
+        if start is None or not self._is_wanted:
             return False
         at_rest = State(start.position_leg_m, (0.0, 0.0, 0.0))
         found = self._plan(at_rest, now_s)
@@ -162,7 +166,7 @@ class MoverPassing:
 
     def _plan(self, start: State, start_s: float) -> Avoidance | None:
         """Return a plan around the mover that is headed for, if the attempt that is due has one."""
-        track = self._headed_for(start, start_s) if self._is_wanted else None
+        track = self._headed_for(start, start_s)
         if track is None:
             return None
         number, self._next = self._next, (self._next + 1) % len(_ATTEMPTS)
@@ -241,12 +245,14 @@ class MoverPassing:
         terms, margin_m = assessment.terms, assessment.inflation_m()
         speed_mps = terms.cruise_speed_mps
         forward_mps2 = assessment.limits.forward_mps2
-        behind_m = self._leg_box(track.predicted(start_s)).x_max_m + margin_m
+        box = self._leg_box(track.predicted(start_s, STAMP_ERROR_S))
+        behind_m = box.x_max_m + margin_m
         slow_s = (speed_mps - min(start.velocity_leg_mps[X], speed_mps)) / forward_mps2
         passing_s = max(behind_m - start.position_leg_m[X], 0.0) / speed_mps
         passing_s += self._clearing_s() + slow_s + terms.attitude_lag_s
-        worst_s = start_s + passing_s + attempt.settling * self._settling_s()
-        grown = self._leg_box(track.predicted(worst_s)).inflated(_CELLS_M)
+        worst_s = passing_s + attempt.settling * self._settling_s()
+        # Whoever may be hidden behind it comes as fast as the fastest class.
+        grown = box.inflated(fastest_mps(terms) * worst_s + _CELLS_M)
         error_m = assessment.face_error_m + GRID_MARGIN_M
         region = assessment.region_around(grown, error_m)
         if not attempt.run_on:

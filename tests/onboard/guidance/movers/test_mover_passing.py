@@ -144,7 +144,7 @@ def test_a_second_walker_beside_the_way_round_is_waited_for() -> None:
     for walker in row:
         walker.north_m = -500.0
     flight.run(60.0, until=lambda: flight.state in OVER)
-    assert flight.states[-1] is FlightState.ARRIVED
+    assert flight.states[-1:] == [FlightState.ARRIVED]
 
 
 def test_one_who_crosses_is_waited_for_and_the_flight_goes_on() -> None:
