@@ -58,43 +58,18 @@ def passing(e: Encounter[Q], slow_mps: Q, mover_mps: float, ops: Arithmetic[Q]) 
         mover_mps: v_o.
         ops: for floats or arrays.
     """
-    kappa_s, lag_s = e.reaction_time_s + e.attitude_lag_s, e.attitude_lag_s
-    grown_m = 2.0 * mover_mps * kappa_s
-    least_mps2 = ops.minimum(e.left_mps2, e.right_mps2)
-    clearing_s = _clearing_s(e, e.size_across_m + grown_m, mover_mps, ops)
+    kappa_s = e.reaction_time_s + e.attitude_lag_s
+    across_m = e.size_across_m + 2.0 * mover_mps * kappa_s
+    clearing_s = _clearing_s(e, across_m, mover_mps, ops)
     depth_m = least_advance(e.speed_mps, e.brake_mps2, clearing_s, ops) + mover_mps * clearing_s
     front_m = depth_m + (e.speed_mps + mover_mps) * kappa_s
-    # Along the leg: from the slowest to the cruise speed again, and past the rear.
-    regaining_m = e.speed_mps * (1.0 + e.brake_mps2 / e.forward_mps2) * lag_s
-    slowest_mps = ops.maximum(slow_mps - e.brake_mps2 * clearing_s, slow_mps * 0.0)
-    deficit_mps = e.speed_mps - slowest_mps
-    passed_m = (
-        e.size_along_m
-        + grown_m
-        + 2.0 * mover_mps * clearing_s
-        + (e.speed_mps - slow_mps) * (kappa_s + clearing_s)
-        + deficit_mps * deficit_mps / (2.0 * e.forward_mps2)
-        + regaining_m
-    )
+    # Where the vehicle is not faster, it takes so long that nothing declared suffices.
     faster_mps = ops.maximum(slow_mps - mover_mps, slow_mps * 0.0 + _LEAST_MPS)
-    passing_s = clearing_s + passed_m / faster_mps
-    # Sideways: the peak speed is brought down to that of the face, and to rest at the end.
-    w, most_mps2 = e.lateral_speed_mps, ops.maximum(e.left_mps2, e.right_mps2)
-    crossing_mps = w + most_mps2 * clearing_s
-    crossing_mps = ops.sqrt(crossing_mps * crossing_mps + 2.0 * most_mps2 * w * lag_s)
-    peak_mps = crossing_mps + most_mps2 * lag_s
-    slowing_m = crossing_mps * lag_s + most_mps2 * lag_s * lag_s / 2.0
-    slowing_m = slowing_m + peak_mps * peak_mps / (2.0 * least_mps2)
-    lane_m = mover_mps * (kappa_s + passing_s + lag_s) + slowing_m
-    border_m = ops.maximum(
-        e.size_along_m
-        + mover_mps * (kappa_s + passing_s)
-        + e.speed_mps * (mover_mps / least_mps2 + lag_s),
-        ops.maximum(
-            e.speed_mps * (peak_mps / least_mps2 + lag_s),
-            e.speed_mps * e.speed_mps / (2.0 * e.forward_mps2) + regaining_m,
-        ),
-    )
+    passing_s = clearing_s + _passed_m(e, slow_mps, mover_mps, clearing_s, ops) / faster_mps
+    slowing_m, peak_mps = _slowing_aside(e, clearing_s, ops)
+    border_m = _border_m(e, mover_mps, passing_s, peak_mps, ops)
+    least_mps2, w = ops.minimum(e.left_mps2, e.right_mps2), e.lateral_speed_mps
+    lane_m = mover_mps * (kappa_s + passing_s + e.attitude_lag_s) + slowing_m
     # The thinnest mover has no extent: the border lies farthest behind its centre.
     behind_m = ops.maximum(border_m, e.size_along_m / 2.0)
     return Passing(
@@ -106,6 +81,55 @@ def passing(e: Encounter[Q], slow_mps: Q, mover_mps: float, ops: Arithmetic[Q]) 
         length_m=front_m + e.size_along_m / 2.0 + behind_m + mover_mps * passing_s,
         width_m=e.size_across_m + 2.0 * lane_m + mover_mps * passing_s,
     )
+
+
+def _regaining_m(e: Encounter[Q]) -> Q:
+    """Return what the attitude lag costs while the cruise speed is regained."""
+    return e.speed_mps * (1.0 + e.brake_mps2 / e.forward_mps2) * e.attitude_lag_s
+
+
+def _passed_m(
+    e: Encounter[Q], slow_mps: Q, mover_mps: float, clearing_s: Q, ops: Arithmetic[Q]
+) -> Q:
+    """Return the way from t* on, relative to the mover's rear, until the speed is regained."""
+    kappa_s = e.reaction_time_s + e.attitude_lag_s
+    slowest_mps = ops.maximum(slow_mps - e.brake_mps2 * clearing_s, slow_mps * 0.0)
+    deficit_mps = e.speed_mps - slowest_mps
+    return (
+        e.size_along_m
+        + 2.0 * mover_mps * (kappa_s + clearing_s)
+        + (e.speed_mps - slow_mps) * (kappa_s + clearing_s)
+        + deficit_mps * deficit_mps / (2.0 * e.forward_mps2)
+        + _regaining_m(e)
+    )
+
+
+def _slowing_aside(e: Encounter[Q], clearing_s: Q, ops: Arithmetic[Q]) -> tuple[Q, Q]:
+    """Return the way aside beyond the face that slowing down takes, and the peak speed.
+
+    The speed is brought down to that of the face, and to rest at the end.
+    """
+    w, lag_s = e.lateral_speed_mps, e.attitude_lag_s
+    most_mps2 = ops.maximum(e.left_mps2, e.right_mps2)
+    least_mps2 = ops.minimum(e.left_mps2, e.right_mps2)
+    crossing_mps = w + most_mps2 * clearing_s
+    crossing_mps = ops.sqrt(crossing_mps * crossing_mps + 2.0 * most_mps2 * w * lag_s)
+    peak_mps = crossing_mps + most_mps2 * lag_s
+    lagging_m = crossing_mps * lag_s + most_mps2 * lag_s * lag_s / 2.0
+    return lagging_m + peak_mps * peak_mps / (2.0 * least_mps2), peak_mps
+
+
+def _border_m(
+    e: Encounter[Q], mover_mps: float, passing_s: Q, peak_mps: Q, ops: Arithmetic[Q]
+) -> Q:
+    """Return how far behind the face the last of three things ends: rear, swerve, speed."""
+    kappa_s, lag_s = e.reaction_time_s + e.attitude_lag_s, e.attitude_lag_s
+    least_mps2 = ops.minimum(e.left_mps2, e.right_mps2)
+    rear_m = e.size_along_m + mover_mps * (kappa_s + passing_s)
+    rear_m = rear_m + e.speed_mps * (mover_mps / least_mps2 + lag_s)
+    swerve_m = e.speed_mps * (peak_mps / least_mps2 + lag_s)
+    speed_m = e.speed_mps * e.speed_mps / (2.0 * e.forward_mps2) + _regaining_m(e)
+    return ops.maximum(rear_m, ops.maximum(swerve_m, speed_m))
 
 
 def _clearing_s(e: Encounter[Q], across_m: Q, mover_mps: float, ops: Arithmetic[Q]) -> Q:

@@ -1,7 +1,7 @@
 """Passes a slow mover ahead in flight: a plan around all the places that it may come to meanwhile.
 
 The mover is an obstacle of its own, as large as it may become until its rear has been passed; it
-never enters the obstacle map or the space seen free, and is made anew from its track for every
+never enters the obstacle map or the space seen free, and is made again from its track for every
 attempt.  A plan is taken only if each stop on its way certifies against the movers that are seen,
 and it is flown by the shield, as a cruise is: where that finds no way to rest, the vehicle yields.
 No plan replaces it before its end, so that its side is kept until the rear has been passed.
@@ -251,7 +251,7 @@ class MoverPassing:
         passing_s = max(behind_m - start.position_leg_m[X], 0.0) / speed_mps
         passing_s += self._clearing_s() + slow_s + terms.attitude_lag_s
         worst_s = passing_s + attempt.settling * self._settling_s()
-        # Whoever may be hidden behind it comes as fast as the fastest class.
+        # A mover that is hidden behind it comes as fast as the fastest class.
         grown = box.inflated(fastest_mps(terms) * worst_s + _CELLS_M)
         error_m = assessment.face_error_m + GRID_MARGIN_M
         region = assessment.region_around(grown, error_m)
