@@ -255,6 +255,9 @@ class MoverPassing:
         grown = box.inflated(fastest_mps(terms) * worst_s + _CELLS_M)
         error_m = assessment.face_error_m + GRID_MARGIN_M
         region = assessment.region_around(grown, error_m)
+        # A plan begins here, wherever the region of an obstacle of that size would.
+        front_m = min(region.manoeuvre.x_min_m, start.position_leg_m[X])
+        region = replace(region, manoeuvre=replace(region.manoeuvre, x_min_m=front_m))
         if not attempt.run_on:
             region = replace(region, keep_out=region.obstacle)
         name = f"mover {track.id}"

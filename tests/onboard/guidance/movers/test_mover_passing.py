@@ -128,6 +128,11 @@ def test_one_who_stands_still_is_passed_and_never_enters_the_map() -> None:
     assert flight.state.phase is Phase.AVOID
     # What the monitors of size and separation look at is none of the movers.
     assert flight.navigator.obstacles_to_meet(flight.now_s) == []
+    avoidance = flight.navigator.avoidance
+    assert avoidance is not None
+    room, path_m = avoidance.obstacle.region.manoeuvre, avoidance.plan.trajectory.control_points_m
+    assert room.x_min_m <= path_m[..., 0].min()
+    assert path_m[..., 0].max() <= room.x_max_m + 1e-6
     flight.run(60.0, until=lambda: flight.state in OVER)
     assert flight.state is FlightState.ARRIVED
     assert flight.in_map == 0
