@@ -81,6 +81,9 @@ def print_movers(assessment: Assessment, console: Console) -> None:
     console.print(title)
     for level in assessment.mover_levels:
         console.print(f"  {level}", style="" if level.level else "red")
+    console.print("movers in the way (passing them is no part of passive safety):")
+    for sentence in assessment.passing_levels:
+        console.print(f"  {sentence}")
 
 
 def print_verdict(assessment: Assessment, title: str, console: Console) -> None:

@@ -22,6 +22,7 @@ from onboard.contract.derivation import (
     worst_encounter,
 )
 from onboard.contract.emergence import emergence_m
+from onboard.contract.mover_avoidance import passing_levels
 from onboard.contract.movers import Level, levels
 from onboard.contract.recentring import Corridor
 from onboard.contract.region import RegionOfInfluence
@@ -95,6 +96,11 @@ class Assessment:
     def mover_levels(self) -> tuple[Level, ...]:
         """What is promised against each declared class of movers."""
         return levels(self.terms, self.inflated, TICK_S)
+
+    @cached_property
+    def passing_levels(self) -> tuple[str, ...]:
+        """Whether each declared class of movers is passed in flight, as an operator reads it."""
+        return passing_levels(self.terms, self.inflated)
 
     @property
     def reserved_trim_mps2(self) -> float:

@@ -11,6 +11,7 @@ from onboard.contract.clause import Clause
 from onboard.contract.derivation import Derived, separation_m
 from onboard.contract.emergence import emergence_clauses
 from onboard.contract.heights import ground_below_m, view_needed_rad
+from onboard.contract.mover_avoidance import avoidance_clauses
 from onboard.contract.movers import mover_clauses
 from onboard.contract.recentring import Drift, drift_of, required_view
 from onboard.contract.terms import Terms
@@ -59,6 +60,7 @@ def clauses(terms: Terms[Q], derived: Derived[Q], ops: Arithmetic[Q]) -> tuple[C
         + _seen_free_clauses(terms)
         + mover_clauses(terms, derived, ops, TICK_S)
         + emergence_clauses(terms, derived, ops)
+        + avoidance_clauses(terms, derived, ops)
         + (separation,)
     )
     if not terms.stop:

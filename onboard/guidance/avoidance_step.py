@@ -13,6 +13,7 @@ from onboard.guidance.cruise import Cruise
 from onboard.guidance.dense.shield import Shield
 from onboard.guidance.fallback import Fallback
 from onboard.guidance.induction_planner import InductionPlanner
+from onboard.guidance.movers.mover_passing import MoverPassing
 from onboard.guidance.phases import Condition, Trigger, post_condition, pre_condition
 from onboard.guidance.situation import RETRY_S, Avoidance, Situation
 from onboard.monitoring.assumptions import Assumption, Violation
@@ -51,6 +52,9 @@ class AvoidanceStep:
         cruise: goes on after the step.
         planner: makes plans.
         shield: certifies that what they begin with ends at rest; None where that is not required.
+
+    Attributes:
+        passing: begins avoidances of movers; None where no way to rest is required.
     """
 
     def __init__(
@@ -65,6 +69,9 @@ class AvoidanceStep:
         self._situation, self._clear_check = situation, clear_check
         self._fallback, self._cruise, self._planner = fallback, cruise, planner
         self._shield = shield
+        self.passing: MoverPassing | None = None
+        if shield is not None:
+            self.passing = MoverPassing(situation, clear_check, planner, shield, self.follow)
         self._planned: list[PlannedStep] = []
         # Which obstacle no plan was found around, and when to try again.
         self._unplanned, self._retry_s = "", -math.inf
@@ -103,6 +110,13 @@ class AvoidanceStep:
             if begins or late_m <= self._late_max_m(seen, y_m):
                 self._in_time.add(seen.id)
 
+    def begin_due(self, obstacle: Obstacle | None, now_s: float) -> None:
+        """Begin the step around an obstacle that is due, or else around a mover ahead."""
+        if obstacle is not None:
+            self.begin(obstacle, now_s)
+        if self.passing is not None and self._situation.state.cruising_freely:
+            self.passing.begin_if_due(now_s)
+
     def begin(self, obstacle: Obstacle, now_s: float) -> None:
         """Plan the step around an obstacle whose region begins by the next tick.
 
@@ -130,8 +144,11 @@ class AvoidanceStep:
             self._unplanned, self._retry_s = obstacle.id, now_s + RETRY_S
             return
         self._unplanned = ""
+        self.follow(avoidance, now_s, f"avoiding {obstacle.id} ({avoidance.plan.kind})")
+
+    def follow(self, avoidance: Avoidance, now_s: float, text: str) -> None:
+        """Fly an avoidance that the shield has accepted, where one is; the text is for the log."""
         self._fly(avoidance, now_s)
-        text = f"avoiding {obstacle.id} ({avoidance.plan.kind})"
         self._situation.fire(Trigger.PRE_CONDITION, now_s, text=text)
 
     def advance(self, now_s: float) -> None:

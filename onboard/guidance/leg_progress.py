@@ -14,6 +14,7 @@ from onboard.guidance.dense.shield import Shield
 from onboard.guidance.dense.thread import Thread
 from onboard.guidance.envelope import HEADING_TOLERANCE_RAD, at_rest_speed_mps
 from onboard.guidance.fallback import Fallback
+from onboard.guidance.movers.mover_passing import MoverPassing
 from onboard.guidance.phases import FlightState, Trigger
 from onboard.guidance.situation import Situation
 from onboard.monitoring.assumptions import Assumption, Violation
@@ -31,6 +32,7 @@ class LegProgress:
         cruise: flies the leg once the nose is aligned.
         thread: flies it in the space seen free; None where no way to rest is required.
         shield: certifies the cruise there.
+        passing: leads past movers; None where no way to rest is required.
     """
 
     def __init__(
@@ -40,9 +42,10 @@ class LegProgress:
         cruise: Cruise,
         thread: Thread | None,
         shield: Shield | None = None,
+        passing: MoverPassing | None = None,
     ) -> None:
         self._situation, self._fallback, self._cruise = situation, fallback, cruise
-        self._thread, self._shield = thread, shield
+        self._thread, self._shield, self._passing = thread, shield, passing
         self._declared = situation.assessment.contract.requirements.progress
         self._aligned_since_s: float | None = None
 
@@ -224,8 +227,14 @@ class LegProgress:
             return False
         if not (thread.way.still and thread.yielding.has_settled and thread.resumes_cruise):
             return False
-        shield = self._shield
-        return thread.yielding.has_been_clear(lambda: shield.is_clear_from_rest(now_s), now_s)
+        shield, passing = self._shield, self._passing
+
+        def is_clear() -> bool:
+            if shield.is_clear_from_rest(now_s):
+                return True
+            return passing is not None and passing.leads_on_from_rest(now_s)
+
+        return thread.yielding.has_been_clear(is_clear, now_s)
 
     def _begin_leg(self, state: State, pose: Pose, now_s: float) -> None:
         route = self._situation.route

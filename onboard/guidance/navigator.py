@@ -65,10 +65,10 @@ class Navigator:
         self.thread = thread = Thread(situation, fallback) if assessment.terms.stop else None
         self.shield = shield = Shield(situation, thread) if thread else None
         self._cruise = cruise = Cruise(situation, fallback, shield)
-        self._leg_progress = LegProgress(situation, fallback, cruise, thread, shield)
-        self._avoidance_step = AvoidanceStep(
+        self._avoidance_step = step = AvoidanceStep(
             situation, clear_check, fallback, cruise, induction_planner, shield
         )
+        self._leg_progress = LegProgress(situation, fallback, cruise, thread, shield, step.passing)
         ladder = AdaptationLadder(situation, fallback, cruise, self._avoidance_step, shield)
         # What needs no dispatch goes straight to the part that it concerns.
         self.take_control = self._leg_progress.take_control
@@ -184,7 +184,7 @@ class Navigator:
         if self.phase is Phase.AVOID:
             self._avoidance_step.advance(now_s)
         cruises = self.phase is Phase.CRUISE and not self._leg_progress.advance(pose, now_s)
-        if cruises and (obstacle := self._cruise.advance(now_s)) is not None:
-            self._avoidance_step.begin(obstacle, now_s)
+        if cruises:
+            self._avoidance_step.begin_due(self._cruise.advance(now_s), now_s)
         if self.shield is not None and self.shield.guards:
             self._cruise.keep_guarded(self.shield, now_s)

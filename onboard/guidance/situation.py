@@ -46,12 +46,14 @@ class Avoidance:
         plan: the certified plan.
         entry_speed_mps: speed along the leg at the beginning.
         exit_speed_mps: speed along the leg at the end.
+        of_mover: the obstacle is a mover, as large as it may become; the map does not have it.
     """
 
     obstacle: Obstacle
     plan: Plan
     entry_speed_mps: float
     exit_speed_mps: float
+    of_mover: bool = False
 
     @property
     def track_id(self) -> str:
@@ -266,7 +268,8 @@ class Situation:
         x_m, y_m = (0.0, 0.0) if state is None else state.position_leg_m[:2]
         met = []
         if self.avoidance is not None:
-            met.append(self.avoidance.obstacle)
+            if not self.avoidance.of_mover:
+                met.append(self.avoidance.obstacle)
             x_m, y_m, _ = self.avoidance.plan.trajectory.final.position_leg_m
         range_m = self.assessment.terms.detection_range_m
         following = self.obstacles.obstacle_of_interest(x_m, y_m, horizon_m=range_m)

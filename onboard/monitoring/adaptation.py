@@ -158,8 +158,9 @@ def _indicates_fault(terms: Terms[float], declared: Terms[float]) -> bool:
 def at_compliant_speed(assessment: Assessment, speed_max_mps: float) -> Adaptation | None:
     """Return the assessment at the highest speed that complies, in steps from ``speed_max_mps``.
 
-    Bisection: every requirement except that on the field of view grows with speed.  Where that one
-    decides, the search may miss a speed, but never returns one that does not comply.
+    Bisection: every requirement except that on the field of view, and those of passing movers,
+    grows with speed.  Where one of these decides, the search may miss a speed, but never returns
+    one that does not comply.
 
     Returns:
         None if no speed down to `SPEED_MIN_MPS` complies.

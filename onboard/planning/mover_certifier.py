@@ -65,6 +65,20 @@ class MoverFreePlaces(Protocol):
         ...
 
 
+class _Unasked:
+    """No place is asked about."""
+
+    def first_reached(
+        self, low_ned_m: FloatArray, high_ned_m: FloatArray, until_s: FloatArray
+    ) -> int | None:
+        """Return that none is reached."""
+        del low_ned_m, high_ned_m, until_s
+        return None
+
+
+UNASKED: Final[MoverFreePlaces] = _Unasked()
+
+
 @dataclass(frozen=True)
 class Movers:
     """What is known of movers.

@@ -222,6 +222,16 @@ def test_each_shipped_scenario_of_a_sensor_keeps_its_contract(path: Path) -> Non
     )
 
 
+@pytest.mark.parametrize("path", sorted((CONFIG / "scenarios" / "movers").glob("*.yaml")), ids=str)
+def test_each_shipped_scenario_of_passing_keeps_its_contract(path: Path) -> None:
+    scenario = load_scenario(path)
+    assert scenario.contract.requirements.movers == "avoid"
+    declared_mps = {each.kind: each.speed_max_mps for each in scenario.contract.environment.movers}
+    assert scenario.plant.movers
+    assert all(mover.speed_mps <= declared_mps[mover.kind] for mover in scenario.plant.movers)
+    assert check(scenario.contract, None, scenario.mission).may_fly
+
+
 def test_the_example_of_the_page_flies(tmp_path: Path) -> None:
     page = (CONFIG.parent / "docs" / "sensors.md").read_text(encoding="utf-8")
     examples = re.findall(r"^```yaml\n(.*?)^```", page, re.MULTILINE | re.DOTALL)

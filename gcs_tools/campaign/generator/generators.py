@@ -30,7 +30,7 @@ from gcs_tools.campaign.generator.fields import (
     ned_m,
     with_breaching_field,
 )
-from gcs_tools.campaign.generator.movers import mover_case
+from gcs_tools.campaign.generator.movers import mover_case, passed_mover_case
 from gcs_tools.campaign.generator.scenarios import (
     ATTEMPTS_MAX,
     compliant_scenario,
@@ -265,6 +265,7 @@ GENERATORS: Final[dict[str, Callable[[random.Random], FlightCase]]] = {
     "best-effort-faults": _faulty_best_effort,
     "movers": mover_case,
     "faster-movers": lambda draw: mover_case(draw, faster=True),
+    "passed-movers": passed_mover_case,
     "quick": lambda draw: _nominal(draw, QUICK),
     "quick-faults": lambda draw: _faulty(draw, QUICK),
 }

@@ -21,6 +21,7 @@ from onboard.files.contract_file import Contract
 from onboard.files.mission_file import Mission
 from onboard.files.obstacle_field import Obstacle, ObstacleField
 from sitl.environment.detector_errors import FaceStrategy
+from sitl.environment.movers.config import MoverConfig
 from sitl.virtual.faults.schema import Fault
 
 _ALTITUDE_M: Final = 3.0
@@ -34,6 +35,10 @@ _STRATEGIES: Final[tuple[FaceStrategy, ...]] = get_args(FaceStrategy)
 _SPARE: Final = (1.01, 1.8)
 _FASTER: Final = 1.3
 _TIME_LIMIT_S: Final = 40.0
+# Of movers that are passed in flight: v_o as a share of the cruise speed, and the vehicle's.
+_SLOW_SHARE: Final = (0.1, 0.2)
+_PASSING_MPS: Final = (1.5, 2.5)
+_PASSING_LIMIT_S: Final = 45.0
 
 
 def mover_case(draw: random.Random, *, faster: bool = False) -> FlightCase:
@@ -76,6 +81,104 @@ def mover_case(draw: random.Random, *, faster: bool = False) -> FlightCase:
             time_limit_s=_TIME_LIMIT_S,
         )
     raise AssertionError(f"{ATTEMPTS_MAX} draws gave no flight among movers that may be flown")
+
+
+def passed_mover_case(draw: random.Random) -> FlightCase:
+    """Draw a flight whose contract has slow movers passed in flight, one at a time.
+
+    In a third of the flights there are more, so that the separation is broken: then, too, the
+    vehicle is at rest before any contact.
+    """
+    for _ in range(ATTEMPTS_MAX):
+        contract = _passing_contract(draw)
+        length_m = draw.uniform(34.0, 40.0)
+        mission = _mission(draw, contract, length_m)
+        if not check(contract, None, mission).may_fly:
+            continue
+        true_mps = _USED * contract.environment.movers[0].speed_max_mps
+        plant = _plant(draw, contract, length_m, true_mps)
+        movers = _movers_ahead(draw, length_m, true_mps)
+        scenario = Scenario(
+            name="passed-movers",
+            contract=contract,
+            mission=mission,
+            obstacles=_stems(draw, contract, length_m),
+            plant=plant.model_copy(update={"movers": movers}),
+            faults=_late_ticks(draw),
+            field_known=False,
+            fly_outside_contract=False,
+            expect=Expectation.model_validate({}),
+        )
+        return FlightCase(
+            scenario,
+            seed=draw.randrange(2**31),
+            outcomes=("arrived", "aborted"),
+            time_limit_s=_PASSING_LIMIT_S,
+        )
+    raise AssertionError(f"{ATTEMPTS_MAX} draws gave no flight past movers that may be flown")
+
+
+def _passing_contract(draw: random.Random) -> Contract:
+    """Draw a contract that has movers passed, with range and separation to spare."""
+    speed_mps = draw.uniform(*_PASSING_MPS)
+    mover_mps = draw.uniform(*_SLOW_SHARE) * speed_mps
+    terms: dict[str, Any] = {
+        "vehicle": {
+            "roll_max_deg": 20.0, "pitch_max_deg": 20.0, "thrust_to_weight": 2.0,
+            "cruise_speed_mps": speed_mps, "radius_m": 0.3,
+            "tracking_error_m": draw.uniform(0.1, 0.35), "velocity_error_mps": [0.1, 0.1],
+            "reaction_time_s": 0.25, "attitude_lag_s": 0.25, "setpoint_loss_timeout_s": 0.5,
+            "setpoint_loss": {"model": "frozen", "gain_per_s": 0.95, "velocity_gain_per_s": 1.8},
+            "setpoint_loss_run_time_s": 3.0, "rest_settle_s": 0.4,
+        },
+        "requirements": {"passive_safety": draw.random() < 0.3, "movers": "avoid"},
+        "sensor": {
+            "detection_range_m": draw.uniform(13.0, 16.0), "field_of_view_deg": 120.0,
+            "frame_age_max_s": 0.3, "position_error_m": draw.uniform(0.03, 0.1),
+            "all_round_range_m": 13.0,
+        },
+        "environment": {
+            "obstacle_size_max_m": 1.5, "obstacle_size_min_m": 0.0,
+            "obstacle_separation_min_m": 60.0,
+            "movers": [
+                {"class": "person", "speed_max_mps": mover_mps, "size_max_m": 1.0,
+                 "hidden": draw.random() < 0.2},
+            ],
+        },
+    }  # fmt: skip
+    return Contract.model_validate(terms)
+
+
+def _movers_ahead(
+    draw: random.Random, length_m: float, speed_mps: float
+) -> tuple[MoverConfig, ...]:
+    """Draw one mover on the way, or more: hostile, coming, going, crossing, or standing."""
+    movers = []
+    for number in range(draw.choice((1, 1, 2, 3))):
+        ahead_m, aside_m = draw.uniform(14.0, length_m - 14.0), draw.uniform(-2.0, 2.0)
+        start = [ahead_m, aside_m]
+        path = draw.choice(
+            (
+                {"kind": "hostile", "start_ned_m": start},
+                {"kind": "pursuit", "start_ned_m": start, "lead_s": draw.choice((0.0, 2.0))},
+                {"kind": "waypoints", "places_ned_m": [start, [0.0, aside_m]]},
+                {"kind": "waypoints", "places_ned_m": [start, [length_m, aside_m]]},
+                {"kind": "waypoints", "places_ned_m": [start, [ahead_m, 6.0], [ahead_m, -6.0]]},
+                {"kind": "waypoints", "places_ned_m": [start, [ahead_m + 0.01, aside_m]]},
+            )
+        )
+        movers.append(
+            MoverConfig.model_validate(
+                {
+                    "id": f"mover{number}",
+                    "class": "person",
+                    "size_m": draw.uniform(0.3, 1.0),
+                    "speed_mps": speed_mps,
+                    "path": path,
+                }
+            )
+        )
+    return tuple(movers)
 
 
 def _assessment(draw: random.Random, speed_mps: float) -> Assessment | None:

@@ -92,8 +92,11 @@ def movers_objection(level: MoversLevel, declared: Declared) -> str | None:
     if level == "none":
         return None
     name = f"requirements.movers = {level}"
-    if level == "avoid":
-        return f"{name}: avoiding movers in flight is not implemented; require passive"
+    if level == "avoid" and declared.best_effort:
+        return (
+            f"{name} with progress = best_effort: movers are passed from the cruise only, which "
+            "best effort does not fly; require passive"
+        )
     needed = (
         (bool(declared.movers), "environment.movers: the classes that may move, with their speed"),
         (declared.stop, "requirements.stop = true: it rests on a way to rest that is held"),

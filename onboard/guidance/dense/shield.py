@@ -39,6 +39,7 @@ if TYPE_CHECKING:
     from onboard.guidance.dense.thread import Thread
     from onboard.guidance.situation import Situation
     from onboard.monitoring.assumptions import Violation
+    from onboard.planning.mover_certifier import Movers
 
 # A certificate is renewed this often, and every tick once that fails: two ticks are left then.
 RENEWAL_S: Final = GUARD_AHEAD_S - 2.0 * TICK_S
@@ -88,6 +89,11 @@ class Shield:
         state = situation.state
         moving = state.cruising_freely or state.phase is Phase.AVOID
         return situation.shielded and moving
+
+    @property
+    def movers(self) -> Movers | None:
+        """What is known of movers; None where the contract has none."""
+        return self._thread.guard.known.movers
 
     # ------------------------------------------------------------------ for the record
 
@@ -217,6 +223,30 @@ class Shield:
         head = cruise.until(now_s + _CLEAR_AHEAD_S)
         way = next(ways_to_rest(head, cruise, situation.envelope))
         return self._certifies(way, at_rest, now_s, switch=head.final)
+
+    def certifies_start(self, plan: Trajectory, now_s: float) -> bool:
+        """Tell whether what a plan from rest begins with, and braking then, certifies."""
+        start, head = plan.sample(now_s), plan.until(now_s + _CLEAR_AHEAD_S)
+        ways = ways_to_rest(head, plan, self._situation.envelope)
+        return any(self._certifies(way, start, now_s, switch=head.final) for way in ways)
+
+    def meets_mover_after_stop(
+        self, plan: Trajectory, begin_s: float, switch_s: float, now_s: float
+    ) -> bool:
+        """Tell whether a plan that is left for a stop may meet a mover that is seen now.
+
+        Args:
+            plan: is flown until the switch.
+            begin_s: of the part of it that is asked about.
+            switch_s: when the vehicle begins to stop.
+            now_s: the time.
+        """
+        head = plan.until(switch_s).from_time(begin_s)
+        guard = self._thread.guard
+        return all(
+            guard.failures(way, self._limits(way, head.final), now_s, seen_only=True)
+            for way in ways_to_rest(head, plan, self._situation.envelope)
+        )
 
     def divert(self, reason: str, now_s: float, *, yields: bool = False) -> None:
         """Come to rest on the way that is held, and fly the rest of the leg by THREAD.

@@ -8,11 +8,12 @@ whatever appears (THEORY.md, "Movers").
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
-from onboard.planning.mover_certifier import Movers, Settling, mover_failures
+from onboard.planning.mover_certifier import UNASKED, Movers, Settling, mover_failures
 
 if TYPE_CHECKING:
     from onboard.contract.assessment import Assessment
@@ -56,21 +57,27 @@ class MoverGuard:
         self.reason = ""
         self.refused: tuple[Trajectory, RestLimits] | None = None
 
-    def failures(self, way: Trajectory, limits: RestLimits, now_s: float) -> tuple[str, ...]:
+    def failures(
+        self, way: Trajectory, limits: RestLimits, now_s: float, *, seen_only: bool = False
+    ) -> tuple[str, ...]:
         """Return why a mover may be where the vehicle would still move; empty if none can be.
 
         Args:
             way: certified in the space seen free; leg frame.
             limits: body and run-on.
             now_s: the time.
+            seen_only: ask about movers that are seen, not about those that may be where none has
+                been looked for: a place on a plan's way will be looked at again before.
         """
         movers = self.known.movers
         if movers is None:
             return ()
+        if seen_only:
+            movers = replace(movers, places=UNASKED)
         situation = self._situation
         settling = settling_of(situation.assessment)
         found = mover_failures(way, limits, settling, situation.leg, movers)
-        if found:
+        if found and not seen_only:
             self._refused_s, self.reason = now_s, found[0]
             self.refused = way, limits
             if movers.missing is not None:

@@ -89,7 +89,10 @@ def test_at_their_defaults_the_keys_leave_the_hash_as_it_was() -> None:
 @pytest.mark.parametrize(
     ("changes", "says"),
     [
-        ({"requirements__movers": "avoid"}, "avoiding movers in flight is not implemented"),
+        (
+            {"requirements__movers": "avoid", "requirements__progress": "best_effort"},
+            "movers are passed from the cruise only",
+        ),
         ({"environment__movers": []}, "needs environment.movers"),
         (
             {
