@@ -39,7 +39,7 @@ DIGESTS = {
     "best-effort-faults": "28247b695c5c5f24",
     "movers": "9e00d9a6b19ded83",
     "faster-movers": "349a5fe2c50e1fae",
-    "passed-movers": "?",
+    "passed-movers": "3adce90e1c6592f8",
     "quick": "c2ec896834344007",
     "quick-faults": "6098990d5ea11549",
 }
