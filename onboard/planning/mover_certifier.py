@@ -64,6 +64,10 @@ class MoverFreePlaces(Protocol):
         """Return the first of some rectangles that a mover may be in before its time."""
         ...
 
+    def free_until_s(self, places_ned_m: FloatArray) -> FloatArray:
+        """Return until when no mover can be in the cell of each of some places (n, 2)."""
+        ...
+
 
 @dataclass(frozen=True)
 class Movers:
