@@ -278,9 +278,10 @@ BENCHMARKS: Final = {
             ),
             differences=(
                 "The peers fly over and under boxes that rise and sink by up to 2 m, at up to "
-                "5 m/s, and know how they move. Here every box and beam is a pillar over all "
+                "5 m/s. Here every box and beam is a pillar over all "
                 "heights, since a contract covers heights or movers, not both; a leg may leave the "
-                "strip, as far as 18 m from its line, as it may in the static forests; the speed "
+                "strip, as far as 18 m from its line, as it may in the static forests, and the "
+                "legs flown so far do: they pass beside most boxes, not between them; the speed "
                 "is 2 m/s, and of a mover nothing is known but its class. Where one may come "
                 "before the vehicle rests, it waits (YIELD)."
             ),
