@@ -16,14 +16,16 @@ def add_parser(commands: Any) -> None:
         "benchmark", help="fly public scenes, beside what peers report of them"
     )
     parser.add_argument(
-        "name", metavar="NAME", help="sando, competition, longleaf, forest, or walls (our own)"
+        "name",
+        metavar="NAME",
+        help="sando, sando-dynamic, competition, longleaf, forest, or walls (our own)",
     )
     parser.add_argument(
         "scenes",
         nargs="*",
         metavar="SCENE",
-        help="of sando: easy, medium, hard; of forest: stems a hectare; of walls: slalom, "
-        "slalom-tight, s:GAP, door:WIDTH, trap; default: all",
+        help="of sando: easy, medium, hard, of sando-dynamic the first two; of forest: stems a "
+        "hectare; of walls: slalom, slalom-tight, s:GAP, door:WIDTH, trap; default: all",
     )
     parser.add_argument(
         "--data", type=Path, metavar="PATH", help="file or folder of the benchmark's scenes"

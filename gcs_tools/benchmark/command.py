@@ -138,6 +138,8 @@ def _manner(benchmark: Benchmark, request: BenchmarkRequest) -> Manner:
             f"--vehicle {vehicle}: expected {' or '.join(sorted(known))}"
             f"{' with --service' if request.service else ''}"
         )
+    if benchmark.service_only and not request.service:
+        raise CommandError(f"{benchmark.name}: only the whole service flies it: add --service")
     if request.service and (
         request.tracking_error_m is not None or request.first_look or request.unseen_is_free
     ):

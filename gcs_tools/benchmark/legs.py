@@ -12,8 +12,8 @@ from gcs_tools.benchmark.planner_flight import DURATION_MAX_S, PAUSES_MAX, Fligh
 from gcs_tools.benchmark.scenes import Scene
 from gcs_tools.benchmark.service_flight import (
     Served,
+    contract_of,
     fly_by_service,
-    service_contract,
     service_margin_m,
 )
 from gcs_tools.benchmark.vehicles import Vehicle, vehicles
@@ -98,6 +98,8 @@ class LegRow:
         losses, losses_unsafe: instants at which the stream's end was tried, and those at which the
             run that follows touches an obstacle.
         peer_distance_m: the least distance that the benchmark's peer kept there.
+        waited_s: at rest, or coming to rest, for what moves (YIELD).
+        contacts_at_rest: how often something touched the vehicle at rest, which is no collision.
         passed: by the benchmark's rule.
         why_not: the reason, if it did not pass.
     """
@@ -125,6 +127,8 @@ class LegRow:
     losses: int
     losses_unsafe: int
     peer_distance_m: float | None
+    waited_s: float = 0.0
+    contacts_at_rest: int = 0
     passed: bool = False
     why_not: str = ""
 
@@ -177,6 +181,7 @@ def _by_planner(benchmark: str, scene: Scene, number: int, manner: Manner) -> Le
 
 
 def _by_service(benchmark: str, scene: Scene, number: int, manner: Manner) -> LegRow:
+    contract = contract_of(scene, manner.vehicle, manner.wish_m)
     served: Served = fly_by_service(
         scene,
         number,
@@ -184,7 +189,7 @@ def _by_service(benchmark: str, scene: Scene, number: int, manner: Manner) -> Le
         seed=manner.seed_of(number),
         wish_m=manner.wish_m,
     )
-    result, radius_m = served.result, service_contract(manner.vehicle).vehicle.radius_m
+    result, radius_m = served.result, contract.vehicle.radius_m
     arrived = result.outcome == "arrived"
     clearance_m = result.clearance_min_m
     return LegRow(
@@ -195,10 +200,10 @@ def _by_service(benchmark: str, scene: Scene, number: int, manner: Manner) -> Le
         form=SERVICE,
         vehicle=manner.vehicle,
         seed=manner.seed,
-        passable=scene.passable(service_margin_m(manner.vehicle)),
+        passable=scene.passable(service_margin_m(scene, manner.vehicle)),
         arrived=arrived,
         collisions=result.collisions,
-        end=result.outcome if arrived else f"{result.outcome}: {result.reason}",
+        end=result.outcome if arrived else _why_it_ended(served),
         length_m=scene.length_m,
         duration_s=result.duration_s,
         speed_mps=scene.length_m / max(result.duration_s, 1.0) if arrived else None,
@@ -212,7 +217,16 @@ def _by_service(benchmark: str, scene: Scene, number: int, manner: Manner) -> Le
         losses=0,
         losses_unsafe=0,
         peer_distance_m=scene.peer_distance_m,
+        waited_s=served.waited_s,
+        contacts_at_rest=result.contacts_at_rest,
     )
+
+
+def _why_it_ended(served: Served) -> str:
+    """Return outcome and reason, and what it waited for."""
+    result = served.result
+    waited = f", {served.wait_reason}" if served.wait_reason else ""
+    return f"{result.outcome}: {result.reason}{waited}"
 
 
 def _reasons(row: LegRow, rule: Rule) -> list[str]:

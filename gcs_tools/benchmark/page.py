@@ -12,7 +12,7 @@ from typing import Final
 
 from gcs_tools.benchmark.legs import LegRow, Manner
 from gcs_tools.benchmark.suites import Benchmark
-from gcs_tools.benchmark.summary import HEADER, Run, peers_of, summarize
+from gcs_tools.benchmark.summary import HEADER, Run, peers_of, summarize, waits
 from gcs_tools.campaign.statistics import CONFIDENCE
 from gcs_tools.console.output import write_text
 from onboard.files.yaml_file import read_text
@@ -73,6 +73,8 @@ def _lines(run: Run) -> Iterator[str]:
     if losses:
         unsafe = sum(row.losses_unsafe for row in rows)
         yield f"\nLoss of the setpoint stream, tried in every period: {unsafe} of {losses} unsafe."
+    if waited := waits(benchmark, rows):
+        yield f"\n{waited}"
     peers = peers_of(benchmark, rows)
     if peers:
         yield ""

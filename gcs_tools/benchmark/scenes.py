@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 from scipy import ndimage
@@ -13,6 +13,7 @@ from scipy import ndimage
 from gcs_tools.benchmark.formats import BoxScene, Way
 from gcs_tools.benchmark.obstacles import Obstacles
 from gcs_tools.console.errors import CommandError
+from sitl.environment.movers.config import MoverConfig
 
 # Corridors: as wide as a row of trees, as SANDO's forest, and as the competition's area.
 FOREST_HALF_WIDTH_M: Final = 9.0
@@ -29,6 +30,19 @@ _DRAWS_MAX: Final = 20_000
 WALLS: Final = "slalom, slalom-tight, s:GAP, door:WIDTH, trap"
 
 
+class Moving(NamedTuple):
+    """What moves in a scene.
+
+    Attributes:
+        movers: where each goes, in the frame of the leg.
+        speed_max_mps, size_max_m: that the contract declares of them.
+    """
+
+    movers: tuple[MoverConfig, ...]
+    speed_max_mps: float
+    size_max_m: float
+
+
 @dataclass(frozen=True, eq=False)
 class Scene:
     """One leg through a field.
@@ -40,6 +54,7 @@ class Scene:
         length_m: of the leg; the goal is (length, 0).
         half_width_m: of the corridor that the vehicle must not leave.
         peer_distance_m: the least distance that a peer kept there; None where it is unknown.
+        moving: what moves; only the whole service flies such scenes.
     """
 
     field: str
@@ -48,6 +63,7 @@ class Scene:
     length_m: float
     half_width_m: float
     peer_distance_m: float | None = None
+    moving: Moving | None = None
 
     def passable(self, margin_m: float) -> bool:
         """Tell whether a way leads to the goal on the map with the boxes grown by a margin.

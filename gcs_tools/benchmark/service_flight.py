@@ -8,14 +8,16 @@ from __future__ import annotations
 
 import math
 import tempfile
+from itertools import pairwise
 from pathlib import Path
 from typing import Any, Final, Literal, NamedTuple
 
 import numpy as np
 
 from gcs_tools.benchmark.obstacles import Obstacles
-from gcs_tools.benchmark.scenes import Scene
-from gcs_tools.logs.flight_log import read_log
+from gcs_tools.benchmark.scenes import Moving, Scene
+from gcs_tools.console.errors import CommandError
+from gcs_tools.logs.flight_log import Log, read_log
 from gcs_tools.logs.result import Result, result_of
 from gcs_tools.scenario import Expectation, Plant, Scenario
 from onboard.contract.assessment import assess
@@ -31,6 +33,8 @@ from sitl.virtual.simulation import SimulatedFlight
 from sitl.virtual.simulation import fly as simulate
 
 _ALTITUDE_M: Final = 4.0
+# Of the vehicle that flies among what moves, in place of the ardupilot's own.
+_MOVING_FILE: Final = "moving_boxes_contract.yaml"
 _VIEW_DEG: Final = 120.0
 # Successive legs head that much farther to the right, so that nothing is along an axis by chance.
 _TURN_RAD: Final = math.radians(37.0)
@@ -73,11 +77,15 @@ class Served(NamedTuple):
         result: as in ``result.json``.
         length_m: of the leg.
         first_look_s: from taking control until it set off, the turn on the spot included.
+        waited_s: in YIELD, for movers.
+        wait_reason: why it waits where the flight ends waiting; else empty.
     """
 
     result: Result
     length_m: float
     first_look_s: float
+    waited_s: float = 0.0
+    wait_reason: str = ""
 
     @property
     def arrived(self) -> bool:
@@ -113,9 +121,45 @@ def service_contract(vehicle: str, wish_m: float = 0.0) -> Contract:
     return contract.model_copy(update=changed)
 
 
-def service_margin_m(vehicle: str) -> float:
-    """Return how far the service's contract keeps the reference from a reported face."""
-    return assess(service_contract(vehicle)).inflation_m()
+def moving_contract(moving: Moving, wish_m: float = 0.0) -> Contract:
+    """Return the contract of the vehicle that flies among what moves in a scene.
+
+    Raises:
+        FileError: its file cannot be used.
+    """
+    path = Path(__file__).parent / "scenarios" / _MOVING_FILE
+    contract = validate(read_mapping(path), Contract, source=str(path))
+    heading_deg = SERVICE_VEHICLES["ardupilot"].heading_error_deg
+    vehicle = {"clearance_wish_m": wish_m, "heading_error_deg": heading_deg}
+    bounds = {"speed_max_mps": moving.speed_max_mps, "size_max_m": moving.size_max_m}
+    classes = tuple(each.model_copy(update=bounds) for each in contract.environment.movers)
+    return contract.model_copy(
+        update={
+            "vehicle": contract.vehicle.model_copy(update=vehicle),
+            "environment": contract.environment.model_copy(update={"movers": classes}),
+        }
+    )
+
+
+def contract_of(scene: Scene, vehicle: str, wish_m: float = 0.0) -> Contract:
+    """Return the contract under which a vehicle flies a scene.
+
+    Raises:
+        FileError: its file cannot be used.
+        CommandError: the vehicle does not fly among what moves.
+    """
+    if scene.moving is None:
+        return service_contract(vehicle, wish_m)
+    if vehicle != "ardupilot":
+        raise CommandError(
+            f"--vehicle {vehicle}: {scene.field} has what moves, among which only ardupilot flies"
+        )
+    return moving_contract(scene.moving, wish_m)
+
+
+def service_margin_m(scene: Scene, vehicle: str) -> float:
+    """Return how far the contract of a scene keeps the reference from a reported face."""
+    return assess(contract_of(scene, vehicle)).inflation_m()
 
 
 def fly_by_service(
@@ -154,12 +198,32 @@ def fly_by_service(
     result = result_of(flight, truth, seed=seed, aborted=report.aborted, progress="best_effort")
     flown = [state for state in flight.states if state.phase in FLYING_PHASES]
     moving = (state.time_s - flown[0].time_s for state in flown if state.phase == Phase.THREAD)
-    return Served(result, scene.length_m, next(moving, 0.0))
+    return Served(result, scene.length_m, next(moving, 0.0), *waits_of(flight))
+
+
+def waits_of(flight: Log) -> tuple[float, str]:
+    """Return how long a flight waited for movers, and why it waits where it ends; else empty."""
+    states = flight.states
+    waited_s = sum(
+        later.time_s - state.time_s
+        for state, later in pairwise(states)
+        if state.phase == Phase.YIELD
+    )
+    flown = [state for state in states if state.phase in FLYING_PHASES]
+    if not flown or flown[-1].phase != Phase.YIELD:
+        return waited_s, ""
+    waits = [event for event in flight.events if event.data.get("to") == Phase.YIELD]
+    return waited_s, waits[-1].text if waits else ""
 
 
 def scenario_of(scene: Scene, heading_rad: float, vehicle: str, wish_m: float = 0.0) -> Scenario:
-    """Return the scenario that flies a leg towards a heading, from the origin."""
-    contract, chosen = service_contract(vehicle, wish_m), SERVICE_VEHICLES[vehicle]
+    """Return the scenario that flies a leg towards a heading, from the origin.
+
+    What moves is square along north and east, so that a scene with movers heads north.
+    """
+    contract, chosen = contract_of(scene, vehicle, wish_m), SERVICE_VEHICLES[vehicle]
+    movers = () if scene.moving is None else scene.moving.movers
+    heading_rad = 0.0 if movers else heading_rad
     end_ned_m = (scene.length_m * math.cos(heading_rad), scene.length_m * math.sin(heading_rad))
     leg = Leg(end_ned_m=end_ned_m, target_half_width_m=scene.half_width_m)
     sensor = contract.sensor
@@ -174,8 +238,10 @@ def scenario_of(scene: Scene, heading_rad: float, vehicle: str, wish_m: float = 
                 range_m=sensor.detection_range_m,
                 field_of_view_deg=sensor.field_of_view_deg,
                 uncertainty_m=sensor.position_error_m,
+                message_version=2 if movers else 1,
             ),
         ),
+        movers=movers,
     )
     return Scenario(
         name=scene.name,

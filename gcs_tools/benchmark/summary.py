@@ -147,6 +147,20 @@ def peers_of(benchmark: Benchmark, rows: Sequence[LegRow]) -> tuple[Peer, ...]:
     return (*benchmark.peers, Peer("PX4-Avoidance", said, "the scenes' own file"))
 
 
+def waits(benchmark: Benchmark, rows: Sequence[LegRow]) -> str:
+    """Return a sentence about waiting for what moves; empty where nothing does."""
+    if not benchmark.service_only or not rows:
+        return ""
+    longest = max(rows, key=lambda row: row.waited_s)
+    mean_s = sum(row.waited_s for row in rows) / len(rows)
+    touched = sum(row.contacts_at_rest for row in rows)
+    return (
+        f"Waited for what moves: {mean_s:.1f} s a leg, at most {longest.waited_s:.1f} s "
+        f"({longest.field}, {longest.leg}); touched at rest: {touched} times. Clearance and "
+        "distance are of what stands still."
+    )
+
+
 def print_tables(run: Run, console: Console) -> None:
     """Print every leg, the summary, and what peers report."""
     benchmark, rows = run.benchmark, run.rows
@@ -164,6 +178,8 @@ def print_tables(run: Run, console: Console) -> None:
         summary.add_row(*map(escape, each.cells()), style="bold red" if each.collided else "")
     console.print(summary)
     losses, unsafe = sum(row.losses for row in rows), sum(row.losses_unsafe for row in rows)
+    if waited := waits(benchmark, rows):
+        console.print(waited, soft_wrap=True)
     if losses:
         console.print(f"loss of the stream: {unsafe} of {losses} instants unsafe")
     peers = Table(title="what peers report", title_justify="left")

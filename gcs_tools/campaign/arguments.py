@@ -18,8 +18,8 @@ def add_parser(commands: Any) -> None:
         nargs="+",
         metavar="SCENARIO",
         help="nominal, violating, faults, outside, competition, best-effort, best-effort-faults, "
-        "movers, faster-movers, passed-movers, quick, quick-faults, adversary; scenario files; "
-        "stem maps (CSV)",
+        "movers, faster-movers, passed-movers, ambush, pedestrians, quick, quick-faults, "
+        "adversary; scenario files; stem maps (CSV)",
     )
     parser.add_argument(
         "--flights", type=natural, default=100, metavar="N", help="in all; default: 100"

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -39,6 +39,20 @@ class FreeGrid:
         """Number of cells that are known to be free."""
         nx, ny = self.unknown_sum.shape
         return int((nx - 1) * (ny - 1) - self.unknown_sum[-1, -1])
+
+    def without(self, first: tuple[int, int], shut: BoolArray) -> FreeGrid:
+        """Return the grid with some cells not free.
+
+        Args:
+            first: indices of the cell with which they begin.
+            shut: (n, m), which of the cells from there on, all within the grid.
+        """
+        cells = np.zeros(self.unknown_sum.shape, self.unknown_sum.dtype)
+        (i, j), (rows, columns) = first, shut.shape
+        # A cell that is unknown already counts twice, which is no more unknown.
+        cells[i + 1 : i + 1 + rows, j + 1 : j + 1 + columns] = shut
+        more = cells.cumsum(axis=0).cumsum(axis=1)
+        return replace(self, unknown_sum=(self.unknown_sum + more).astype(cells.dtype))
 
     def is_free(self, x_min_m: float, x_max_m: float, y_min_m: float, y_max_m: float) -> bool:
         """Tell whether a closed rectangle holds no unknown cell; none is known outside the grid."""

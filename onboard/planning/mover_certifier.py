@@ -64,9 +64,13 @@ class MoverFreePlaces(Protocol):
         """Return the first of some rectangles that a mover may be in before its time."""
         ...
 
+    def free_until_s(self, places_ned_m: FloatArray) -> FloatArray:
+        """Return until when no mover can be in the cell of each of some places (n, 2)."""
+        ...
+
 
 class _Unasked:
-    """No place is asked about."""
+    """Places that tell nothing: only the boxes of movers that are seen are asked about."""
 
     def first_reached(
         self, low_ned_m: FloatArray, high_ned_m: FloatArray, until_s: FloatArray
@@ -74,6 +78,10 @@ class _Unasked:
         """Return that none is reached."""
         del low_ned_m, high_ned_m, until_s
         return None
+
+    def free_until_s(self, places_ned_m: FloatArray) -> FloatArray:
+        """Return that none is ever reached."""
+        return np.full(len(places_ned_m), math.inf)
 
 
 UNASKED: Final[MoverFreePlaces] = _Unasked()

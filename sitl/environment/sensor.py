@@ -13,9 +13,11 @@ from collections import deque
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
+import numpy as np
 from pydantic_core import to_json
 
 from onboard.files.obstacle_field import ObstacleField
+from onboard.geometry.frames import FloatArray
 from sitl.environment.detector_errors import (
     Confirmation,
     face_errors,
@@ -194,6 +196,7 @@ class ObstacleSensor:
             math.radians(self.config.field_of_view_deg) / 2.0,
             range_m,
             self._sequence,
+            self._hides(truth, range_m) if self.config.movers_hidden else None,
         ):
             velocity_mps = says.pop("velocity_ned_mps")
             if self.config.frame == "body_frd":
@@ -202,6 +205,14 @@ class ObstacleSensor:
             says |= {"motion": self.config.mover_motion, "velocity_mps": list(velocity_mps)}
             found.append({**reported, **says})
         return found
+
+    def _hides(self, truth: VehicleTruth, range_m: float) -> FloatArray:
+        """Return what stands still and may hide movers: see `are_hidden`."""
+        here_ned_m, field = (truth.position_ned_m[0], truth.position_ned_m[1]), self._field
+        near = self._neighbourhood.within(here_ned_m, range_m)
+        columns = (field.center_ned_m[near], field.half_size_m[near], field.yaw_rad[near, None])
+        boxes: FloatArray = np.concatenate(columns, axis=1)
+        return boxes
 
     def _boxes(self, truth: VehicleTruth, range_m: float) -> list[SeenBox]:
         """What is seen now, in local NED."""

@@ -62,6 +62,7 @@ class SensorConfig(FileModel):
         errors: how faces err by face_noise_m, and which boxes are missing; ideal model only.
         message_version: 2 says what moves, and reports movers; ideal model only.
         mover_motion: what it says of the motion of movers.
+        movers_hidden: whether it sees no mover behind an obstacle, nor behind another mover.
         mover_swap_share: share of the frames in which the names of two movers are exchanged.
         vertical_field_of_view_deg: how far up and down it sees from its level; null: boxes are
             reported without heights, whatever height they are at; ideal model only.
@@ -86,6 +87,7 @@ class SensorConfig(FileModel):
     errors: DetectorErrorConfig = EXACT
     message_version: Literal[1, 2] = 1
     mover_motion: Literal["moving", "unknown", "static"] = "moving"
+    movers_hidden: bool = False
     mover_swap_share: Annotated[float, Field(ge=0.0, le=1.0)] = 0.0
     vertical_field_of_view_deg: Annotated[tuple[HalfView, HalfView], Field(strict=False)] | None = (
         None

@@ -16,6 +16,7 @@ from tests.gcs_tools.campaign.rows import row
 from tests.tools.mutation.__main__ import PARTS
 from tests.tools.verify.__main__ import main
 from tests.tools.verify.judging import (
+    judge_ambush,
     judge_bench,
     judge_campaign,
     judge_mutants,
@@ -41,6 +42,8 @@ def test_the_full_form_flies_what_is_shown() -> None:
         "adversary": "adversary --flights 2000 --seed 1 --search 480",
         "nominal": "nominal --flights 10000 --seed 1",
         "faults": "faults --flights 3000 --seed 1",
+        "movers": "movers --flights 1000 --seed 1",
+        "pedestrians": "pedestrians --flights 200 --seed 1",
     }.items():
         assert full[name] == f"clearway campaign {size} --jobs 2 --out out/{name}"
     assert full["scenarios"].count(".yaml") == len(list((ROOT / "config/scenarios").glob("*.yaml")))
@@ -64,7 +67,7 @@ def test_the_short_form_runs_every_kind_of_step_on_little() -> None:
     short, full = steps(short=True), steps()
     kinds = {name.partition("-")[0] for name in full}
     assert {name.partition("-")[0] for name in short} == kinds
-    for name in ("adversary", "nominal", "faults"):
+    for name in ("adversary", "nominal", "faults", "movers", "pedestrians"):
         command = short[name].command
         assert int(command[command.index("--flights") + 1]) <= 20
     assert len(short["scenarios"].command) < len(full["scenarios"].command) / 4
@@ -78,11 +81,14 @@ def test_the_short_form_runs_every_kind_of_step_on_little() -> None:
 def test_benchmarks_without_their_data_are_skipped_with_a_sentence(tmp_path: Path) -> None:
     without, given = steps(), steps(data=tmp_path)
     skipped = {name for name, step in without.items() if step.skipped}
-    assert skipped == {"benchmark-longleaf", "benchmark-competition", "benchmark-sando"}
+    files = ("longleaf", "competition", "sando", "sando-dynamic")
+    assert skipped == {f"benchmark-{name}" for name in files}
     assert all("DATA=" in without[name].skipped for name in skipped)
     assert not any(step.skipped for step in given.values())
     assert str(tmp_path) in given["benchmark-sando"].command
     assert "--data" not in given["benchmark-forest"].command
+    assert "--service" in given["benchmark-sando-dynamic"].command
+    assert "--service" not in given["benchmark-sando"].command
 
 
 @pytest.mark.parametrize(
@@ -139,6 +145,16 @@ def test_a_campaign_is_stated_in_figures(tmp_path: Path) -> None:
     assert figures["flights of the search"] == "1"
     assert figures["least margin"] == "0.0500 m"
     assert figures["95 % bound on collisions"] == "63.160%"
+
+
+def test_an_ambush_without_a_contact_shows_nothing(tmp_path: Path) -> None:
+    assert steps()["ambush"].judge is judge_ambush
+    hit = row(number=1, covered=False, collisions=1, outcome="collided")
+    for rows, problems in (([row()], 1), ([row(), hit], 0)):
+        write_table(rows, tmp_path / "flights.parquet")
+        found = judge_ambush(tmp_path, "")
+        assert len(found.problems) == problems
+        assert found.figures["with a contact in motion"] == str(len(rows) - 1)
 
 
 def test_a_missed_limit_is_named(tmp_path: Path) -> None:

@@ -13,6 +13,7 @@ from dataclasses import replace
 from typing import Final, get_args
 
 from gcs_tools.campaign.generator.airframes import drawn_airframe
+from gcs_tools.campaign.generator.ambushes import ambush_case
 from gcs_tools.campaign.generator.case import FULL, QUICK, Extent, FlightCase
 from gcs_tools.campaign.generator.contracts import compliant_contract, required_range_m
 from gcs_tools.campaign.generator.dense_fields import best_effort_scenario
@@ -31,6 +32,7 @@ from gcs_tools.campaign.generator.fields import (
     with_breaching_field,
 )
 from gcs_tools.campaign.generator.movers import mover_case, passed_mover_case
+from gcs_tools.campaign.generator.pedestrians import pedestrian_case
 from gcs_tools.campaign.generator.scenarios import (
     ATTEMPTS_MAX,
     compliant_scenario,
@@ -264,6 +266,8 @@ GENERATORS: Final[dict[str, Callable[[random.Random], FlightCase]]] = {
     "best-effort": _best_effort,
     "best-effort-faults": _faulty_best_effort,
     "movers": mover_case,
+    "pedestrians": pedestrian_case,
+    "ambush": ambush_case,
     "faster-movers": lambda draw: mover_case(draw, faster=True),
     "passed-movers": passed_mover_case,
     "quick": lambda draw: _nominal(draw, QUICK),

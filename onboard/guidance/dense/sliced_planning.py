@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from onboard.geometry.frames import FloatArray
     from onboard.geometry.free_grid import FreeGrid
     from onboard.guidance.dense.way_to_rest import WayToRest
+    from onboard.guidance.movers.forecast import Forecast
     from onboard.planning.corridor.horizon import Horizon
     from onboard.planning.rest_certifier import RestLimits
 
@@ -46,11 +47,13 @@ class Surroundings(NamedTuple):
         grid: returns the seen-free set as it is.
         boxes: of what is known, leg frame; for the guide.
         revision: changes with the boxes.
+        forecast: of movers; None where there are none.
     """
 
     grid: Callable[[], FreeGrid]
     boxes: Sequence[Box]
     revision: int
+    forecast: Forecast | None = None
 
 
 class Proposal(NamedTuple):
@@ -80,6 +83,8 @@ class SlicedPlanning:
         self._guide_work: Generator[None] | None = None
         self._version = -1
         self._guide_revision, self._guide_s = -1, -math.inf
+        # Whether the last plan from rest found nothing that is clear of movers.
+        self._nothing_clear = False
         self.slices_max = self.failures = 0
 
     def advance(self, way: WayToRest, surroundings: Surroundings, now_s: float) -> Proposal | None:
@@ -134,6 +139,7 @@ class SlicedPlanning:
             except StopIteration as done:
                 self._work = None
                 plan: HorizonPlan = done.value
+                self._nothing_clear = plan.kind == "kept" and not self._nothing_clear
                 if plan.kind == "kept" or not is_finite(plan.horizon):
                     return None
                 return Proposal(plan.horizon, way.version)
@@ -141,19 +147,25 @@ class SlicedPlanning:
 
     def _begin_plan(self, way: WayToRest, surroundings: Surroundings) -> None:
         assert way.flown is not None  # noqa: S101  the caller checked
-        problem = HorizonProblem(
-            way.flown, surroundings.grid(), self.guide, self._limits, way.height_m
-        )
+        grid = surroundings.grid()
+        # At rest, every other plan without success is made as if nothing moved: where movers are
+        # what speaks against it, the vehicle waits for them.
+        forecast = surroundings.forecast
+        if forecast is not None and not (way.still and self._nothing_clear):
+            grid = forecast.clear_of(grid)
+        problem = HorizonProblem(way.flown, grid, self.guide, self._limits, way.height_m)
         self._work = self._planner.plan(problem)
 
     def _begin_guide(self, flown: Horizon, surroundings: Surroundings, now_s: float) -> bool:
         """Begin to update the guide where it is due, a slice a tick; tell whether it is due."""
         age_s = now_s - self._guide_s
-        news = surroundings.revision != self._guide_revision
+        news = surroundings.revision != self._guide_revision or surroundings.forecast is not None
         if not (age_s > _GUIDE_AGE_MAX_S or (news and age_s >= _GUIDE_PERIOD_S)):
             return False
         x_m, y_m = flown.nodes[0, 0].tolist()
-        self._guide_work = self.guide.updating((x_m, y_m), surroundings.boxes)
+        self._guide_work = self.guide.updating(
+            (x_m, y_m), surroundings.boxes, surroundings.forecast
+        )
         self._guide_revision, self._guide_s = surroundings.revision, now_s
         return True
 

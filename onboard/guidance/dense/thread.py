@@ -34,6 +34,7 @@ from onboard.guidance.dense.threaded_leg import (
 )
 from onboard.guidance.dense.way_to_rest import WayToRest
 from onboard.guidance.movers.early_stop import adopts_some
+from onboard.guidance.movers.forecast import forecast_of
 from onboard.guidance.movers.mover_guard import MoverGuard
 from onboard.guidance.movers.yielding import Yielding
 from onboard.guidance.phases import FlightState, Trigger
@@ -346,7 +347,10 @@ class Thread(ThreadRecord):
         situation, way, leg = self._situation, self.way, self._leg
         obstacles = situation.obstacles
         surroundings = Surroundings(
-            self._seen.grid, [obstacle.measured for obstacle in obstacles], obstacles.revision
+            self._seen.grid,
+            [obstacle.measured for obstacle in obstacles],
+            obstacles.revision,
+            forecast_of(self.guard, situation.leg, self._here(), leg.limits, now_s),
         )
         proposal = leg.planning.advance(way, surroundings, now_s)
         if proposal is None or (way.still and not leads_on(proposal.horizon)):

@@ -2,33 +2,19 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING
 
 from onboard.guidance.movers.mover_guard import settling_of
-from onboard.planning.mover_certifier import Movers, mover_failures
+from onboard.planning.mover_certifier import UNASKED, Movers, mover_failures
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
     from onboard.contract.assessment import Assessment
-    from onboard.geometry.frames import FloatArray, LegFrame
+    from onboard.geometry.frames import LegFrame
     from onboard.motion.trajectory import Trajectory
-    from onboard.planning.mover_certifier import GrowingBox, MoverFreePlaces
+    from onboard.planning.mover_certifier import GrowingBox
     from onboard.planning.rest_certifier import RestLimits
-
-
-class _Anywhere:
-    """Places that tell nothing: only the boxes of movers that are seen are asked about."""
-
-    def first_reached(
-        self, low_ned_m: FloatArray, high_ned_m: FloatArray, until_s: FloatArray
-    ) -> int | None:
-        """Return that none is reached."""
-        del low_ned_m, high_ned_m, until_s
-        return None
-
-
-_ANYWHERE: Final[MoverFreePlaces] = _Anywhere()
 
 
 def tracks_in_way(
@@ -50,7 +36,7 @@ def tracks_in_way(
     way, limits = refused
     settling, found = settling_of(assessment), []
     for track in tracks:
-        alone = Movers(_ANYWHERE, (track,), stamp_error_s)
+        alone = Movers(UNASKED, (track,), stamp_error_s)
         if mover_failures(way, limits, settling, leg, alone):
             found.append(track.id)
     return frozenset(found)

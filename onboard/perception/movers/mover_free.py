@@ -365,6 +365,14 @@ class MoverFree:
                 return index
         return None
 
+    def free_until_s(self, places_ned_m: FloatArray) -> FloatArray:
+        """Return until when no mover can be in the cell of each of some places (n, 2), (n,)."""
+        cells = np.floor(places_ned_m / CELL_M).astype(int) - np.array(self._corner)
+        inside = ((cells >= 0) & (cells < 2 * self._half)).all(axis=1)
+        i, j = np.where(inside[:, None], cells, 0).T
+        until_s: FloatArray = np.where(inside, self._free_until_s[i, j], -math.inf)
+        return until_s
+
     def is_free_at(self, north_m: float, east_m: float, time_s: float) -> bool:
         """Tell whether no mover can be in the cell around a place at a time."""
         place = np.array(((north_m, east_m),))

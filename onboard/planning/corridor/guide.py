@@ -7,9 +7,10 @@ vehicle stops before it, looks, and the field changes.
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Final, Protocol
 
 import numpy as np
+from scipy.ndimage import maximum_filter
 
 from onboard.planning.corridor.memory import Memory
 from onboard.planning.corridor.raster import (
@@ -58,6 +59,14 @@ _SEEN_CELL_M, _SIGHT_M = 0.1, 0.03
 _ROUND_OFF_M: Final = 1e-6
 
 
+class Passing(Protocol):
+    """What is somewhere for a while."""
+
+    def are_met(self, x_m: FloatArray, y_m: FloatArray) -> BoolArray:
+        """Tell of the places (n, m) at some x (n,) and y (m,) whether it may be there."""
+        ...
+
+
 class Guide:
     """Distances to a goal in a window, in the leg frame.
 
@@ -95,9 +104,19 @@ class Guide:
             pass
 
     def updating(
-        self, position_leg_m: tuple[float, float], boxes: Iterable[Box]
+        self,
+        position_leg_m: tuple[float, float],
+        boxes: Iterable[Box],
+        passing: Passing | None = None,
     ) -> Generator[None]:
-        """Compute the field; yield between its slices, while the old field still serves."""
+        """Compute the field; yield between its slices, while the old field still serves.
+
+        Args:
+            position_leg_m: around which.
+            boxes: what is known.
+            passing: tells where something may be that will not be there for ever: it costs, but
+                closes no way.
+        """
         corner_m = self._corner(position_leg_m)
         if math.isinf(self._low_x_m):
             self._low_x_m = min(position_leg_m[0], 0.0, self.goal_leg_m[0]) - _BEYOND_ENDS_M
@@ -105,7 +124,7 @@ class Guide:
         if len(known) < self._boxes:
             self._memory.clear()  # what is gone must not close a way for ever
         self._boxes = len(known)
-        room = self._room(self._axes(corner_m), known)
+        room = self._room(self._axes(corner_m), known, passing)
         yield
         graph = self._raster.graph(room, self._exits(corner_m, room.cost))
         yield
@@ -159,7 +178,7 @@ class Guide:
             self.goal_leg_m[1] + math.floor((low_y - self.goal_leg_m[1]) / CELL_M) * CELL_M,
         )
 
-    def _room(self, axes: Axes, boxes: Iterable[Box]) -> Room:
+    def _room(self, axes: Axes, boxes: Iterable[Box], passing: Passing | None) -> Room:
         """Return where the body may be: exactly, in the limit of all seen, and what that costs."""
         faces = [(box.x_min_m, box.x_max_m, box.y_min_m, box.y_max_m) for box in boxes]
         faces_m = np.array(faces).reshape(-1, 4)
@@ -169,6 +188,9 @@ class Guide:
             near = covered(axes, faces_m + outward * (self._margin_m + beyond_m))
             cost[near] = factor
         cost[:, np.abs(axes.y_m) > self._half_width_m - self._margin_m] = _SHELLS[-1][1]
+        if passing is not None:
+            met = passing.are_met(*axes)
+            cost[maximum_filter(met, 2 * math.ceil(self._margin_m / CELL_M) + 1)] += _PENALTY
         for x_m, y_m in self.penalized_leg_m:
             i0, i1 = np.searchsorted(axes.x_m, (x_m - _PENALTY_HALF_M, x_m + _PENALTY_HALF_M))
             j0, j1 = np.searchsorted(axes.y_m, (y_m - _PENALTY_HALF_M, y_m + _PENALTY_HALF_M))

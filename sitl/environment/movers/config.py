@@ -17,9 +17,11 @@ class Waypoints(FileModel):
 
     Attributes:
         places_ned_m: north and east of each, the start first.
+        begins_within_m: stands at the start until the vehicle is so near; null: goes at once.
     """
 
     kind: Literal["waypoints"]
+    begins_within_m: Positive | None = None
     places_ned_m: Annotated[tuple[Place, ...], Field(strict=False, min_length=1)]
 
 
@@ -35,6 +37,26 @@ class Trefoil(FileModel):
     kind: Literal["trefoil"]
     center_ned_m: Place
     radius_m: Positive
+    phase_deg: float = 0.0
+
+
+class Knot(FileModel):
+    """Along the shadow of a trefoil knot, in time: slower than ``speed_mps`` where the knot is.
+
+    North ``n + a/6 (sin s + 2 sin 2s)``, east ``e + b/5 (cos s - 2 cos 2s)``, as moving boxes of
+    public scenes go (mit-acl/sando).
+
+    Attributes:
+        center_ned_m: (n, e), its middle.
+        scale_m: (a, b), along north and east.
+        period_s: once round, ``s`` from 0 to 2 pi.
+        phase_deg: where it begins.
+    """
+
+    kind: Literal["knot"]
+    center_ned_m: Place
+    scale_m: Place
+    period_s: Positive
     phase_deg: float = 0.0
 
 
@@ -67,7 +89,24 @@ class Hostile(FileModel):
     start_ned_m: Place
 
 
-MoverPath = Annotated[Waypoints | Trefoil | Pursuit | Hostile, Field(discriminator="kind")]
+class Dash(FileModel):
+    """Stands beside the way of the vehicle, then goes straight across to meet it there.
+
+    It sets off when the vehicle, at the speed that it has, comes to that place as soon as it does.
+
+    Attributes:
+        start_ned_m: where it stands.
+        meets_ned_m: through which place it goes, and straight on.
+    """
+
+    kind: Literal["dash"]
+    start_ned_m: Place
+    meets_ned_m: Place
+
+
+MoverPath = Annotated[
+    Waypoints | Trefoil | Knot | Pursuit | Hostile | Dash, Field(discriminator="kind")
+]
 
 
 class MoverConfig(FileModel):
@@ -77,7 +116,7 @@ class MoverConfig(FileModel):
         id: unique name.
         kind: its class, as sensors state it.
         size_m: edge.
-        speed_mps: as fast as it goes, all the time.
+        speed_mps: as fast as it goes, all the time; the most that it may go along a knot.
         path: where.
     """
 

@@ -8,14 +8,18 @@ from collections.abc import Sequence
 from typing import Final
 
 from sitl.environment.movers.config import (
+    Dash,
     Hostile,
+    Knot,
     MoverConfig,
     Pursuit,
     Trefoil,
     Waypoints,
 )
 from sitl.environment.movers.paths import (
+    DashPath,
     HostilePath,
+    KnotPath,
     Path,
     PursuitPath,
     TrefoilPath,
@@ -164,6 +168,10 @@ def _path_of(config: MoverConfig, noise: random.Random) -> Path:
             return WaypointPath(config.path)
         case Trefoil():
             return TrefoilPath(config.path, config.speed_mps)
+        case Knot():
+            return KnotPath(config.path)
+        case Dash():
+            return DashPath(config.path, config.speed_mps, config.size_m)
         case Pursuit():
             return PursuitPath(config.path)
         case Hostile():

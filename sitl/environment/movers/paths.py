@@ -6,7 +6,7 @@ import math
 import random
 from typing import Final, Protocol
 
-from sitl.environment.movers.config import Hostile, Pursuit, Trefoil, Waypoints
+from sitl.environment.movers.config import Dash, Hostile, Knot, Pursuit, Trefoil, Waypoints
 
 Point = tuple[float, float]
 # After a contact a pursuer goes away for so long.
@@ -38,13 +38,18 @@ class WaypointPath:
     def __init__(self, path: Waypoints) -> None:
         self._places = path.places_ned_m
         self.start_ned_m = self._places[0]
+        self._waits_for_m = path.begins_within_m
         self._next = 0
 
     def target_ned_m(
         self, now_s: float, here_ned_m: Point, vehicle_ned_m: Point, velocity_ned_mps: Point
     ) -> Point:
         """Return the next place that has not been reached."""
-        del now_s, vehicle_ned_m, velocity_ned_mps
+        del now_s, velocity_ned_mps
+        if self._waits_for_m is not None:
+            if math.dist(here_ned_m, vehicle_ned_m) > self._waits_for_m:
+                return here_ned_m
+            self._waits_for_m = None
         if math.dist(here_ned_m, self._places[self._next]) < 1e-6:
             self._next = (self._next + 1) % len(self._places)
         return self._places[self._next]
@@ -79,6 +84,30 @@ class TrefoilPath:
         """Go on."""
 
 
+class KnotPath:
+    """Along the shadow of a trefoil knot, each point at its own time."""
+
+    def __init__(self, path: Knot) -> None:
+        self._path = path
+        self.start_ned_m = self._at(0.0)
+
+    def _at(self, now_s: float) -> Point:
+        path = self._path
+        angle_rad = math.radians(path.phase_deg) + 2.0 * math.pi * now_s / path.period_s
+        north_m, east_m = knot_ned_m(path.scale_m, angle_rad)
+        return path.center_ned_m[0] + north_m, path.center_ned_m[1] + east_m
+
+    def target_ned_m(
+        self, now_s: float, here_ned_m: Point, vehicle_ned_m: Point, velocity_ned_mps: Point
+    ) -> Point:
+        """Return where it is now by the curve."""
+        del here_ned_m, vehicle_ned_m, velocity_ned_mps
+        return self._at(now_s)
+
+    def touched(self, now_s: float) -> None:
+        """Go on."""
+
+
 class PursuitPath:
     """Towards where the vehicle is, or will be."""
 
@@ -100,6 +129,36 @@ class PursuitPath:
     def touched(self, now_s: float) -> None:
         """Retreat for a while."""
         self._retreats_until_s = now_s + _RETREAT_S
+
+
+class DashPath:
+    """Across the way of the vehicle, in time to meet it."""
+
+    def __init__(self, path: Dash, speed_mps: float, size_m: float) -> None:
+        self._path = path
+        self.start_ned_m = path.start_ned_m
+        # What touches the vehicle is a face.
+        way_m = math.dist(path.start_ned_m, path.meets_ned_m) - size_m / 2.0
+        self._takes_s = max(way_m, 0.0) / max(speed_mps, 1e-9)
+        (from_m, from_east_m), (to_m, to_east_m) = path.start_ned_m, path.meets_ned_m
+        far = _FAR_M / max(math.dist(path.start_ned_m, path.meets_ned_m), 1e-9)
+        self._beyond_ned_m = (
+            to_m + far * (to_m - from_m),
+            to_east_m + far * (to_east_m - from_east_m),
+        )
+        self._goes = False
+
+    def target_ned_m(
+        self, now_s: float, here_ned_m: Point, vehicle_ned_m: Point, velocity_ned_mps: Point
+    ) -> Point:
+        """Return where it stands, until it goes."""
+        del now_s
+        left_m = math.dist(vehicle_ned_m, self._path.meets_ned_m)
+        self._goes |= left_m <= math.hypot(*velocity_ned_mps) * self._takes_s
+        return self._beyond_ned_m if self._goes else here_ned_m
+
+    def touched(self, now_s: float) -> None:
+        """Go on."""
 
 
 class HostilePath:
@@ -145,6 +204,13 @@ class HostilePath:
     def touched(self, now_s: float) -> None:
         """Retreat for a while."""
         self._retreats_until_s = now_s + self._noise.uniform(0.5, _RETREAT_S)
+
+
+def knot_ned_m(scale_m: Point, angle_rad: float) -> Point:
+    """Return a point of a knot, (north, east) from its middle, at an angle of its curve."""
+    north_m = scale_m[0] / 6.0 * (math.sin(angle_rad) + 2.0 * math.sin(2.0 * angle_rad))
+    east_m = scale_m[1] / 5.0 * (math.cos(angle_rad) - 2.0 * math.cos(2.0 * angle_rad))
+    return north_m, east_m
 
 
 def ahead_of(vehicle_ned_m: Point, velocity_ned_mps: Point, lead_s: float) -> Point:

@@ -6,12 +6,16 @@ import math
 import random
 from typing import TYPE_CHECKING, Any, Final
 
+import numpy as np
+
 from sitl.environment.detector_errors import Confirmation, DetectorErrorConfig, face_errors
 from sitl.environment.lidar import SeenBox
+from sitl.environment.movers.occlusion import are_hidden
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from onboard.geometry.frames import FloatArray
     from sitl.environment.movers.movers import Mover
 
 _SAMPLES: Final = (0.0, 0.25, 0.5, 0.75, 1.0)
@@ -51,6 +55,7 @@ class MoverReports:
         half_view_rad: float,
         range_m: float,
         sequence: int,
+        hides: FloatArray | None = None,
     ) -> list[tuple[SeenBox, dict[str, Any]]]:
         """Return each mover that is reported: its box in local NED, and what else is said of it.
 
@@ -61,10 +66,13 @@ class MoverReports:
             half_view_rad: half of its view.
             range_m: how far it sees.
             sequence: number of the frame.
+            hides: (k, 5), boxes that stand still, behind which it sees no mover, nor behind
+                another; see `are_hidden`.  None: it sees through everything.
         """
         seen = {}
         for index, mover in enumerate(movers):
-            part = _part_in_view(mover, here_ned_m, axis_rad, half_view_rad, range_m)
+            boxes = None if hides is None else _with_others(hides, movers, index)
+            part = _part_in_view(mover, here_ned_m, axis_rad, half_view_rad, range_m, boxes)
             if part is not None:
                 seen[index] = part
         reported = self._confirmation.reported(list(seen), sequence)
@@ -108,12 +116,23 @@ class MoverReports:
         return SeenBox(self._names[index], center_m, size_m, 0.0)
 
 
+def _with_others(hides: FloatArray, movers: Sequence[Mover], index: int) -> FloatArray:
+    """Return what hides a mover: what stands still, and every other mover."""
+    others = [
+        (*other.position_ned_m, other.half_m, other.half_m, 0.0)
+        for number, other in enumerate(movers)
+        if number != index
+    ]
+    return np.concatenate((hides, np.array(others).reshape(-1, 5)))
+
+
 def _part_in_view(
     mover: Mover,
     here_ned_m: tuple[float, float],
     axis_rad: float,
     half_view_rad: float,
     range_m: float,
+    boxes: FloatArray | None,
 ) -> tuple[tuple[float, float], tuple[float, float], bool] | None:
     """Return the corners of the part in view, and whether that is all; None if none is."""
     (north_m, east_m), half_m = mover.position_ned_m, mover.half_m
@@ -131,6 +150,9 @@ def _part_in_view(
             turn_rad = math.remainder(math.atan2(away[1], away[0]) - axis_rad, 2.0 * math.pi)
             if math.hypot(*away) <= range_m and abs(turn_rad) <= half_view_rad:
                 inside.append(point)
+    if inside and boxes is not None:
+        hidden = are_hidden(np.array(inside), here_ned_m, boxes)
+        inside = [point for point, is_hidden in zip(inside, hidden, strict=True) if not is_hidden]
     if not inside:
         return None
     if len(inside) == total:

@@ -25,6 +25,20 @@ MISSIONS = {
 }
 
 
+KNOT = {
+    "name": "cube", "x0": 9.0, "y0": 1.0, "z0": 2.0, "scale_x": 2.5, "scale_y": 3.0, "scale_z": 2.8,
+    "offset": 2.35, "slower": 4.6, "size_x": 0.8, "size_y": 0.8, "size_z": 0.8,
+}  # fmt: skip
+BEAM = {
+    **KNOT, "name": "beam", "x0": 13.0, "y0": -4.0, "scale_x": 0.0, "scale_y": 0.0, "scale_z": 0.0,
+    "slower": 0.0, "size_x": 0.4, "size_y": 4.0,
+}  # fmt: skip
+MOVING = {
+    "start": [0, 0, 2], "goal": [16, 0, 2], "v_max": 5,
+    "seeds": {"0": [KNOT, BEAM], "1": [BEAM]},
+}  # fmt: skip
+
+
 def stems(count: int = 12, side_m: float = 50.0) -> str:
     """Return a stem map: a grid of stems, each turned a little aside."""
     step_m = side_m / count
@@ -42,6 +56,8 @@ def write_all(folder: Path) -> Path:
     for each in (competition, sando):
         each.mkdir(parents=True)
     (sando / "static_easy.csv").write_text(PILLARS, encoding="utf-8")
+    (sando / "dynamic_easy.json").write_text(json.dumps(MOVING), encoding="utf-8")
+    (sando / "dynamic_medium.json").write_text(json.dumps(MOVING), encoding="utf-8")
     (competition / "two_box_scenes.csv").write_text(BOXES, encoding="utf-8")
     (competition / "missions.json").write_text(json.dumps(MISSIONS), encoding="utf-8")
     (folder / "longleaf_pines.csv").write_text(stems(), encoding="utf-8")

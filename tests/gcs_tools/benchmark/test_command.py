@@ -134,6 +134,7 @@ def test_the_service_flies_an_ardupilot_unless_told_otherwise(
         ("forest --service --ablation unseen-is-free", "of the planner alone"),
         ("forest --service --first-look", "of the planner alone"),
         ("forest --service --tracking-error 0.5", "of the planner alone"),
+        ("sando-dynamic --data .", "add --service"),
         ("sando --data missing.csv", "missing.csv: cannot be read"),
         ("forest --legs 0", "--legs"),
         ("forest --vehicle vtol", "'vtol'"),

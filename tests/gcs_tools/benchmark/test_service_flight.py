@@ -57,7 +57,9 @@ def test_contracts_of_the_service_accept_dense_fields(
     assert (contract.vehicle.radius_m, contract.vehicle.heading_error_deg) == (
         radius_m, heading_deg,
     )  # fmt: skip
-    assert service_margin_m(vehicle) > radius_m + contract.vehicle.tracking_error_m
+    assert (
+        service_margin_m(scene((5.0, 0.1)), vehicle) > radius_m + contract.vehicle.tracking_error_m
+    )
     scenario = scenario_of(scene((5.0, 0.1)), 0.5, vehicle)
     assert check(scenario.contract, None, scenario.mission).may_fly
     plant = scenario.sitl_config(seed=1)

@@ -50,6 +50,18 @@ def test_each_field_of_sando_that_there_is(tmp_path: Path) -> None:
     assert legs("sando", data=tmp_path, scenes=("hard",)) == ["static_hard: flight 0"]
 
 
+@pytest.mark.parametrize(
+    ("place", "fields"),
+    [("", ("easy", "medium")), ("benchmarks/sando/dynamic_medium.json", ("medium",))],
+)
+def test_moving_boxes_are_flown_seed_by_seed(
+    data: Path, place: str, fields: tuple[str, ...]
+) -> None:
+    assert legs("sando-dynamic", data=data / place, legs=2) == [
+        f"dynamic_{field}: seed {seed}" for field in fields for seed in (0, 1)
+    ]
+
+
 def test_the_competition_flies_the_legs_that_are_blocked(data: Path) -> None:
     assert legs("competition", data=data, legs=9) == ["two_box_scenes: scene 0 way 0"]
 
@@ -69,9 +81,12 @@ def test_forests_are_drawn(data: Path) -> None:
     ("name", "changes", "words"),
     [
         ("dodgedrone", {}, "not flown yet"),
-        ("sando", {"scenes": ("dynamic_easy",), "data": Path()}, "not flown yet"),
-        ("sando", {"data": Path("dynamic_easy.json")}, "not flown yet"),
-        ("bench", {}, "expected one of sando, competition"),
+        ("sando", {"scenes": ("dynamic_easy",), "data": Path()}, "fly the benchmark sando-dynamic"),
+        ("sando", {"data": Path("dynamic_easy.json")}, "fly the benchmark sando-dynamic"),
+        ("sando-dynamic", {}, "needs --data PATH"),
+        ("sando-dynamic", {"data": Path()}, "has no dynamic_easy.json"),
+        ("sando-dynamic", {"scenes": ("hard",), "data": Path()}, "one of easy, medium"),
+        ("bench", {}, "expected one of sando, sando-dynamic, competition"),
         ("sando", {}, "needs --data PATH"),
         ("longleaf", {}, "needs --data PATH"),
         ("competition", {}, "needs --data PATH"),

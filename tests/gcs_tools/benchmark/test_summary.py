@@ -9,7 +9,7 @@ from rich.console import Console
 
 from gcs_tools.benchmark.legs import Manner
 from gcs_tools.benchmark.suites import BENCHMARKS
-from gcs_tools.benchmark.summary import Run, interval, peers_of, print_tables, summarize
+from gcs_tools.benchmark.summary import Run, interval, peers_of, print_tables, summarize, waits
 from tests.gcs_tools.benchmark.rows import row
 
 DEFAULT = Manner("default")
@@ -78,3 +78,10 @@ def test_the_tables_show_legs_bounds_and_peers() -> None:
         assert words in printed
     print_tables(Run(BENCHMARKS["walls"], DEFAULT, "c", [row()], 1), console)
     assert "what peers report" not in text.getvalue().removeprefix(printed)
+
+
+def test_waits_for_what_moves_are_summed_up_where_something_does() -> None:
+    rows = [row(leg="seed 0"), row(leg="seed 1", waited_s=30.0, contacts_at_rest=2)]
+    said = waits(BENCHMARKS["sando-dynamic"], rows)
+    assert "15.0 s a leg, at most 30.0 s (static_easy, seed 1); touched at rest: 2 times" in said
+    assert waits(BENCHMARKS["sando"], rows) == ""

@@ -83,3 +83,17 @@ def test_one_rectangle_at_the_far_edge_leaves_the_answers_for_the_others() -> No
     y_min_m, y_max_m = np.array([2.1, 2.6, 2.6]), np.array([2.4, 2.9, 2.9])
     answers = grid.are_free(x_min_m, x_max_m, y_min_m, y_max_m)
     assert answers.tolist() == [False, False, True]
+
+
+@given(st.integers(0, 2**32 - 1), st.integers(0, 3), st.integers(0, 4))
+def test_without_some_cells_it_answers_as_if_they_were_unknown(seed: int, i: int, j: int) -> None:
+    random = np.random.default_rng(seed)
+    free = random.random((4, 5)) < 0.8
+    shut = random.random((random.integers(1, 5 - i), random.integers(1, 6 - j))) < 0.5
+    fewer = free.copy()
+    fewer[i : i + shut.shape[0], j : j + shut.shape[1]] &= ~shut
+    one, other = grid_of(free).without((i, j), shut), grid_of(fewer)
+    x0, x1, y0, y1 = (each.ravel() for each in np.meshgrid(*(np.arange(6.0),) * 4, indexing="ij"))
+    faces = [np.float64(-1.0) + CELL_M * each for each in (x0, x1)]
+    faces += [np.float64(2.0) + CELL_M * each for each in (y0, y1)]
+    assert one.are_free(*faces).tolist() == other.are_free(*faces).tolist()

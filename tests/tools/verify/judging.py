@@ -70,6 +70,15 @@ def judge_campaign(folder: Path, _: str) -> Findings:
     return Findings(figures, tuple(problems))
 
 
+def judge_ambush(folder: Path, printed: str) -> Findings:
+    """Count as a campaign does; ask for a contact in motion, which shows that a flight can fail."""
+    found = judge_campaign(folder, printed)
+    collided = sum(row.collisions > 0 for row in read_table(folder / "flights.parquet"))
+    figures = {**found.figures, "with a contact in motion": str(collided)}
+    missing = ("no mover faster than declared has touched the vehicle in motion",)
+    return Findings(figures, found.problems + (() if collided else missing))
+
+
 def judge_benchmark(folder: Path, _: str) -> Findings:
     """Count legs, those flown to their end, those that pass the benchmark's rule, collisions."""
     columns = pq.read_table(

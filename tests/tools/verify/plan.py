@@ -9,6 +9,7 @@ from typing import Final
 
 from tests.tools.verify.judging import (
     Judge,
+    judge_ambush,
     judge_bench,
     judge_bench_small,
     judge_benchmark,
@@ -20,8 +21,22 @@ from tests.tools.verify.judging import (
 ROOT: Final = Path(__file__).parents[3]
 _SCENARIOS: Final = Path("config") / "scenarios"
 # By the name of a campaign: flights, and those of the search.
-_FULL: Final = {"adversary": (2000, 480), "nominal": (10_000, 0), "faults": (3000, 0)}
-_SHORT: Final = {"adversary": (6, 8), "nominal": (8, 0), "faults": (8, 0)}
+_FULL: Final = {
+    "adversary": (2000, 480),
+    "nominal": (10_000, 0),
+    "faults": (3000, 0),
+    "movers": (1000, 0),
+    "pedestrians": (200, 0),
+    "ambush": (10, 0),
+}
+_SHORT: Final = {
+    "adversary": (6, 8),
+    "nominal": (8, 0),
+    "faults": (8, 0),
+    "movers": (4, 0),
+    "pedestrians": (4, 0),
+    "ambush": (2, 0),
+}
 # Of the scenario files, the short form flies every so many.
 _SCENARIO_STEP: Final = 15
 # Share and seed of the mutants of each part, as docs/mutation.md states them.
@@ -34,7 +49,14 @@ _MUTANTS: Final = {
 }
 _MUTANTS_SHORT: Final = {"run-on": (0.03, 2)}
 # One scene of each benchmark that has several is enough to show that it runs.
-_SCENES_SHORT: Final = {"walls": "slalom", "forest": "500", "sando": "easy"}
+_SCENES_SHORT: Final = {
+    "walls": "slalom",
+    "forest": "500",
+    "sando": "easy",
+    "sando-dynamic": "easy",
+}
+# Something moves there, which only the whole service flies.
+_BY_SERVICE: Final = frozenset(("sando-dynamic",))
 # The public benchmarks, and whether their scenes are files that are not part of the repository.
 _BENCHMARKS: Final = {
     "walls": False,
@@ -42,6 +64,7 @@ _BENCHMARKS: Final = {
     "longleaf": True,
     "competition": True,
     "sando": True,
+    "sando-dynamic": True,
 }
 
 
@@ -107,7 +130,7 @@ def _campaigns(request: Request) -> Iterator[Step]:
 def _campaign(request: Request, name: str, sources: tuple[str, ...], size: tuple[str, ...]) -> Step:
     out = ("--out", str(request.folder / name))
     command = ("clearway", "campaign", *sources, *size, *request._jobs, *out)
-    return Step(name, command, judge_campaign)
+    return Step(name, command, judge_ambush if name == "ambush" else judge_campaign)
 
 
 def _benchmarks(request: Request) -> Iterator[Step]:
@@ -121,7 +144,9 @@ def _benchmarks(request: Request) -> Iterator[Step]:
             skipped = f"the scenes of {name} are not part of the repository: give DATA=FOLDER"
         elif needs_data:
             data = ("--data", str(request.data))
-        command = ("clearway", "benchmark", name, *scene, *data, *legs, *request._jobs, *out)
+        manner = ("--service",) if name in _BY_SERVICE else ()
+        how = (*manner, *legs, *request._jobs)
+        command = ("clearway", "benchmark", name, *scene, *data, *how, *out)
         yield Step(f"benchmark-{name}", command, judge_benchmark, skipped)
 
 
@@ -140,7 +165,8 @@ def _mutation(request: Request) -> Iterator[Step]:
 
 
 def _traceability(request: Request) -> Step:
-    folders = [str(request.folder / name) for name in (*_FULL, "scenarios")]
+    campaigns = _SHORT if request.short else _FULL
+    folders = [str(request.folder / name) for name in (*campaigns, "scenarios")]
     out = ("--output", str(request.folder / "traceability"))
     # So few flights break few assumptions: what is stated of other campaigns fills the rest.
     added = ("--add",) if request.short else ()

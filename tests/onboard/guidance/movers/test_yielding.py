@@ -49,6 +49,10 @@ class Gate:
         beyond = np.flatnonzero(high[:, 0] > self.north_m)
         return int(beyond[0]) if self.closed and beyond.size else None
 
+    def free_until_s(self, places_ned_m: FloatArray) -> FloatArray:
+        beyond = self.closed & (places_ned_m[:, 0] > self.north_m)
+        return np.where(beyond, -math.inf, math.inf)
+
 
 GatedFlight = Callable[..., FieldFlight]
 # Where both requirements on progress need the same, one is flown.

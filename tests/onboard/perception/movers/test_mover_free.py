@@ -68,6 +68,19 @@ def test_what_enough_frames_show_is_free_until_a_mover_may_come_from_beyond() ->
         assert not free.is_free_at(distance_m, 0.0, now_s + left_s)
 
 
+def test_places_are_free_until_a_mover_may_come_and_never_beyond_the_grid() -> None:
+    free = MoverFree(1.0, RANGE_M)
+    now_s = empty_frames(free, 8)
+    places = np.array(((0.0, 0.0), (3.0, 0.0), (0.0, 500.0)))
+    until_s = free.free_until_s(places)
+    assert until_s[0] > until_s[1] > now_s
+    assert until_s[2] == -math.inf
+    for (north_m, east_m), time_s in zip(places.tolist(), until_s.tolist(), strict=True):
+        if math.isfinite(time_s):
+            assert free.is_free_at(north_m, east_m, time_s - 0.01)
+            assert not free.is_free_at(north_m, east_m, time_s + 0.01)
+
+
 def test_a_faster_mover_comes_sooner() -> None:
     slow, fast = MoverFree(1.0, RANGE_M), MoverFree(2.0, RANGE_M)
     now_s = empty_frames(slow, 8)

@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from onboard.geometry.box import Box
 from onboard.geometry.frames import FloatArray
@@ -204,3 +205,29 @@ def test_in_a_blocked_cell_staying_does_not_look_cheaper_than_the_way_on() -> No
         here_m, next_m = made.distance_m(np.array([4.6, path[1, 0]]), np.array([y_m, path[1, 1]]))
         assert here_m > next_m
         assert here_m < next_m + 2.0
+
+
+class Crowd:
+    """Is everywhere within a box."""
+
+    def __init__(self, box: Box) -> None:
+        self._box = box
+
+    def are_met(self, x_m: FloatArray, y_m: FloatArray) -> NDArray[np.bool_]:
+        box = self._box
+        along_it = (x_m >= box.x_min_m) & (x_m <= box.x_max_m)
+        across_it = (y_m >= box.y_min_m) & (y_m <= box.y_max_m)
+        return along_it[:, None] & across_it[None, :]
+
+
+def test_what_passes_is_led_round_but_closes_no_way() -> None:
+    made = Guide(GOAL_M, MARGIN_M, math.inf)
+    small = Box(5.0, 7.0, -1.0, 0.6)
+    for _ in made.updating((0.0, 0.0), (), Crowd(small)):
+        pass
+    assert least_gap_m(path_of(made), small) >= MARGIN_M - CELL_M
+    wide = Box(5.0, 6.0, -50.0, 50.0)
+    made = Guide(GOAL_M, MARGIN_M, 8.0)
+    for _ in made.updating((0.0, 0.0), (), Crowd(wide)):
+        pass
+    assert path_of(made)[-1].tolist() == list(GOAL_M)

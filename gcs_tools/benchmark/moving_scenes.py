@@ -1,0 +1,152 @@
+"""Readers of public scenes in which something moves, or has a height of its own.
+
+- SANDO's moving boxes: ``dynamic_*.json``, for each seed boxes that stand still or go along trefoil
+  knots, as the project's ``scripts/run_sim.py`` draws them.  Beside movers the contract takes every
+  obstacle for a pillar, so that boxes are pillars over all heights here, and so are beams.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Annotated, Any, Final
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict, Field
+
+from gcs_tools.benchmark.obstacles import Obstacles
+from gcs_tools.benchmark.scenes import PILLARS_HALF_WIDTH_M, Moving, Scene
+from onboard.files.yaml_file import FileError, read_text, validate
+from sitl.environment.movers.config import Knot, MoverConfig
+from sitl.environment.movers.paths import knot_ned_m
+
+KIND: Final = "box"
+_FROM_ORIGIN_MAX_M, _SIZE_MAX_M = 10_000.0, 200.0
+# Speeds are declared in steps of this, which leaves more than sampling a curve misses.
+_STEP_MPS: Final = 0.05
+_SAMPLES: Final = 2000
+_SPARE: Final = 1.002
+
+_Coordinate = Annotated[float, Field(ge=-_FROM_ORIGIN_MAX_M, le=_FROM_ORIGIN_MAX_M)]
+_Place = Annotated[tuple[_Coordinate, _Coordinate, _Coordinate], Field(strict=False)]
+_Scale = Annotated[float, Field(ge=0.0, le=_SIZE_MAX_M)]
+_Size = Annotated[float, Field(gt=0.0, le=_SIZE_MAX_M)]
+
+
+class _Box(BaseModel):
+    """One box: where its knot is, how large both are, and how slowly it goes."""
+
+    model_config = ConfigDict(extra="ignore", frozen=True, strict=True, allow_inf_nan=False)
+
+    name: str
+    x0: _Coordinate
+    y0: _Coordinate
+    scale_x: _Scale
+    scale_y: _Scale
+    offset: float
+    slower: Annotated[float, Field(ge=0.0)]
+    size_x: _Size
+    size_y: _Size
+
+    @property
+    def moves(self) -> bool:
+        return self.scale_x > 0.0 or self.scale_y > 0.0
+
+
+class _Scenes(BaseModel):
+    """``dynamic_*.json``; it has notes beside the scenes."""
+
+    model_config = ConfigDict(extra="ignore", frozen=True, strict=True, allow_inf_nan=False)
+
+    start: _Place
+    goal: _Place
+    seeds: dict[str, Annotated[tuple[_Box, ...], Field(strict=False, min_length=1)]] = Field(
+        min_length=1
+    )
+
+
+def moving_legs(path: Path, legs: int) -> Iterator[Scene]:
+    """Yield one leg for each seed of a file of moving boxes, in the order of the file.
+
+    Raises:
+        FileError: names the file, the key and the value.
+    """
+    try:
+        document: Any = json.loads(read_text(path))
+    except (json.JSONDecodeError, RecursionError) as error:
+        raise FileError(f"{path}: is not JSON: {error}") from error
+    if not isinstance(document, dict):
+        raise FileError(f"{path}: expected an object with the key seeds")
+    scenes = validate(document, _Scenes, source=str(path))
+    length_m = math.dist(scenes.start[:2], scenes.goal[:2])
+    if scenes.start[:2] != (0.0, 0.0) or scenes.goal[1] != 0.0 or not length_m > 0.0:
+        raise FileError(
+            f"{path}: start = {list(scenes.start)} and goal = {list(scenes.goal)} [m] must be the "
+            "origin and a place ahead of it along x"
+        )
+    for seed, boxes in list(scenes.seeds.items())[:legs]:
+        yield _scene(path, seed, boxes, length_m)
+
+
+def _scene(path: Path, seed: str, boxes: tuple[_Box, ...], length_m: float) -> Scene:
+    still = [box for box in boxes if not box.moves]
+    moving = [box for box in boxes if box.moves]
+    for box in moving:
+        if box.size_x != box.size_y:
+            raise FileError(
+                f"{path}: seeds.{seed}: {box.name!r} is {box.size_x:g} m by {box.size_y:g} m; "
+                "expected what moves to be square"
+            )
+        if box.slower == 0.0:
+            raise FileError(
+                f"{path}: seeds.{seed}: {box.name!r} moves with slower = 0 [s/rad]; expected more"
+            )
+    speed_mps = _STEP_MPS * math.ceil(
+        _SPARE * max((greatest_speed_mps(_knot(box)) for box in moving), default=0.0) / _STEP_MPS
+    )
+    halves = [(box.size_x / 2.0, box.size_y / 2.0) for box in still]
+    places = [(box.x0, box.y0) for box in still]
+    count = len(still)
+    return Scene(
+        field=path.stem,
+        name=f"seed {seed}",
+        obstacles=Obstacles(
+            np.array(places).reshape(count, 2),
+            np.array(halves).reshape(count, 2),
+            np.zeros(count),
+            np.zeros(count),
+        ),
+        length_m=length_m,
+        half_width_m=PILLARS_HALF_WIDTH_M,
+        moving=Moving(
+            tuple(
+                MoverConfig(
+                    id=box.name, kind=KIND, size_m=box.size_x, speed_mps=speed_mps, path=_knot(box)
+                )
+                for box in moving
+            ),
+            speed_mps,
+            max((box.size_x for box in moving), default=0.0),
+        ),
+    )
+
+
+def _knot(box: _Box) -> Knot:
+    """Return where a box goes; x is taken for north and y for east."""
+    return Knot(
+        kind="knot",
+        center_ned_m=(box.x0, box.y0),
+        scale_m=(box.scale_x, box.scale_y),
+        period_s=2.0 * math.pi * box.slower,
+        phase_deg=math.degrees(box.offset),
+    )
+
+
+def greatest_speed_mps(knot: Knot) -> float:
+    """Return how fast something goes along a knot at most, horizontally; sampled."""
+    angles_rad = np.linspace(0.0, 2.0 * math.pi, _SAMPLES + 1).tolist()
+    points_m = np.array([knot_ned_m(knot.scale_m, angle_rad) for angle_rad in angles_rad])
+    step_s = knot.period_s / _SAMPLES
+    return float(np.hypot(*np.diff(points_m, axis=0).T).max() / step_s)
