@@ -254,8 +254,8 @@ def clearing() -> list[Any]:
     symbols = Symbols()
     e = encounter(1.0, 1.0, 1.0)
     kappa_s = z3.RealVal(0)
-    known = replace(
-        e, left_mps2=u, right_mps2=u, lateral_speed_mps=w, size_across_m=across, speed_mps=v,
+    known = e._replace(
+        left_mps2=u, right_mps2=u, lateral_speed_mps=w, size_across_m=across, speed_mps=v,
         size_along_m=across, brake_mps2=b, forward_mps2=a, attitude_lag_s=kappa_s,
         reaction_time_s=kappa_s,
     )  # fmt: skip

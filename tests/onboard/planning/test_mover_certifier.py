@@ -39,7 +39,14 @@ class Track:
         return self.box.inflated(self.speed_mps * (time_s - self.seen_s + stamp_error_s))
 
 
-class Everywhere:
+class Places:
+    """What a certificate asks."""
+
+    def free_until_s(self, places: FloatArray) -> FloatArray:
+        raise AssertionError(f"no certificate asks this of {places}")
+
+
+class Everywhere(Places):
     """Places without movers but those that are tracked."""
 
     def first_reached(self, low: FloatArray, high: FloatArray, until_s: FloatArray) -> int | None:  # noqa: ARG002  all alike
@@ -47,7 +54,7 @@ class Everywhere:
 
 
 @dataclass(frozen=True)
-class Until:
+class Until(Places):
     """A half plane (north of a line) that holds none before a time."""
 
     north_m: float
@@ -59,7 +66,7 @@ class Until:
 
 
 @dataclass(frozen=True)
-class Behind:
+class Behind(Places):
     """A place that holds no mover before a time, and is asked about only while it is left."""
 
     place_ned_m: tuple[float, float, float]
