@@ -41,11 +41,9 @@ class Member:
         return self.vehicle.absolute_position_error_m
 
     @property
-    def frame(self) -> LocalFrame | None:
-        """Its local frame; None where all vehicles have the same."""
+    def frame(self) -> LocalFrame:
+        """Its local frame."""
         origin = self.vehicle.origin
-        if origin is None:
-            return None
         place = GeographicPoint(origin.latitude_deg, origin.longitude_deg)
         return LocalFrame(place, self.vehicle.autopilot)
 
