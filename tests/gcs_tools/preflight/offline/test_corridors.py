@@ -271,7 +271,7 @@ def test_corridors_of_two_sites_are_not_compared(
         (lambda f: f["vehicles"][0].update(name="a/b"), "vehicles.0.name"),
         (lambda f: f["vehicles"][0].pop("absolute_position_error_m"), "is missing"),
         (lambda f: f["vehicles"][0].update(mission="none.yaml"), "none.yaml: cannot be read"),
-        (lambda f: f.update(speed_max_mps=2.9), "left, may fly 3.25 m/s by its contract"),
+        (lambda f: f.update(speed_max_mps=4.0), "left, may fly 5.59 m/s by its contract"),
     ],
 )
 def test_a_file_that_does_not_fit_is_one_line(
