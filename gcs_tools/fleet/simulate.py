@@ -111,7 +111,7 @@ def ways_of(members: Sequence[Member]) -> dict[str, list[Place]]:
     for member in members:
         mission, frame = member.mission, member.frame
         places = [mission.start_ned_m, *(leg.end_ned_m for leg in mission.legs)]
-        if frame is not None and common is not None:
+        if frame != common:
             places = [
                 common.north_east_m(*frame.latitude_longitude_deg(*place)) for place in places
             ]

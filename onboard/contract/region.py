@@ -102,10 +102,10 @@ def dimensions(e: Encounter[Q], ops: Arithmetic[Q]) -> Dimensions[Q]:
     depth_m = least_advance(e.speed_mps, e.brake_mps2, t_m, ops)
     late_m = e.speed_mps * (e.reaction_time_s + e.attitude_lag_s)
     drift_left_m = drift_right_m = _drift(e.left_mps2, e)
-    left = right = _overhang(e.left_mps2, e.right_mps2, t_m, e, ops)
+    left = right = overhang(e.left_mps2, e.right_mps2, t_m, e, ops)
     if e.left_mps2 is not e.right_mps2:  # a contract has one limit for both
         drift_right_m = _drift(e.right_mps2, e)
-        right = _overhang(e.right_mps2, e.left_mps2, t_m, e, ops)
+        right = overhang(e.right_mps2, e.left_mps2, t_m, e, ops)
     (left_m, left_peak_mps), (right_m, right_peak_mps) = left, right
     recovery_m = recovery_distance(e, t_m, ops)
     return Dimensions(
@@ -159,7 +159,7 @@ def _drift(u: Q, e: Encounter[Q]) -> Q:
     return e.coast_drift_m + w * e.attitude_lag_s + w * w / (2.0 * u)
 
 
-def _overhang(u: Q, d: Q, t_m: Q, e: Encounter[Q], ops: Arithmetic[Q]) -> tuple[Q, Q]:
+def overhang(u: Q, d: Q, t_m: Q, e: Encounter[Q], ops: Arithmetic[Q]) -> tuple[Q, Q]:
     """Lane beyond the face on the side that ``u`` points to, and the peak speed towards it.
 
     PAPER: Eq. 12-13 hold for a point mass; a lateral speed at entry and attitude lag widen the

@@ -6,6 +6,7 @@ The order of the boxes is that in which they are flown.
 from __future__ import annotations
 
 import math
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +14,8 @@ from numpy.typing import NDArray
 from onboard.geometry.frames import FloatArray
 
 Place = tuple[float, float]
+
+_ROUND_OFF_M: Final = 1e-6
 
 
 def around(place_m: Place, reach_m: float) -> FloatArray:
@@ -46,6 +49,19 @@ def meeting(one_m: FloatArray, other_m: FloatArray) -> NDArray[np.bool_]:
         & (other[..., 2] <= one[..., 3])
     )
     return np.asarray(shared.any(axis=1))
+
+
+def is_proper(area_m: FloatArray) -> bool:
+    """Tell whether all boxes are finite and none ends before it begins; others meet nothing."""
+    ends_fit = (area_m[:, 0] <= area_m[:, 1]) & (area_m[:, 2] <= area_m[:, 3])
+    return bool(np.isfinite(area_m).all() and ends_fit.all())
+
+
+def holds(area_m: FloatArray, box_m: FloatArray) -> bool:
+    """Tell whether one box of an area holds another box, (1, 4), but for round-off."""
+    low, high = area_m[:, 0::2] - _ROUND_OFF_M, area_m[:, 1::2] + _ROUND_OFF_M
+    inside = (low <= box_m[:, 0::2]) & (box_m[:, 1::2] <= high)
+    return bool(inside.all(axis=1).any())
 
 
 def distance_m(area_m: FloatArray, place_m: Place) -> float:

@@ -17,9 +17,9 @@ _VEHICLES_MIN, _VEHICLES_MAX = 2, 32
 
 
 class FrameOrigin(FileModel):
-    """Where the origin of a vehicle's local frame lies."""
+    """Where the origin of a vehicle's local frame lies; near a pole such a frame is no plane."""
 
-    latitude_deg: float = Field(ge=-90.0, le=90.0)
+    latitude_deg: float = Field(ge=-80.0, le=80.0)
     longitude_deg: float = Field(ge=-180.0, le=180.0)
 
 
@@ -35,8 +35,9 @@ class FleetVehicle(FileModel):
     autopilot: Literal["px4", "ardupilot"] = Field(
         "px4", description="whose arithmetic its local frame follows"
     )
-    origin: FrameOrigin | None = Field(
-        None, description="of its local frame, WGS84; null: all vehicles have the same origin"
+    origin: FrameOrigin = Field(
+        description="of its local frame (GPS_GLOBAL_ORIGIN), WGS84; an autopilot by itself takes "
+        "where it first had a position, so that vehicles have different ones"
     )
     absolute_position_error_m: NonNegative = Field(
         description="A: how far its position on the Earth may be off; 1.5 to 3 m by satellites, "
@@ -56,15 +57,9 @@ class Fleet(FileModel):
     ]
 
     @model_validator(mode="after")
-    def _can_be_told_apart_and_compared(self) -> Self:
+    def _can_be_told_apart(self) -> Self:
         names = [each.name for each in self.vehicles]
         for number, name in enumerate(names):
             if name in names[:number]:
                 raise ValueError(f"vehicles.{number}.name = {name!r}: another vehicle has it")
-        stated = [each.origin is not None for each in self.vehicles]
-        if any(stated) and not all(stated):
-            number = stated.index(False)
-            raise ValueError(
-                f"vehicles.{number}.origin is missing: state it of all vehicles, or of none"
-            )
         return self

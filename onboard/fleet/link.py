@@ -46,7 +46,12 @@ class FleetLink:
         self._reservation.receive(message, now_s)
 
     def payloads_to_send(self) -> Iterator[tuple[str, bytes]]:
-        """Yield key and payload of what is to be sent, once."""
+        """Yield key and payload of what is to be sent, once; what cannot be written is lost."""
         for message in self._reservation.messages_to_send():
-            kind, payload = self._wire.encoded(message)
+            try:
+                kind, payload = self._wire.encoded(message)
+            except ValueError as error:
+                self._reservation.counts["unwritable"] += 1
+                self._report(f"{type(message).__name__} {message.head.number}: not sent: {error}")
+                continue
             yield f"{KEY_PREFIX}/{message.head.sender}/{kind.value}", payload

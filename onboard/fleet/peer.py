@@ -6,12 +6,16 @@ from collections import deque
 from typing import Final, NamedTuple
 
 from onboard.fleet.area import Place
-from onboard.fleet.messages import Head, Heartbeat
+from onboard.fleet.messages import Head, Heartbeat, Tube
 from onboard.geometry.frames import FloatArray
 
 # So many runs that have ended are remembered; a message of an older one counts as of a new run,
 # which no fresh echo will confirm.
 _ENDED_MAX: Final = 64
+# A message of one more run that nothing confirms is as good as lost.
+_SEEN_MAX: Final = 64
+# A vehicle holds two tubes; of others, no heartbeat has come yet that releases them.
+_RECORDS_MAX: Final = 16
 
 
 class Echo(NamedTuple):
@@ -73,7 +77,8 @@ class Peer:
             boot: of the message.
             next_number: what our next message will have, at least.
         """
-        if boot not in self._seen and boot not in self._ended:
+        is_new = boot not in self._seen and boot not in self._ended
+        if is_new and len(self._seen) < _SEEN_MAX:
             self._seen.add(boot)
             self._confirm_from = next_number
         return boot == self.boot and len(self._seen) == 1
@@ -81,6 +86,14 @@ class Peer:
     def is_over(self, number: int) -> bool:
         """Tell whether a tube is neither used nor proposed any more, by the newest heartbeat."""
         return number <= self._newest and number not in self.records
+
+    def record(self, tube: Tube) -> bool:
+        """Keep out of a tube that it has proposed; tell whether that is remembered."""
+        if len(self.records) >= _RECORDS_MAX and tube.number not in self.records:
+            return False
+        # What a heartbeat has listed may be less: some of it has been passed.
+        self.records.setdefault(tube.number, tube.boxes_m)
+        return True
 
     def hear(self, heartbeat: Heartbeat, echo: Echo | None, next_number: int) -> bool:
         """Take a heartbeat; tell whether it counted.

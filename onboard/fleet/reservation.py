@@ -20,7 +20,7 @@ from typing import Final
 
 import numpy as np
 
-from onboard.fleet.area import Place, around, distance_m, meet, meeting
+from onboard.fleet.area import Place, around, distance_m, holds, is_proper, meet, meeting
 from onboard.fleet.messages import Ack, Commit, Head, Heartbeat, Message, Propose, Tube
 from onboard.fleet.peer import Echo, Peer
 from onboard.geometry.frames import FloatArray
@@ -122,18 +122,21 @@ class Reservation:
             now_s: when it is there.
 
         Returns:
-            Whether it has not left its tube since the last report.
+            Whether one box of its tube holds all that it may reach from there.
         """
+        if not all(map(math.isfinite, position_m)):
+            self.counts["outside"] += 1
+            return False
         rests = position_m == self._position_m
         self._position_m, self._position_s = position_m, now_s
         if rests:
             return True
         boxes_m = self.active.boxes_m
-        in_reach = meeting(boxes_m, around(position_m, self.own.reach_m))
-        if not in_reach.any():
+        reach_m = around(position_m, self.own.reach_m)
+        if not holds(boxes_m, reach_m):
             self.counts["outside"] += 1
             return False
-        passed = int(np.argmax(in_reach))
+        passed = int(np.argmax(meeting(boxes_m, reach_m)))
         if passed:
             self.active = replace(self.active, boxes_m=boxes_m[passed:])
         return True
@@ -164,8 +167,10 @@ class Reservation:
             is outstanding.
 
         Raises:
-            ValueError: the duration is not above 0.
+            ValueError: the duration is not above 0, or a box is none.
         """
+        if not is_proper(onward_m):
+            raise ValueError("onward_m: a box is not finite, or ends before it begins")
         if not duration_s > 0.0:
             raise ValueError(f"duration_s = {duration_s:g}: expected more than 0 s")
         if self.outstanding is not None:
@@ -237,9 +242,8 @@ class Reservation:
             if (mine.stamp_s, self.own.name) <= (message.stamp_s, head.sender):
                 return
             self.withdraw()
-        # What a heartbeat has listed may be less: some of it has been passed.
-        peer.records.setdefault(tube.number, tube.boxes_m)
-        self._send(Ack(self._head(), head.sender, head.boot, tube.number))
+        if peer.record(tube):
+            self._send(Ack(self._head(), head.sender, head.boot, tube.number))
 
     def _take_ack(self, message: Ack, now_s: float) -> None:
         proposal = self.outstanding
@@ -273,10 +277,12 @@ class Reservation:
 
     def _need(self, boxes_m: FloatArray, until_s: float) -> frozenset[str]:
         """Return who might get to an area until then, and who was never heard."""
-        needed = set()
+        needed, reach_m = set(), self.own.reach_m
         for name, peer in self.peers.items():
             disc = peer.disc(until_s, self.own.speed_max_mps)
-            if disc is None or distance_m(boxes_m, disc[0]) * (1.0 - _SPHERE_SHARE) <= disc[1]:
+            # From the middle of this vehicle: its boxes are in metres of the sphere, too.
+            away_m = math.inf if disc is None else distance_m(boxes_m, disc[0]) + reach_m
+            if disc is None or away_m * (1.0 - _SPHERE_SHARE) <= disc[1] + reach_m:
                 needed.add(name)
         return frozenset(needed)
 

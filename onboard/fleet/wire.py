@@ -14,6 +14,7 @@ from __future__ import annotations
 import hmac
 import math
 from collections.abc import Mapping
+from itertools import pairwise
 from typing import Annotated, Final, Literal
 
 import numpy as np
@@ -36,9 +37,10 @@ from onboard.geometry.local_frame import LocalFrame
 
 # A longer message is dropped unread.
 PAYLOAD_BYTES_MAX: Final = 200_000
-# Boxes are written so much larger: what a reach in metres of one sphere lacks on another, and what
-# the edge of a box in one frame bends in another.
+# Boxes are written so much larger, for what a reach in metres of one sphere lacks on another; and
+# by what an edge in the writer's frame, and again in the reader's, bends on the Earth.
 _ROUNDING_M: Final = 0.05
+_CURVATURE_M: Final = 6_335_000.0
 # Farther from the origin the frame is no plane.
 _AWAY_MAX_M: Final = 50_000.0
 _DOMAIN: Final = b"clearway-fleet-1"
@@ -121,6 +123,25 @@ _DOCUMENTS: Final[Mapping[MessageKind, type[MessageDocument]]] = {
 }
 
 
+def _check_numbers(document: MessageDocument) -> None:
+    """One counter numbers tubes and messages, so that a message is of tubes before it.
+
+    Raises:
+        MalformedPayloadError: it is not.
+    """
+    numbers: tuple[int, ...] = ()
+    if isinstance(document, ProposeDocument):
+        numbers = (document.tube.number,)
+    elif isinstance(document, CommitDocument):
+        numbers = (document.tube,)
+    elif isinstance(document, HeartbeatDocument):
+        proposed = document.outstanding
+        numbers = (document.active.number, *(() if proposed is None else (proposed.number,)))
+    for earlier, later in pairwise((*numbers, document.number)):
+        if earlier >= later:
+            raise MalformedPayloadError(f"number = {later}: expected above that of tube {earlier}")
+
+
 class FleetWire:
     """Writes and reads messages for one vehicle.
 
@@ -188,10 +209,13 @@ class FleetWire:
 
     def _geographic_box(self, box_m: list[float]) -> GeographicBox:
         low_n, high_n, low_e, high_e = box_m
+        steepness = math.tan(math.radians(min(abs(self._frame.origin.latitude_deg) + 1.0, 85.0)))
+        length_m = math.hypot(high_n - low_n, high_e - low_e)
+        more_m = _ROUNDING_M + steepness * length_m**2 / (4.0 * _CURVATURE_M)
         corners = [
             self._frame.latitude_longitude_deg(north_m, east_m)
-            for north_m in (low_n - _ROUNDING_M, high_n + _ROUNDING_M)
-            for east_m in (low_e - _ROUNDING_M, high_e + _ROUNDING_M)
+            for north_m in (low_n - more_m, high_n + more_m)
+            for east_m in (low_e - more_m, high_e + more_m)
         ]
         latitudes, longitudes = zip(*corners, strict=True)
         if max(longitudes) - min(longitudes) > 180.0:
@@ -230,6 +254,7 @@ class FleetWire:
                 f"contract_sha256: flies by {found[:12]}, the roster has {expected[:12]}"
             )
         head = Head(sender, document.boot, document.number)
+        _check_numbers(document)
         match document:
             case ProposeDocument():
                 return Propose(head, self._tube(document.tube), document.stamp_s)

@@ -23,7 +23,7 @@ from pathlib import Path
 from typing import Final
 
 import numpy as np
-from shapely import Point, Polygon
+from shapely import Point, Polygon, get_coordinates, segmentize
 from shapely import transform as transformed
 from shapely.geometry.base import BaseGeometry
 
@@ -41,7 +41,12 @@ _QUARTER: Final = 64
 _AROUND: Final = 1.0 / math.cos(math.pi / (4.0 * _QUARTER))
 # WGS84's curvature is between 6,335 and 6,400 km; distances by the autopilots' spheres of 6,371
 # and 6,378 km may be too long by this share.
+# and 6,378 km may be too long by this share, so near to the origin of the frame and so far from the
+# poles (`FrameOrigin`); farther away, parallels and meridians bend.
 _SPHERE_SHARE: Final = 0.007
+_AWAY_MAX_M: Final = 20_000.0
+# An edge that is straight in one frame is not in another: 1 mm in so much, at 80° of latitude.
+_EDGE_MAX_M: Final = 100.0
 
 
 @dataclass(frozen=True)
@@ -117,7 +122,15 @@ def check_corridors(members: Sequence[Member]) -> Corridors:
         if (problem := _outside(member, region)) is not None:
             unbounded.append(f"{member.name}: {problem}")
             continue
-        regions.append((member, _in_common_frame(region, member.frame, common)))
+        region_common = _in_common_frame(region, member.frame, common)
+        away_m = max(_farthest_m(region), _farthest_m(region_common))
+        if away_m > _AWAY_MAX_M:
+            unbounded.append(
+                f"{member.name}: its geofence reaches {away_m / 1e3:,.1f} km from its origin or "
+                f"that of {members[0].name}: compared within {_AWAY_MAX_M / 1e3:g} km only"
+            )
+            continue
+        regions.append((member, region_common))
     pairs = tuple(
         CorridorPair(
             first.name,
@@ -186,13 +199,17 @@ def _polygon(area: FenceAreaFile, scale: float) -> Polygon:
     return polygon
 
 
-def _in_common_frame(
-    region: BaseGeometry, frame: LocalFrame | None, common: LocalFrame | None
-) -> BaseGeometry:
+def _in_common_frame(region: BaseGeometry, frame: LocalFrame, common: LocalFrame) -> BaseGeometry:
     """Return a region in the local frame of the first vehicle."""
-    if frame is None or common is None or frame == common:
+    if frame == common:
         return region
-    return transformed(region, partial(_moved, frame=frame, common=common))
+    pieces = segmentize(region, _EDGE_MAX_M)
+    return transformed(pieces, partial(_moved, frame=frame, common=common))
+
+
+def _farthest_m(region: BaseGeometry) -> float:
+    """Return how far a region reaches from the origin of its frame."""
+    return float(np.hypot(*get_coordinates(region).T).max())
 
 
 def _moved(places_m: FloatArray, *, frame: LocalFrame, common: LocalFrame) -> FloatArray:

@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from pathlib import Path
+
 from gcs_tools.console.errors import CommandError
 from gcs_tools.preflight.files import PreflightFiles
 from gcs_tools.preflight.rule import Rule
 from onboard.contract.assessment import Assessment
+from onboard.files.daemon_config import load_daemon_config
 from onboard.files.geofence_file import Geofence
 from onboard.files.mission_file import Mission
 from onboard.files.yaml_file import load_yaml
@@ -37,7 +41,18 @@ def fence_rules(
         from gcs_tools.preflight.offline.corridors import corridor_rule  # noqa: PLC0415  likewise
 
         try:
-            rules += (corridor_rule(files.fleet, assessment.contract, mission, fence),)
+            rule = corridor_rule(files.fleet, assessment.contract, mission, fence)
         except FenceError as error:
             raise CommandError(f"{files.fleet}: {error}") from error
+        unheld = () if files.daemon is None else _unheld(files.daemon, fence)
+        offenders = (*rule.offenders, *unheld)
+        rules += (replace(rule, required=float(len(offenders)), offenders=offenders),)
     return rules
+
+
+def _unheld(daemon: Path, fence: Geofence | None) -> tuple[str, ...]:
+    """Return why a daemon would not keep to a geofence; empty if it would."""
+    written = load_daemon_config(daemon).geofence
+    if written is not None and load_yaml(daemon.parent / written, Geofence) == fence:
+        return ()
+    return (f"geofence of {daemon.name} is not the one that is checked: no corridor is held",)

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from pathlib import Path
 
+from onboard.contract.arithmetic import SCALAR
 from onboard.contract.assessment import Assessment, assess
+from onboard.contract.region import overhang
 from onboard.files.contract_file import load_contract
 from onboard.files.geofence_file import Geofence
 from onboard.files.mission_file import Mission
@@ -41,11 +44,9 @@ class Member:
         return self.vehicle.absolute_position_error_m
 
     @property
-    def frame(self) -> LocalFrame | None:
-        """Its local frame; None where all vehicles have the same."""
+    def frame(self) -> LocalFrame:
+        """Its local frame."""
         origin = self.vehicle.origin
-        if origin is None:
-            return None
         place = GeographicPoint(origin.latitude_deg, origin.longitude_deg)
         return LocalFrame(place, self.vehicle.autopilot)
 
@@ -53,6 +54,18 @@ class Member:
     def margin_m(self) -> float:
         """Rho of its contract, which covers body, tracking error and the error of faces."""
         return self.assessment.inflated.margin_m
+
+    @property
+    def fastest_mps(self) -> float:
+        """How fast its contract lets it be over ground: at cruise, and swerving (theory A, D)."""
+        inflated = self.assessment.inflated
+        swerve, swerving_s = inflated.manoeuvre_encounter, inflated.manoeuvre.avoidance_time_s
+        left_mps2, right_mps2 = swerve.left_mps2, swerve.right_mps2
+        aside_mps = max(
+            overhang(one_mps2, other_mps2, swerving_s, swerve, SCALAR)[1]
+            for one_mps2, other_mps2 in ((left_mps2, right_mps2), (right_mps2, left_mps2))
+        )
+        return math.hypot(swerve.speed_mps, aside_mps)
 
 
 def read_fleet(path: Path) -> tuple[Fleet, tuple[Member, ...]]:
@@ -65,8 +78,7 @@ def read_fleet(path: Path) -> tuple[Fleet, tuple[Member, ...]]:
     fleet = load_yaml(path, Fleet)
     members = tuple(_member(vehicle, path.parent) for vehicle in fleet.vehicles)
     for number, member in enumerate(members):
-        terms = member.assessment.terms
-        fastest_mps = terms.cruise_speed_mps + terms.velocity_error_x_mps
+        fastest_mps = member.fastest_mps
         if fleet.speed_max_mps < fastest_mps:
             raise FileError(
                 f"{path}: speed_max_mps [m/s] = {fleet.speed_max_mps:g}: vehicles.{number}, "

@@ -569,7 +569,7 @@ def test_the_code_of_the_outrun_time_reaches_the_far_side() -> None:
 def test_the_code_of_the_lane_is_the_overhang() -> None:
     symbols = Symbols()
     drifting = encounter(lateral_speed_mps=w, attitude_lag_s=lag)
-    width, peak_speed = region._overhang(u, d, t_m, drifting, symbols.arithmetic)
+    width, peak_speed = region.overhang(u, d, t_m, drifting, symbols.arithmetic)
     crossing = z3.Real("crossing")
     square = (w + u * t_m) * (w + u * t_m) + 2 * u * w * lag
     late = [w >= 0, lag >= 0, t_m >= 0, crossing >= 0, crossing * crossing == square]
@@ -581,7 +581,7 @@ def test_the_code_of_the_lane_is_the_overhang() -> None:
 
 def test_the_code_of_the_lane_without_drift_and_lag_is_eq_12() -> None:
     symbols = Symbols()
-    width, _ = region._overhang(u, d, t_m, encounter(), symbols.arithmetic)
+    width, _ = region.overhang(u, d, t_m, encounter(), symbols.arithmetic)
     assert_theorem(width == overhang(u * t_m, 0), *LIMITS, *symbols.known, t_m >= 0)
 
 

@@ -243,9 +243,57 @@ def test_at_rest_it_gives_up_all_but_its_place() -> None:
 
 def test_leaving_the_tube_is_noticed() -> None:
     first, _ = acquainted()
+    first.propose(way((0.0, 0.0), (5.0, 0.0)), 4.0, 1.5)
     assert first.report((1.0, 0.0), 2.0)
     assert not first.report((9.0, 0.0), 3.0)
     assert first.counts["outside"] == 1
+
+
+@pytest.mark.parametrize("place_m", [(1.0, 0.1), (5.1, 0.0), (math.nan, 0.0), (0.0, math.inf)])
+def test_a_body_that_may_reach_out_of_its_tube_has_left_it(place_m: tuple[float, float]) -> None:
+    first, _ = acquainted()
+    first.propose(way((0.0, 0.0), (5.0, 0.0)), 4.0, 1.5)
+    held_m = first.active.boxes_m
+    assert not first.report(place_m, 2.0)
+    np.testing.assert_array_equal(first.active.boxes_m, held_m)
+    assert first.report((5.0, 0.0), 3.0)
+
+
+@pytest.mark.parametrize(
+    "box_m", [[math.nan, 1.0, 0.0, 1.0], [0.0, math.inf, 0.0, 1.0], [1.0, 0.0, 0.0, 1.0]]
+)
+def test_a_box_that_meets_nothing_is_not_proposed(box_m: list[float]) -> None:
+    first, _ = acquainted()
+    with pytest.raises(ValueError, match="onward_m: a box is not finite, or ends before it begins"):
+        first.propose(np.array([box_m]), 4.0, 1.5)
+    assert first.counts["committed"] == 0
+
+
+def test_memory_of_what_a_peer_says_has_an_end() -> None:
+    """However many tubes and runs it names; leave is given for what is recorded only."""
+    first, _ = acquainted((20.0, 0.0))
+    for number in range(100, 400, 2):
+        tube = Tube(number, way((20.0, 0.0), (12.0, 0.0)))
+        first.receive(Propose(Head("b", BOOTS["b"], number + 1), tube, 0.0), 2.0)
+    leave = [each.tube_number for each in said(first) if isinstance(each, Ack)]
+    peer = first.peers["b"]
+    assert len(peer.records) == 16
+    assert leave == [number for number in peer.records if number >= 100]
+    for run in range(1000):
+        first.receive(Commit(Head("b", f"{run:016x}", 1), 0, committed=True), 2.0)
+    assert len(peer._seen) == 64
+
+
+def test_a_run_beyond_what_is_remembered_is_confirmed_all_the_same() -> None:
+    first, _ = acquainted((20.0, 0.0))
+    for run in range(1000):
+        first.receive(Commit(Head("b", f"{run:016x}", 1), 0, committed=True), 2.0)
+    again = vehicle("b", (20.0, 0.0), boot="e" * 16)
+    talk(first, again, [2.0, 2.5, 3.0, 3.5])
+    assert first.peers["b"].boot == "e" * 16
+    assert first.propose(way((0.0, 0.0), (8.0, 0.0)), 30.0, 4.0)
+    talk(first, again, [4.0])
+    assert first.counts["committed"] == 1
 
 
 # ------------------------------------------------------------------------ runs

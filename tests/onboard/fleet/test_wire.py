@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from onboard.files.json_payload import MalformedPayloadError
@@ -66,11 +66,13 @@ def test_what_is_written_is_read(message: Message, key: bytes | None) -> None:
             assert getattr(read, name) == value
 
 
+@example(65.0, 0.0, 0.0, 1500.0, "px4", "ardupilot")
+@example(65.0, 0.0, 0.0, 1500.0, "ardupilot", "px4")
 @given(
     st.floats(-65.0, 65.0),
     st.floats(-3e3, 3e3),
     st.floats(-3e3, 3e3),
-    st.floats(0.3, 6.0),
+    st.floats(0.3, 6.0) | st.floats(100.0, 1500.0),
     st.sampled_from(["px4", "ardupilot"]),
     st.sampled_from(["px4", "ardupilot"]),
 )
@@ -85,11 +87,14 @@ def test_another_frame_reads_at_least_the_place_that_is_meant(
     read = wire(theirs).decoded("b", kind, payload)
     assert isinstance(read, Propose)
     ((low_n, high_n, low_e, high_e),) = read.tube.boxes_m.tolist()
-    for corner_m in ((box[0, i], box[0, j]) for i in (0, 1) for j in (2, 3)):
-        n_m, e_m = theirs.north_east_m(*own.latitude_longitude_deg(*corner_m))
+    # Its edges bend, so that its corners are not all.
+    shares = np.linspace(0.0, 1.0, 9)
+    norths_m, easts_m = (low + shares * (high - low) for low, high in box.reshape(2, 2))
+    for place_m in ((n_m, e_m) for n_m in norths_m for e_m in easts_m):
+        n_m, e_m = theirs.north_east_m(*own.latitude_longitude_deg(*place_m))
         assert low_n <= n_m <= high_n
         assert low_e <= e_m <= high_e
-    assert high_n - low_n < 2.0 * half_m + 0.5
+    assert high_n - low_n < 2.0 * half_m * 1.01 + 0.5 + half_m**2 / 1e6
 
 
 # ------------------------------------------------------------------------ what is dropped
@@ -116,6 +121,8 @@ def test_another_frame_reads_at_least_the_place_that_is_meant(
         ),
         (changed(HEARTBEAT, contract_sha256="3" * 64), "flies by 333333333333, the roster has"),
         (changed(HEARTBEAT, hmac="0"), "hmac"),
+        (changed(HEARTBEAT, number=3), "number = 3: expected above that of tube 3"),
+        (changed(MESSAGES[4], number=5), "number = 5: expected above that of tube 5"),
         (b" " * 200_001, "200001 bytes"),
     ],
 )
@@ -135,6 +142,25 @@ def test_other_keys_are_counted(key: str) -> None:
     core = vehicle("a", (0.0, 0.0))
     FleetLink(core, wire()).receive(f"clearway/fleet/{key}", b"{}", 1.0)
     assert core.counts.total() == 1
+
+
+@pytest.mark.parametrize(("kind", "number"), [(MESSAGES[0], 3), (MESSAGES[2], 4)])
+def test_a_message_is_of_tubes_before_it(kind: Message, number: int) -> None:
+    """Else no heartbeat would ever release them."""
+    name, _ = wire().encoded(kind)
+    with pytest.raises(MalformedPayloadError, match=f"number = {number}: expected above"):
+        wire().decoded("b", name, changed(kind, number=number))
+
+
+def test_what_cannot_be_written_is_counted_reported_and_lost() -> None:
+    """Here its tube begins beside the antimeridian and ends beyond it."""
+    reports: list[str] = []
+    core = vehicle("a", (0.0, 0.0))
+    fiji = wire(LocalFrame(GeographicPoint(-17.0, 179.99999)))
+    core.tick(0.0)
+    assert list(FleetLink(core, fiji, reports.append).payloads_to_send()) == []
+    assert core.counts["unwritable"] == 1
+    assert reports == ["Heartbeat 1: not sent: a tube across the antimeridian cannot be written"]
 
 
 @settings(max_examples=25)

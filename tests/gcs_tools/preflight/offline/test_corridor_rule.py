@@ -5,6 +5,8 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
+import pytest
+
 from tests.gcs_tools.running import CONFIG, Clearway, Ran
 
 FLEET = CONFIG / "fleet"
@@ -53,3 +55,18 @@ def test_another_contract_than_the_fleet_knows_is_refused(clearway: Clearway) ->
     )
     assert ran.code == 1, ran
     assert "no vehicle of lanes.yaml flies by" in ran.out
+
+
+@pytest.mark.parametrize("kept", ["left", "right", None])
+def test_a_daemon_has_to_keep_to_the_geofence_that_is_checked(
+    clearway: Clearway, tmp_path: Path, kept: str | None
+) -> None:
+    """The corridor is held by the daemon; what the fleet's file says holds nothing."""
+    daemon = tmp_path / "onboard.yaml"
+    stated = "" if kept is None else f"geofence: {FLEET / f'{kept}_geofence.yaml'}\n"
+    daemon.write_text(stated + (CONFIG / "onboard.yaml").read_text("utf-8"), "utf-8")
+    ran = checked(clearway, "lanes.yaml", *geofence("left"), "--daemon-config", daemon)
+    rules = {rule["name"]: rule for rule in json.loads(ran.out)["geofence"]}
+    assert rules["corridors"]["holds"] == (kept == "left")
+    objection = "geofence of onboard.yaml is not the one that is checked"
+    assert (objection in ran.out) == (kept != "left")

@@ -17,7 +17,7 @@ from shapely import Point
 
 from gcs_tools.preflight.offline.corridors import check_corridors, region_of
 from gcs_tools.preflight.offline.fleet_files import read_fleet
-from onboard.geometry.local_frame import GeographicPoint, LocalFrame
+from onboard.geometry.local_frame import Autopilot, GeographicPoint, LocalFrame
 from tests.gcs_tools.running import CONFIG, Clearway
 
 ZURICH = {"latitude_deg": 47.397742, "longitude_deg": 8.545594}
@@ -159,24 +159,103 @@ def test_other_origins_are_compared_on_the_earth(
     assert pair.apart_m == pytest.approx(0.993 * (10.0 + east_m), abs=0.2)
 
 
-@settings(max_examples=30, deadline=None)
-@given(st.floats(0.0, 2.0 * math.pi), st.floats(1.0, 60.0), st.floats(-89.0, 89.0))
+@settings(max_examples=60, deadline=None)
+@given(
+    st.floats(0.0, 2.0 * math.pi),
+    st.floats(1.0, 60.0),
+    st.floats(-80.0, 80.0),
+    st.floats(0.0, 2.0 * math.pi),
+    st.floats(0.0, 20e3),
+    st.sampled_from(["px4", "ardupilot"]),
+)
 def test_no_distance_on_the_ellipsoid_is_less_than_what_is_said(
-    bearing_rad: float, away_m: float, latitude_deg: float
+    bearing_rad: float,
+    away_m: float,
+    latitude_deg: float,
+    whither_rad: float,
+    from_origin_m: float,
+    autopilot: Autopilot,
 ) -> None:
-    """By WGS84's radii of curvature, not by our frames."""
-    frame = LocalFrame(GeographicPoint(latitude_deg, 10.0), "ardupilot")
-    north_m, east_m = away_m * math.cos(bearing_rad), away_m * math.sin(bearing_rad)
-    there = np.radians(frame.latitude_longitude_deg(north_m, east_m))
-    sine2 = math.sin(math.radians(latitude_deg)) ** 2
+    """By WGS84's radii of curvature, not by our frames, as far from the origin as is allowed."""
+    frame = LocalFrame(GeographicPoint(latitude_deg, 10.0), autopilot)
+    one_m = from_origin_m * np.array([math.cos(whither_rad), math.sin(whither_rad)])
+    other_m = one_m + away_m * np.array([math.cos(bearing_rad), math.sin(bearing_rad)])
+    here, there = (np.radians(frame.latitude_longitude_deg(*each)) for each in (one_m, other_m))
+    middle_rad = (here[0] + there[0]) / 2.0
     squared = 0.0066943799901
-    prime_m = 6_378_137.0 / math.sqrt(1.0 - squared * sine2)
-    meridian_m = prime_m * (1.0 - squared) / (1.0 - squared * sine2)
+    curved = 1.0 - squared * math.sin(middle_rad) ** 2
+    prime_m = 6_378_137.0 / math.sqrt(curved)
+    meridian_m = prime_m * (1.0 - squared) / curved
     true_m = math.hypot(
-        meridian_m * (there[0] - math.radians(latitude_deg)),
-        prime_m * math.cos(math.radians(latitude_deg)) * (there[1] - math.radians(10.0)),
+        meridian_m * (there[0] - here[0]),
+        prime_m * math.cos(middle_rad) * (there[1] - here[1]),
     )
     assert away_m * (1.0 - 0.007) <= true_m + 1e-5 * away_m
+
+
+def test_an_edge_that_is_straight_in_one_frame_bends_in_another(lanes: Changed) -> None:
+    """A parallel of 16 km, as ArduPilot's frame has it, is 8.7 m nearer to PX4's in the middle."""
+    half_m, origin = 8000.0, {"latitude_deg": 60.0, "longitude_deg": 8.5}
+
+    def lane(south_m: float, north_m: float) -> Callable[[dict[str, Any]], object]:
+        corners = [[south_m, -half_m], [north_m, -half_m], [north_m, half_m], [south_m, half_m]]
+        return lambda fence: fence["areas"][0].update(corners_ned_m=corners)
+
+    def along(north_m: float) -> Callable[[dict[str, Any]], object]:
+        legs = [{"end_ned_m": [north_m, 50.0]}]
+        return lambda mission: mission.update(start_ned_m=[north_m, -50.0], legs=legs)
+
+    def placed(fleet: dict[str, Any]) -> None:
+        for vehicle, autopilot in zip(fleet["vehicles"], ("px4", "ardupilot"), strict=True):
+            vehicle |= {"origin": origin, "autopilot": autopilot}
+
+    path = lanes(
+        lanes=placed,
+        left_geofence=lane(-80.0, -27.0),
+        left_mission=along(-50.0),
+        right_geofence=lane(-20.0, 30.0),
+        right_mission=along(0.0),
+    )
+    (sentence,) = sentences(path)
+    assert sentence.startswith("left and right fly 7.0 m apart and need 8.0 m")
+
+
+@pytest.mark.parametrize("first", ["px4", "ardupilot"])
+def test_two_autopilots_at_one_origin_do_not_have_one_frame(lanes: Changed, first: str) -> None:
+    """Their spheres differ by 4.5 m in 4 km."""
+
+    def east(document: dict[str, Any]) -> None:
+        for area in document.get("areas", ()):
+            area["corners_ned_m"] = [[n, e + 4000.0] for n, e in area["corners_ned_m"]]
+        for leg in document.get("legs", ()):
+            leg["end_ned_m"][1] += 4000.0
+        if "start_ned_m" in document:
+            document["start_ned_m"][1] += 4000.0
+
+    def autopilots(fleet: dict[str, Any]) -> None:
+        second = "px4" if first == "ardupilot" else "ardupilot"
+        for vehicle, autopilot in zip(fleet["vehicles"], (first, second), strict=True):
+            vehicle["autopilot"] = autopilot
+
+    names = ("left_mission", "left_geofence", "right_mission", "right_geofence")
+    path = lanes(lanes=autopilots, **dict.fromkeys(names, east))
+    (pair,) = check_corridors(read_fleet(path)[1]).pairs
+    assert pair.disjoint == (first == "ardupilot")
+    assert pair.apart_m == pytest.approx(10.0 + (4.45 if first == "ardupilot" else -4.45), abs=0.2)
+
+
+@pytest.mark.parametrize(("number", "latitude_deg"), [(0, 60.0), (1, 48.0)])
+def test_corridors_of_two_sites_are_not_compared(
+    lanes: Changed, number: int, latitude_deg: float
+) -> None:
+    """The frame of one that is far away does not tell how far apart two others are."""
+
+    def elsewhere(fleet: dict[str, Any]) -> None:
+        fleet["vehicles"][number]["origin"]["latitude_deg"] = latitude_deg
+
+    (sentence,) = sentences(lanes(lanes=elsewhere))
+    assert sentence.startswith("right: its geofence reaches ")
+    assert sentence.endswith("km from its origin or that of left: compared within 20 km only")
 
 
 # ------------------------------------------------------------------------ files that do not fit
@@ -186,12 +265,13 @@ def test_no_distance_on_the_ellipsoid_is_less_than_what_is_said(
     ("change", "words"),
     [
         (lambda f: f["vehicles"][1].update(name="left"), "another vehicle has it"),
-        (lambda f: f["vehicles"][0].update(origin=ZURICH), "vehicles.1.origin is missing"),
+        (lambda f: f["vehicles"][1].pop("origin"), "vehicles.1.origin is missing"),
+        (lambda f: f["vehicles"][0]["origin"].update(latitude_deg=85.0), "origin.latitude_deg"),
         (lambda f: f["vehicles"].pop(), "at least 2"),
         (lambda f: f["vehicles"][0].update(name="a/b"), "vehicles.0.name"),
         (lambda f: f["vehicles"][0].pop("absolute_position_error_m"), "is missing"),
         (lambda f: f["vehicles"][0].update(mission="none.yaml"), "none.yaml: cannot be read"),
-        (lambda f: f.update(speed_max_mps=2.9), "left, may fly 3.25 m/s by its contract"),
+        (lambda f: f.update(speed_max_mps=4.0), "left, may fly 5.59 m/s by its contract"),
     ],
 )
 def test_a_file_that_does_not_fit_is_one_line(
