@@ -321,7 +321,8 @@ class Level:
         """Say it with its conditions, as an operator reads it."""
         if self.level is None:
             return self.brief
-        hidden = "" if self.mover.hidden else ", if none hides behind an obstacle"
+        hides = self.mover.hidden or self.level == "passive in view"
+        hidden = "" if hides else ", if none hides behind an obstacle"
         in_view = ", from the operator's word at the start, in a steady cruise"
         return f"{self.brief}{in_view if self.level != 'passive' else ''}{hidden}"
 

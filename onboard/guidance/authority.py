@@ -26,6 +26,7 @@ from onboard.guidance.departure import (
     return_refusals,
 )
 from onboard.guidance.envelope import broken_clauses
+from onboard.guidance.movers.start_word import StartWord, near_refusals
 from onboard.guidance.navigator import Navigator
 from onboard.guidance.phases import Phase
 from onboard.mavlink.endpoint import MavlinkEndpoint
@@ -74,6 +75,7 @@ class ControlAuthority:
         self._hold_stands = False
         self._left_to_autopilot, self._position_lost_s = False, -math.inf
         self._energy, self._return_due_s, self._land_asked = EnergyMonitor(), -math.inf, False
+        self._word = StartWord()
 
     # ------------------------------------------------------------------ control granted or taken
 
@@ -93,6 +95,7 @@ class ControlAuthority:
         if not self._granted(now_s):
             self._give_back(pose, now_s)
         elif self._navigator.phase is Phase.STANDBY:
+            self._word.control_is_granted(pose, now_s)
             # A daemon that restarts in flight finds itself in control: it holds where it is.
             self._standby_setpoint = self._standby_setpoint or hovering_at(pose)
             self._depart(pose, now_s, now_unix_s)
@@ -123,6 +126,7 @@ class ControlAuthority:
         # silent nor one whose failsafe acts has handed anything back.
         stands = self._hold_stands or navigator.phase is Phase.HOLD or doubted
         self._hold_stands = stands and (not heard or status.failsafe)
+        self._word.withheld |= heard  # a silent one has handed nothing back
         # A silent autopilot may still follow: it keeps the last place, not one that drifts with it.
         if not heard:
             self._standby_setpoint = navigator.setpoint(now_s) or self._standby_setpoint
@@ -142,20 +146,35 @@ class ControlAuthority:
         refusals = self.departure_refusals(pose, now_s, now_unix_s)
         if not refusals:
             self._supervisor.begin_flight(now_s)
-            self._take_word_on_movers(pose, now_s)
+            if self._word.said is not None:
+                self._take_word_on_movers(*self._word.said)
             self._authorization.begin_flight(now_unix_s)
             self._energy.begin_flight(self._link.battery.charge(now_s, SILENCE_S), now_s)
             self._land_asked = False
             self._refusals.end()
             self._navigator.take_control(pose, now_s)
-        elif (news := self._refusals.news(refusals, now_s)) is not None:
+            return
+        self._word.end_if_contradicted(refusals)
+        if (news := self._refusals.news(refusals, now_s)) is not None:
             self._emit(news)
 
-    def _take_word_on_movers(self, pose: Pose, now_s: float) -> None:
-        """Take what the operator says, by having the vehicle fly on, of movers around it."""
+    def _take_word_on_movers(self, pose: Pose, said_s: float) -> None:
+        """Take what the operator said, by having the vehicle fly on, of movers around it."""
         radius_m = self._navigator.situation.route.mission.start_clear_of_movers_m
         if radius_m is not None:
-            self._supervisor.detections.movers.take_word(pose, radius_m, now_s)
+            self._supervisor.detections.movers.take_word(pose, radius_m, said_s)
+
+    def _word_refusals(self, now_s: float) -> list[Refusal]:
+        """Return what speaks against the operator's word on movers, which wears off at v_o."""
+        assessment, movers = self._navigator.assessment, self._supervisor.detections.movers
+        radius_m = self._navigator.situation.route.mission.start_clear_of_movers_m or 0.0
+        pose, in_view = self._link.pose, assessment.terms.movers_level == "passive_in_view"
+        departs = self._navigator.phase is Phase.STANDBY and not self._word.withheld
+        if in_view and departs and pose is not None:
+            radius_m, worn = self._word.left_m(assessment, radius_m, pose, now_s)
+            if worn is not None:
+                return [Refusal(RefusalKind.START_WORD, worn)]
+        return near_refusals(lambda within_m: movers.near(pose, within_m, now_s), radius_m)
 
     def resume(self, pose: Pose | None, now_s: float, now_unix_s: float) -> list[Refusal]:
         """End a hold by the operator's command, where nothing speaks against it.
@@ -314,11 +333,7 @@ class ControlAuthority:
         if ring is not None:
             text = "no fresh frames of a sensor that sees all round, which movers require"
             found.append(Refusal(RefusalKind.DETECTIONS, text, ring.key))
-        radius_m = self._navigator.situation.route.mission.start_clear_of_movers_m or 0.0
-        found += [
-            Refusal(RefusalKind.START_WORD, f"mover {track} is within {radius_m:g} m", track)
-            for track in detections.movers.near(self._link.pose, radius_m, now_s)
-        ]
+        found += self._word_refusals(now_s)
         found += [
             Refusal(RefusalKind.CONTRADICTION, f"sightings of {track} contradict each other", track)
             for track in detections.consistency.contradicted(now_s)

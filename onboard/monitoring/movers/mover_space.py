@@ -63,7 +63,8 @@ class MoverSpace:
         terms = flight.assessment.terms
         self.active = terms.movers_level != "none"
         self.needs_ring = self.active and terms.movers_level != "passive_in_view"
-        self._hidden = any(mover.hidden for mover in terms.movers)
+        # Where not all round is seen, any may step behind an obstacle out of view.
+        self._hidden = any(mover.hidden for mover in terms.movers) or not self.needs_ring
         bounds, unknown = bounds_of(terms.movers)
         self._tracker = MoverTracker(bounds, unknown, stamp_error_s=POSE_TIMING_S)
         self._new: frozenset[str] = frozenset()

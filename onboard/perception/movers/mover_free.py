@@ -291,9 +291,13 @@ class MoverFree:
         step.depth = depth_of(open_cells, edge_open=False)
         shown = self._shown_in_a_row(position, open_cells)
         self._free_until_s = self._arrival_s(shown, self._free_until_s, step, edge_open=False)
-        self._unvisited_until_s = self._arrival_s(
-            shown, self._unvisited_until_s, step, edge_open=True
-        )
+        unvisited_s = self._arrival_s(shown, self._unvisited_until_s, step, edge_open=True)
+        if step.occupied.any():
+            # Who is seen now may never have been before: what is said of others is not of them.
+            since_s, away = step.stamp_s - self._error_s, depth_of(~step.occupied, edge_open=True)
+            came_s = since_s + away * (CELL_M / self._speed_mps)
+            unvisited_s = np.minimum(unvisited_s, came_s)
+        self._unvisited_until_s = unvisited_s
 
     def _shown_in_a_row(self, position: int, open_cells: BoolArray) -> BoolArray:
         """Return the cells that enough successive frames of the sensor have shown free.

@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from onboard.contract.assessment import TICK_S, Assessment, assess
 from onboard.events import Event
 from onboard.files.contract_file import Contract, load_contract
+from onboard.files.yaml_file import validate
 from onboard.guidance.authority import (
     HANDOVER_AFTER_S,
     TAKE_BACK_AFTER_S,
@@ -85,7 +86,7 @@ class FakeDetections:
     ring: Violation | None = None
     contradicting: list[str] = field(default_factory=list)
     near: list[str] = field(default_factory=list)
-    words: list[tuple[float, float]] = field(default_factory=list)
+    words: list[tuple[float, float, float]] = field(default_factory=list)
 
     @property
     def monitor(self) -> Any:
@@ -97,8 +98,8 @@ class FakeDetections:
             check_ring=lambda _: self.ring,
             refusal=None,
             near=lambda _pose, radius_m, _now_s: self.near if radius_m > 0.0 else [],
-            take_word=lambda pose, radius_m, _: self.words.append(
-                (pose.position_ned_m[0], radius_m)
+            take_word=lambda pose, radius_m, said_s: self.words.append(
+                (pose.position_ned_m[0], radius_m, said_s)
             ),
         )
 
@@ -632,21 +633,77 @@ def test_no_sequence_takes_what_is_not_granted_or_keeps_what_is(
             assert sent == PLANNED
 
 
+def in_view(said_m: float) -> Bench:
+    """Return a bench whose sensor sees ahead only; the operator vouches for a radius."""
+    data = CONTRACT.model_dump(mode="json")
+    data["vehicle"] |= {"rest_settle_s": 0.4}
+    data["requirements"] |= {"stop": True, "passive_safety": False, "movers": "passive_in_view"}
+    data["environment"]["movers"] = [{"class": "person", "speed_max_mps": 0.5, "size_max_m": 1.0}]
+    bench = Bench(validate(data, Contract, source="test"), outside=True)
+    bench.navigator.situation.route.mission.start_clear_of_movers_m = said_m
+    return bench
+
+
 def test_by_granting_control_the_operator_speaks_of_movers_where_the_vehicle_is() -> None:
-    bench = Bench(CONTRACT)
-    bench.navigator.situation.route.mission.start_clear_of_movers_m = 6.0
-    bench.supervisor.detections.near = ["front/7"]
+    bench = in_view(30.0)
     bench.north_m = 3.0
+    bench.tick()
+    bench.grant()
+    bench.tick()
+    assert bench.navigator.flying
+    assert bench.supervisor.detections.words == [(3.0, 30.0, bench.now_s)]
+
+
+def test_a_mover_that_is_seen_near_and_goes_out_of_view_takes_another_word() -> None:
+    """It may be right behind the vehicle, where nothing sees it."""
+    bench = in_view(30.0)
+    bench.tick()
+    bench.supervisor.detections.near = ["front/7"]
+    bench.grant()
+    bench.tick()
+    assert "mover front/7 is within 30 m" in bench.texts("refused")[0]
+    bench.supervisor.detections.near = []
+    bench.tick()
+    assert not bench.navigator.flying
+    bench.grant(granted=False)
+    bench.tick()
+    bench.grant()
+    bench.tick()
+    assert bench.navigator.flying
+    assert bench.supervisor.detections.words == [(0.0, 30.0, bench.now_s)]
+
+
+def test_while_something_else_keeps_it_waiting_the_word_wears_off() -> None:
+    bench = in_view(30.0)
+    bench.tick()
+    bench.navigator.refusals = [Refusal(RefusalKind.MOVING, "not at rest")]
+    bench.grant()
+    bench.tick()
+    said_s = bench.now_s
+    bench.tick(2.0)
+    bench.navigator.refusals = []
+    bench.tick()
+    assert bench.navigator.flying
+    # It is not said again by the departure.
+    assert bench.supervisor.detections.words == [(0.0, 30.0, said_s)]
+    waits = in_view(30.0)
+    waits.tick()
+    waits.navigator.refusals = [Refusal(RefusalKind.MOVING, "not at rest")]
+    waits.grant()
+    waits.tick()
+    waits.tick(59.0)  # times 0.5 m/s
+    waits.navigator.refusals = []
+    waits.tick(6.0)
+    assert not waits.navigator.flying
+    assert "the word on movers of" in waits.texts("refused")[-1]
+
+
+def test_a_daemon_that_begins_with_control_granted_has_no_word_on_movers() -> None:
+    bench = in_view(30.0)
     bench.grant()
     bench.tick()
     assert not bench.navigator.flying
-    (refused,) = (event for event in bench.events if event.name == "refused")
-    assert "mover front/7 is within 6 m" in refused.text
-    assert bench.supervisor.detections.words == []
-    bench.supervisor.detections.near = []
-    bench.tick()
-    assert bench.navigator.flying
-    assert bench.supervisor.detections.words == [(3.0, 6.0)]
+    assert "no word on movers holds" in bench.texts("refused")[0]
 
 
 def test_without_a_word_on_movers_none_is_taken() -> None:

@@ -386,3 +386,15 @@ def test_the_vehicle_has_to_rest_once_its_setpoint_has(contract: Contract) -> No
     assert check(0.8, still, 1.0) is None
     assert check(9.0, None, 1.0) is None
     assert math.isclose(terms.rest_settle_s, 0.4)
+
+
+@pytest.mark.parametrize(("level", "free"), [("passive", True), ("passive_in_view", False)])
+def test_without_a_ring_who_is_out_of_view_may_step_behind_an_obstacle(
+    contract: Contract, level: str, *, free: bool
+) -> None:
+    """None hides at the start, as the contract says; but from beside, one goes there unseen."""
+    scene = Scene(FakeFlight.under(against_movers(contract, level=level)))
+    for _ in range(6):
+        scene.look(tree(4.0))
+    assert scene.is_free(1.0, 0.0)
+    assert scene.is_free(6.0, 0.0) == free

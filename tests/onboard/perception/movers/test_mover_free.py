@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from random import Random
 
 import numpy as np
@@ -202,6 +202,28 @@ def test_a_mover_that_was_seen_to_go_behind_a_tree_may_come_out_again() -> None:
         free.see(glance(index * 0.05, [], [tree], math.pi, RING_M, hidden=False), "ring")
     assert not free.is_free_at(3.1, 0.0, 79 * 0.05)
     assert free.is_free_at(3.0, 2.5, 79 * 0.05)
+
+
+def test_who_is_first_seen_where_another_may_be_may_go_hiding_from_there() -> None:
+    """Only a part of the second one is seen: the rest of it reaches into the shadow already."""
+    tree = Box(2.0, 2.3, -0.6, 0.6)
+    first = Box(2.4, 3.0, 2.7, 3.0)
+    free = MoverFree(1.0, RANGE_M)
+    for index in range(60):
+        stamp_s = index * 0.05
+        seen = [first] if index < 30 else []
+        free.see(glance(stamp_s, seen, [tree], math.pi, RING_M, hidden=False), "ring")
+    # By now the first one may have come to where a part of the second one comes into view.
+    part, whole = Box(2.6, 2.8, 1.1, 1.3), (2.6, 4.4, -0.4, 1.4)
+    stamp_s = 3.0
+    frame = glance(stamp_s, [part], [tree], math.pi, RING_M, hidden=False)
+    core = boxes_array([(2.7, 2.7, 1.2, 1.2)])
+    free.see(replace(frame, movers=boxes_array([whole]), cores=core), "ring")
+    for index in range(1, 16):
+        stamp_s = 3.0 + index * 0.05
+        free.see(glance(stamp_s, [], [tree], math.pi, RING_M, hidden=False), "ring")
+    # It hides 0.6 m farther in than what it reached into, and had 0.75 s for that.
+    assert not free.is_free_at(4.2, -1.0, stamp_s)
 
 
 def test_a_doubt_forgets_that_none_is_hidden() -> None:
