@@ -26,6 +26,7 @@ from onboard.files.daemon_config import (
 from onboard.files.geofence_file import Geofence
 from onboard.files.mission_file import Mission
 from onboard.files.yaml_file import FileError, load_yaml
+from onboard.heap import return_freed_arrays
 from onboard.log_format import configure_logging
 from onboard.mavlink.link_url import LinkError
 from onboard.metrics.server import MetricsError
@@ -58,6 +59,7 @@ def main(arguments: list[str] | None = None) -> int:
         state = state_directory(base, os.environ)
         keys = DaemonKeys.load(config, base, state, time.time())
         place = _log_place(base, config)
+        return_freed_arrays()
         asyncio.run(daemon.run(config, contract, mission, place, keys, geofence, state))
     except (FileError, LinkError, LogFileError, MetricsError) as error:
         return _refuse(str(error))

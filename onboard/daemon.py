@@ -25,7 +25,7 @@ from onboard.files.contract_file import Contract
 from onboard.files.daemon_config import DaemonConfig, VehicleMission
 from onboard.files.geofence_file import Geofence
 from onboard.files.mission_file import Mission
-from onboard.heap import freeze_gc_heap, return_freed_arrays
+from onboard.heap import freeze_gc_heap
 from onboard.mavlink.connections import Link, open_link
 from onboard.metrics.figures import Figures
 from onboard.metrics.server import serve as serve_metrics
@@ -65,7 +65,6 @@ async def run(
         zenoh.ZError: no Zenoh session with this configuration.
     """
     request_realtime_priority()
-    return_freed_arrays()
     clock = Clock()
     autonomy = _service(config, contract, mission, clock, keys, geofence, state)
     recorder: FlightRecorder | None = None
