@@ -81,6 +81,8 @@ def print_movers(assessment: Assessment, console: Console) -> None:
     console.print(title)
     for level in assessment.mover_levels:
         console.print(f"  {level}", style="" if level.level else "red")
+    if required == "none":
+        return  # none is waited for either
     console.print("movers in the way (passing them is no part of passive safety):")
     for sentence in assessment.passing_levels:
         console.print(f"  {sentence}")

@@ -28,6 +28,7 @@ _CLOCK_CURE: Final = "set the clocks of both computers by one source (chrony, PT
 _CURES: Final = (
     ("another type", "give the kind that the topic carries, or the topic of this kind"),
     ("unknown hash", "its definition of the type is not one of Humble, Jazzy or Kilted; update it"),
+    ("two senders", "two senders on the link, or an autopilot that sends on: silence one of them"),
     ("two publishers", "two nodes publish the topic: stop one, or give each a topic of its own"),
     (
         "local origin not known yet",

@@ -176,8 +176,14 @@ def validate(data: Any, model: type[ModelT], *, source: str) -> ModelT:
     try:
         return model.model_validate(data)
     except ValidationError as error:
-        problems = "; ".join(_explain(item) for item in error.errors(include_url=False))
+        problems = "; ".join(map(_explain, _causes(error.errors(include_url=False))))
         raise FileError(f"{source}: {problems}") from error
+
+
+def _causes(errors: list[ErrorDetails]) -> list[ErrorDetails]:
+    """Return errors but for those of lists that lack only what is wrong itself."""
+    wrong = {each["loc"][:length] for each in errors for length in range(len(each["loc"]))}
+    return [each for each in errors if each["type"] != "too_short" or each["loc"] not in wrong]
 
 
 def _explain(error: ErrorDetails) -> str:

@@ -12,13 +12,12 @@ from typing import Final, NamedTuple
 
 from onboard.files.sensor_sources import AnySource, FieldFileSource, TrafficSource
 from onboard.perception.detection import DetectionFrame
-from onboard.perception.intake import MAX_PENDING_FRAMES, DetectionCounters, Refusal
+from onboard.perception.intake import DetectionCounters, Refusal
 from onboard.perception.ros2.cdr import DecodeError
 from onboard.perception.ros2.keys import check_key
 from onboard.perception.sources.field_file import Home, request_of
 from onboard.perception.sources.mounted_by_transforms import MountedByTransforms
 from onboard.perception.sources.registry import (
-    LARGE_PENDING_MAX,
     MAVLINK_IDS,
     TRANSFORMS,
     Sensor,
@@ -96,7 +95,7 @@ class SensorChannels:
         except DecodeError as error:
             self._refuse(name, error.reason)
             return
-        if len(pending) == (LARGE_PENDING_MAX if sensor.is_large else MAX_PENDING_FRAMES):
+        if len(pending) == sensor.pending_max:
             pending.popleft()
             self._counters.dropped_frames += 1
             self._say(name, _TOO_FAST)

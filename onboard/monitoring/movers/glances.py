@@ -18,7 +18,7 @@ from onboard.monitoring.seen.sight import Sight
 from onboard.perception.detection import Corners, DetectionFrame
 from onboard.perception.face_strips import enclosing_boxes
 from onboard.perception.line_of_sight import View
-from onboard.perception.movers.mover_free import Glance, boxes_array, without
+from onboard.perception.movers.glance import Glance, boxes_array, without
 from onboard.perception.movers.moving_detection import ReturnsFrame, exposure_s, is_whole, kind_of
 from onboard.perception.movers.tracker import Bound, with_hidden_part
 from onboard.perception.placement import POSE_TIMING_S

@@ -17,22 +17,19 @@ from __future__ import annotations
 import bisect
 import itertools
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Final, NamedTuple
 
 import numpy as np
 
 from onboard.geometry.frames import FloatArray
-from onboard.perception.line_of_sight import BoolArray, View, seen_free
+from onboard.perception.line_of_sight import BoolArray
+from onboard.perception.movers.glance import NEAR_M, Glance, cells_shown, nothing_near
 from onboard.perception.movers.raster import depth_of, moved
-from onboard.perception.view_sector import in_sector
 
 CELL_M: Final = 0.2
 # The grid follows the vehicle in steps of this, so that it moves seldom.
 _STEP_CELLS: Final = 20
-# Nearer to an all-round sensor than this, cells are too near for lines of sight.
-NEAR_M: Final = 0.7
 # Frames that may still change places: more than any two sensors are apart.
 _HISTORY_MAX: Final = 10
 _ROUND_OFF_S: Final = 1e-9
@@ -46,29 +43,6 @@ class _Past:
     source: str
     row: int
     depth: FloatArray
-
-
-@dataclass(frozen=True)
-class Glance:
-    """What one frame says of movers.
-
-    Attributes:
-        view: the frame, with every box that blocks its lines of sight.
-        stamp_s: when it was taken; when its measurement began.
-        movers: (n, 4): least and greatest north, least and greatest east of each mover's box, its
-            errors included; no cell of them is free.
-        open_view: the same without what stands still, where no mover hides behind that.
-        exposure_s: how long its measurement took, at most.
-        cores: as `movers`, but what each fills at least: only that may be a surprise.  By default
-            the same.
-    """
-
-    view: View
-    stamp_s: float
-    movers: FloatArray
-    open_view: View | None = None
-    exposure_s: float = 0.0
-    cores: FloatArray | None = None
 
 
 @dataclass
@@ -252,11 +226,11 @@ class MoverFree:
 
     def _step(self, glance: Glance, source: str) -> _Step:
         xs_m, ys_m = self._centres()
-        seen = _shown(glance.view, xs_m, ys_m)
+        seen = cells_shown(glance.view, xs_m, ys_m, CELL_M)
         shaded = np.zeros_like(seen)
         if glance.open_view is not None:
-            shaded = _shown(glance.open_view, xs_m, ys_m) & ~seen
-        if _nothing_near(glance.open_view or glance.view):
+            shaded = cells_shown(glance.open_view, xs_m, ys_m, CELL_M) & ~seen
+        if nothing_near(glance.open_view or glance.view):
             # Every mover within range of it is reported: none is there.
             north_m, east_m = glance.view.position_leg_m
             whole_m = NEAR_M - CELL_M / math.sqrt(2.0)
@@ -410,36 +384,3 @@ class MoverFree:
             last = math.floor(high_m / CELL_M) - self._corner[axis] + 1
             slices.append(slice(min(max(first, 0), 2 * self._half), max(last, 0)))
         return slices[0], slices[1]
-
-
-def boxes_array(boxes: Sequence[tuple[float, float, float, float]]) -> FloatArray:
-    """Return boxes as rows, (0, 4) without any."""
-    return np.array(boxes, dtype=np.float64).reshape(-1, 4)
-
-
-def without(view: View, keep: Sequence[bool]) -> View:
-    """Return a view that only some of its boxes block."""
-    return replace(view, boxes=[box for box, kept in zip(view.boxes, keep, strict=True) if kept])
-
-
-def _shown(view: View, xs_m: FloatArray, ys_m: FloatArray) -> BoolArray:
-    shown = in_sector(view, xs_m, ys_m)
-    i, j = np.nonzero(shown)
-    shown[i, j] = seen_free(view, xs_m[i], ys_m[j], CELL_M)
-    return shown
-
-
-def _nothing_near(view: View) -> bool:
-    """Tell whether a sensor that sees all round reports nothing close to itself."""
-    x_m, y_m = view.position_leg_m
-    reach_m = NEAR_M + view.face_error_m + view.pose_error_m + view.placing_error_m
-    # A scan that measured nothing in some direction has not looked there.
-    looks = view.half_view_rad >= math.pi and min(view.free_range_m, default=reach_m) >= reach_m
-    return looks and not any(
-        math.hypot(
-            max(box.x_min_m - x_m, 0.0, x_m - box.x_max_m),
-            max(box.y_min_m - y_m, 0.0, y_m - box.y_max_m),
-        )
-        <= reach_m
-        for box in view.boxes
-    )

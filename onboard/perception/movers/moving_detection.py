@@ -7,14 +7,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from typing import Annotated, Literal
+from typing import Annotated, Final, Literal
 
 from pydantic import AfterValidator, Field
 
 from onboard.perception.detection import MAX_OBSTACLES_PER_FRAME, Detection, DetectionFrame
 
 Motion = Literal["static", "moving", "unknown"]
-_Speed = Annotated[float, Field(ge=-300.0, le=300.0)]
+SPEED_MAX_MPS: Final = 300.0
+_Speed = Annotated[float, Field(ge=-SPEED_MAX_MPS, le=SPEED_MAX_MPS)]
 UNKNOWN_CLASS = "unknown"
 
 
@@ -40,7 +41,7 @@ class MovingDetection(Detection):
     motion: Motion = "unknown"
     kind: Annotated[str, Field(alias="class", min_length=1, max_length=32)] = UNKNOWN_CLASS
     velocity_mps: tuple[_Speed, _Speed] | tuple[_Speed, _Speed, _Speed] | None = None
-    velocity_uncertainty_mps: Annotated[float, Field(ge=0.0, le=300.0)] | None = None
+    velocity_uncertainty_mps: Annotated[float, Field(ge=0.0, le=SPEED_MAX_MPS)] | None = None
     box_whole: Annotated[bool, Field(strict=True)] = False
 
 

@@ -23,6 +23,7 @@ from onboard.files.sensor_sources import (
 from onboard.geometry.frames import FloatArray
 from onboard.perception.detection import DetectionFrame
 from onboard.perception.ros2.cdr import DecodeError
+from onboard.perception.ros2.keys import REPLACED_AFTER_S
 from onboard.perception.scan.levelling import BodyMotion
 from onboard.perception.scan.range_beams import BeamDirections, levelled_beams
 from onboard.perception.scan.scan_frames import ScanFrames
@@ -32,6 +33,29 @@ from onboard.perception.sources.sensor_input import PastPoses, SensorInput
 _UNKNOWN: Final = 65535
 _NORTH_ALIGNED: Final = (mavlink.MAV_FRAME_GLOBAL, mavlink.MAV_FRAME_LOCAL_NED)
 _INVALID_QUALITY: Final = 1
+
+
+class OneSender:
+    """Lets through OBSTACLE_DISTANCE of one sender and kind of sensor at a time: two are two.
+
+    An autopilot may send on, later and merged with more, what it has heard from a sensor.
+    """
+
+    def __init__(self) -> None:
+        self._sender: tuple[int, int, int] | None = None
+        self._heard_s = -math.inf
+
+    def check(self, message: Any, time_s: float) -> None:
+        """Check who sent a message.
+
+        Raises:
+            DecodeError: another one is still heard.
+        """
+        sender = (message.get_srcSystem(), message.get_srcComponent(), int(message.sensor_type))
+        silent = time_s - self._heard_s > REPLACED_AFTER_S
+        if self._sender not in (None, sender) and not silent:
+            raise DecodeError("two senders")
+        self._sender, self._heard_s = sender, time_s
 
 
 class MavlinkRanges(SensorInput):
@@ -69,8 +93,10 @@ class ObstacleDistanceInput(MavlinkRanges):
     def __init__(self, config: ObstacleDistanceSource, poses: PastPoses) -> None:
         super().__init__(mavlink.MAVLINK_MSG_ID_OBSTACLE_DISTANCE, config, poses)
         self._config, self._frames = config, ScanFrames(config)
+        self._sender = OneSender()
 
     def _frames_of(self, message: Any, stamp_unix_s: float) -> Sequence[DetectionFrame]:
+        self._sender.check(message, stamp_unix_s)
         step_deg = message.increment_f or float(message.increment)
         offset_deg = message.angle_offset
         if not (math.isfinite(step_deg) and 0.0 < abs(step_deg) <= 90.0):

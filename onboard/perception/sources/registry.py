@@ -24,6 +24,7 @@ from onboard.files.sensor_sources import (
     TrackedObjectsSource,
     TrafficSource,
 )
+from onboard.perception.intake import MAX_PENDING_FRAMES
 from onboard.perception.ros2.keys import OnePublisher, check_key, key_expression
 from onboard.perception.sources.detections3d import DetectionsInput
 from onboard.perception.sources.field_file import FieldFileInput
@@ -68,6 +69,8 @@ _INPUTS: Final[dict[type[SensorSource], Callable[[Any, PastPoses], SensorInput]]
 }
 # Large messages wait at most so many deep, and one of them is read per tick.
 LARGE_PENDING_MAX: Final = 2
+# A receiver of ADS-B reports all vehicles at once.
+TRAFFIC_PENDING_MAX: Final = 256
 _LARGE: Final = ("pointcloud2", "occupancygrid")
 
 
@@ -89,6 +92,13 @@ class Sensor:
     def is_large(self) -> bool:
         """Whether its messages are large."""
         return self.config.kind in _LARGE
+
+    @property
+    def pending_max(self) -> int:
+        """How many of its messages wait at most."""
+        if isinstance(self.config, TrafficSource):
+            return TRAFFIC_PENDING_MAX
+        return LARGE_PENDING_MAX if self.is_large else MAX_PENDING_FRAMES
 
     def check_sample(self, key: str, attachment: bytes, now_s: float) -> None:
         """Check where a Zenoh sample comes from.

@@ -30,6 +30,8 @@ from onboard.vehicle_state import Pose
 
 # From east, north, up to north, east, down.
 _NED_FROM_ENU = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
+# A frame states no more; to be left out would be less.
+_ERROR_MAX_M = 100.0
 
 
 class TrackedObjectsInput(SensorInput):
@@ -57,7 +59,8 @@ class TrackedObjectsInput(SensorInput):
         obstacles = []
         for each in message.objects:
             center_ned_m = turn @ np.array(each.center.position_m) + origin_ned_m
-            if math.dist(center_ned_m[:2], pose.position_ned_m[:2]) > config.range_m:
+            away_m = math.dist(center_ned_m[:2], pose.position_ned_m[:2])
+            if away_m - self._error_m(each) > config.range_m:
                 continue
             taken[each.id] += 1
             # A name that comes twice in one message does not name one of them.
@@ -92,21 +95,22 @@ class TrackedObjectsInput(SensorInput):
         offset_m = (body @ mounting_offset_m(config.mounting))[:, 0]
         return turn, offset_m + np.array(pose.position_ned_m)
 
+    def _error_m(self, each: TrackedObject) -> float:
+        """Return how far an object may be off."""
+        return self._config.uncertainty_m + (self._config.sigmas or 0.0) * each.position_sigma_m
+
     def _obstacle(
         self, name: str, each: TrackedObject, turn: FloatArray, center_ned_m: FloatArray
     ) -> dict[str, Any]:
-        config, (length_m, width_m, _) = self._config, each.size_m
-        ahead = (turn @ rotation_of(each.center.rotation))[:, 0]
-        yaw_rad = math.atan2(ahead[1], ahead[0])
-        if not each.axis_known:
-            length_m = width_m = math.hypot(length_m, width_m)
+        config = self._config
+        yaw_rad, (length_m, width_m) = _footprint(turn @ rotation_of(each.center.rotation), each)
         sigmas = config.sigmas or 0.0
         seen: dict[str, Any] = {
             "id": name,
             "center_m": tuple(center_ned_m[:2].tolist()),
             "size_m": (length_m, width_m),
             "yaw_deg": math.degrees(yaw_rad),
-            "uncertainty_m": min(config.uncertainty_m + sigmas * each.position_sigma_m, 100.0),
+            "uncertainty_m": min(self._error_m(each), _ERROR_MAX_M),
             "class": kind_of_labels(each.labels, config.labels),
             "box_whole": config.boxes_whole,
         }
@@ -121,3 +125,20 @@ class TrackedObjectsInput(SensorInput):
             if config.sigmas is not None:
                 seen["velocity_uncertainty_mps"] = min(sigmas * each.velocity_sigma_mps, 300.0)
         return seen
+
+
+def _footprint(axes: FloatArray, each: TrackedObject) -> tuple[float, tuple[float, float]]:
+    """Return the yaw of an object, and what it covers along and across, seen from above.
+
+    Args:
+        axes: its own in local NED, as columns; a tilted box covers some of its height, too.
+        each: the object.
+    """
+    size_m = np.array(each.size_m)
+    if not each.axis_known:
+        size_m[:2] = math.hypot(*each.size_m[:2])
+    yaw_rad = math.atan2(axes[1, 0], axes[0, 0])
+    cosine, sine = math.cos(yaw_rad), math.sin(yaw_rad)
+    along_across = np.array([[cosine, sine, 0.0], [-sine, cosine, 0.0]])
+    length_m, width_m = (np.abs(along_across @ axes) @ size_m).tolist()
+    return yaw_rad, (length_m, width_m)

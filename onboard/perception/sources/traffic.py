@@ -18,7 +18,7 @@ from onboard.files.mavlink_frames import FrameReader
 from onboard.files.sensor_sources import TrafficSource
 from onboard.geometry.local_frame import GeographicPoint, LocalFrame
 from onboard.perception.detection import DetectionFrame
-from onboard.perception.movers.moving_detection import ReportsFrame
+from onboard.perception.movers.moving_detection import SPEED_MAX_MPS, ReportsFrame
 from onboard.perception.movers.tracker import MEMORY_S
 from onboard.perception.ros2.cdr import DecodeError
 from onboard.perception.sources.remote_id import describe
@@ -196,6 +196,10 @@ class TrafficInput(SensorInput):
         if error_m > _ERROR_MAX_M:
             raise DecodeError("accuracy unknown, or too bad")
         self._sequence += 1
+        # Values that stand for "unknown" are beyond any speed: the report counts without them.
+        velocity_mps = report.velocity_mps
+        if velocity_mps is not None and max(map(abs, velocity_mps)) > SPEED_MAX_MPS:
+            velocity_mps = None
         seen: dict[str, Any] = {
             "id": report.id,
             "center_m": (north_m, east_m),
@@ -203,7 +207,7 @@ class TrafficInput(SensorInput):
             "yaw_deg": 0.0,
             "uncertainty_m": error_m,
             "class": config.mover_class,
-            "velocity_mps": report.velocity_mps,
+            "velocity_mps": velocity_mps,
         }
         return (
             ReportsFrame.model_validate(

@@ -140,6 +140,20 @@ def test_all_problems_are_in_one_line() -> None:
     assert problem_of({"door": {"width_m": -1.0}, "name": 3}).count("; ") == 2
 
 
+def test_a_list_is_not_short_of_items_that_are_wrong_themselves() -> None:
+    class Street(FileModel):
+        sheds: tuple[Shed, ...] = Field(strict=False, min_length=2)
+
+    def problem_with(*sheds: dict[str, float]) -> str:
+        with pytest.raises(FileError) as caught:
+            validate({"sheds": sheds}, Street, source="street.yaml")
+        return str(caught.value)
+
+    sound, wrong = {"height_m": 2.0}, {"height_m": float("nan")}
+    assert "items" not in problem_with(wrong, wrong)
+    assert "at least 2 items" in problem_with(sound)
+
+
 def test_a_long_value_is_shortened() -> None:
     message = problem_of({"height_m": 2.0, "name": ["x" * 500]})
     assert len(message) < 150

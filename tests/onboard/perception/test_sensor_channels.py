@@ -5,12 +5,17 @@ from typing import Any
 import numpy as np
 import pytest
 from pydantic import TypeAdapter
+from pymavlink.dialects.v20 import common as mavlink
 
 from onboard.files.sensor_sources import AnySource
 from onboard.perception.intake import MAX_PENDING_FRAMES, DetectionCounters, Refusal
 from onboard.perception.ros2.keys import TYPE_HASHES
 from onboard.perception.sensor_channels import SensorChannels
-from onboard.perception.sources.registry import LARGE_PENDING_MAX, zenoh_key
+from onboard.perception.sources.registry import (
+    LARGE_PENDING_MAX,
+    TRAFFIC_PENDING_MAX,
+    zenoh_key,
+)
 from tests.onboard.perception.ros2.encoding import attachment, point_cloud, scan_all_round
 from tests.onboard.perception.sources.scenes import EPOCH_UNIX_S, pose_at, poses_of
 from tests.onboard.perception.sources.test_mavlink_ranges import distance, obstacle_distance
@@ -142,3 +147,18 @@ def test_every_kind_has_a_reader_that_refuses_garbage(kind: str) -> None:
         assert list(reader.read(payload, EPOCH_UNIX_S)) == []
     if zenoh_key(source(kind)):
         assert reader.malformed == 5
+
+
+def test_many_vehicles_that_are_reported_at_once_all_wait() -> None:
+    keys: dict[str, Any] = {
+        "messages": ["adsb_vehicle"],
+        "mover_class": "drone",
+        "latency_s": 0.5,
+        "accuracy_m": 5,
+    }
+    bench = Bench(source("traffic", **keys))
+    for _ in range(TRAFFIC_PENDING_MAX):
+        bench.channels.receive_mavlink(mavlink.MAVLINK_MSG_ID_ADSB_VEHICLE, b"", 0.0)
+    assert bench.counters.dropped_frames == 0
+    bench.channels.receive_mavlink(mavlink.MAVLINK_MSG_ID_ADSB_VEHICLE, b"", 0.0)
+    assert bench.counters.dropped_frames == 1

@@ -15,7 +15,8 @@ import pytest
 
 from onboard.geometry.box import Box
 from onboard.perception.line_of_sight import View
-from onboard.perception.movers.mover_free import Glance, MoverFree, boxes_array, without
+from onboard.perception.movers.glance import Glance, boxes_array, without
+from onboard.perception.movers.mover_free import MoverFree
 
 PERIOD_S = 0.1
 RANGE_M = 11.0

@@ -11,7 +11,8 @@ import pytest
 
 from onboard.geometry.box import Box
 from onboard.perception.line_of_sight import View
-from onboard.perception.movers.mover_free import CELL_M, Glance, MoverFree, boxes_array, without
+from onboard.perception.movers.glance import Glance, boxes_array, without
+from onboard.perception.movers.mover_free import CELL_M, MoverFree
 
 ERROR_M = 0.05
 SIZE_M = 0.4

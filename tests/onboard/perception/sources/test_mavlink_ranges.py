@@ -16,8 +16,8 @@ NOW_UNIX_S = EPOCH_UNIX_S + 0.2
 BODY, NORTH = mavlink.MAV_FRAME_BODY_FRD, mavlink.MAV_FRAME_GLOBAL
 
 
-def framed(message: Any) -> bytes:
-    return bytes(message.pack(mavlink.MAVLink(None, 1, 195)))
+def framed(message: Any, component: int = 195) -> bytes:
+    return bytes(message.pack(mavlink.MAVLink(None, 1, component)))
 
 
 def obstacle_distance(distances_cm: dict[int, int], others_cm: int = 1001, **keys: Any) -> bytes:
@@ -29,7 +29,9 @@ def obstacle_distance(distances_cm: dict[int, int], others_cm: int = 1001, **key
     }
     values |= {"angle_offset": 0.0, "frame": BODY, "time_usec": 0, "sensor_type": 0} | keys
     distances = [distances_cm.get(index, others_cm) for index in range(72)]
-    return framed(mavlink.MAVLink_obstacle_distance_message(distances=distances, **values))
+    component = values.pop("component", 195)
+    message = mavlink.MAVLink_obstacle_distance_message(distances=distances, **values)
+    return framed(message, component)
 
 
 def sectors(pose: Pose | None = None, **keys: Any) -> ObstacleDistanceInput:
@@ -184,3 +186,19 @@ def test_an_invalid_signal_is_unknown_and_a_wide_beam_may_be_stated() -> None:
     assert source.refused == {"mostly blind": 1}
     (frame,) = beam(beam_width_deg=20.0).read(distance(450, horizontal_fov=0.0), NOW_UNIX_S)
     assert 18.0 <= frame.field_of_view_deg <= 22.0
+
+
+@pytest.mark.parametrize("other", [{"component": 1}, {"sensor_type": 1}])
+def test_two_senders_are_two_sensors(other: dict[str, int]) -> None:
+    source = sectors(no_return_is_free_to_m=9.0)
+    assert source.read(obstacle_distance({0: 400}), NOW_UNIX_S)
+    # What an autopilot has kept for longer than the declared latency would show free what is not.
+    assert not source.read(obstacle_distance({}, **other), NOW_UNIX_S + 0.05)
+    assert source.refused == {"two senders": 1}
+    assert source.read(obstacle_distance({0: 400}), NOW_UNIX_S + 0.1)
+
+
+def test_another_sender_replaces_one_that_is_silent() -> None:
+    source = sectors()
+    assert source.read(obstacle_distance({}), NOW_UNIX_S - 0.6)
+    assert source.read(obstacle_distance({}, component=1), NOW_UNIX_S + 0.41)

@@ -45,6 +45,7 @@ def message(
     points: tuple[tuple[float, float], ...] = (),
     variance: float = 0.0,
     name: int = 1,
+    rotation: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 1.0),
 ) -> bytes:
     writer = CdrWriter().header(stamp_of(EPOCH_UNIX_S), "map").add("I", len(places))
     covariance = [0.0] * 36
@@ -53,7 +54,7 @@ def message(
         writer.raw(bytes([name] * 16)).add("fI", 0.9, len(labels))
         for label in labels:
             writer.add("Bf", label, 0.5)
-        writer.add("d" * 7, x_m, y_m, 1.0, 0.0, 0.0, 0.0, 1.0).add("d" * 36, *covariance)
+        writer.add("d" * 7, x_m, y_m, 1.0, *rotation).add("d" * 36, *covariance)
         writer.add("d" * 6, *velocity_mps, 0.0, 0.0, 0.0, 0.0).add("d" * 36, *covariance)
         writer.add("d" * 42, *[0.0] * 42)
         writer.add("BBBI", orientation, 0, kind, len(points))
@@ -169,3 +170,16 @@ def test_no_damaged_message_raises(data: st.DataObject) -> None:
 def test_a_message_may_name_no_object() -> None:
     assert decode_tracked_objects(message()).objects == ()
     assert read(message()).obstacles == ()
+
+
+def test_a_box_that_lies_on_its_side_covers_its_height() -> None:
+    half = math.sqrt(0.5)
+    (frame,) = tracker(boxes_whole=True).read(
+        message((0.0, 5.0), dimensions_m=(0.4, 0.6, 3.0), rotation=(half, 0.0, 0.0, half)), 0.0
+    )
+    assert sorted(frame.obstacles[0].size_m) == pytest.approx([0.4, 3.0])
+
+
+def test_an_object_that_may_be_within_range_counts() -> None:
+    assert read(message((0.0, 42.0), variance=2.0), sigmas=3.0).obstacles
+    assert not read(message((0.0, 42.0), variance=0.0), sigmas=3.0).obstacles

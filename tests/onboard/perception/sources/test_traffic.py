@@ -241,3 +241,26 @@ def test_no_damaged_message_raises(data: st.DataObject) -> None:
         assert isinstance(each, ReportsFrame)
         assert NOW_UNIX_S - 5.0 <= each.stamp_unix_s <= NOW_UNIX_S
     source.read(bytes(frame), NOW_UNIX_S)  # nor one with a wrong checksum
+
+
+@pytest.mark.parametrize(
+    "message",
+    [
+        mavlink.MAVLink_global_position_int_message(
+            1, *degrees_e7(5.0, 0.0), round(1e3 * ALTITUDE_M), 0, 32767, 32767, 0, 65535
+        ),
+        mavlink.MAVLink_adsb_vehicle_message(
+            1, *degrees_e7(5.0, 0.0), 1, round(1e3 * ALTITUDE_M), 9000, 65535, 0, b"CLEARWAY", 14,
+            0, COORDS | MOVES, 0,
+        ),
+        mavlink.MAVLink_utm_global_position_message(
+            0, list(range(18)), *degrees_e7(5.0, 0.0), 0, 0, 32767, 0, 0, 2000, 3000, 50, 0, 0, 0,
+            0, 3, 4 | 2 | 32,
+        ),
+    ],
+    ids=["global_position_int", "adsb_vehicle", "utm_global_position"],
+)  # fmt: skip
+def test_a_velocity_beyond_any_drops_no_report(message: Any) -> None:
+    _, seen = read(framed(message))
+    assert seen.velocity_mps is None
+    assert seen.center_m[0] == pytest.approx(5.0, abs=0.1)
