@@ -17,6 +17,8 @@ from onboard.vehicle_state import Pose
 # Bounds of what a frame may claim: beyond them a frame is garbage, not an observation.
 MAX_OBSTACLES_PER_FRAME: Final = 10_000
 MAX_BEARING_BINS: Final = 3600
+# At 20 Hz a tick sees one frame; a burst beyond this is a fault: the oldest are dropped.
+MAX_PENDING_FRAMES: Final = 32
 MAX_COORDINATE_M: Final = 1e6
 
 Coordinate = Annotated[float, Field(ge=-MAX_COORDINATE_M, le=MAX_COORDINATE_M)]

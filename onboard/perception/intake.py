@@ -7,11 +7,9 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Final, NamedTuple
 
-from onboard.perception.detection import DetectionFrame
+from onboard.perception.detection import MAX_PENDING_FRAMES, DetectionFrame
 from onboard.perception.sources.detection_source import DetectionSource
 
-# At 20 Hz a tick sees one frame; a burst beyond this is a fault: the oldest are dropped.
-MAX_PENDING_FRAMES: Final = 32
 VIRTUAL_ONLY: Final = (
     "only virtual obstacles are stated: no real sensor without beside_real_sensors"
 )

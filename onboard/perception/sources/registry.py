@@ -24,7 +24,7 @@ from onboard.files.sensor_sources import (
     TrackedObjectsSource,
     TrafficSource,
 )
-from onboard.perception.intake import MAX_PENDING_FRAMES
+from onboard.perception.detection import MAX_PENDING_FRAMES
 from onboard.perception.ros2.keys import OnePublisher, check_key, key_expression
 from onboard.perception.sources.detections3d import DetectionsInput
 from onboard.perception.sources.field_file import FieldFileInput
