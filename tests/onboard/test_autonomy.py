@@ -16,8 +16,7 @@ from onboard.files.contract_file import Contract, Requirements
 from onboard.files.mission_file import Mission
 from onboard.guidance.phases import Phase
 from onboard.motion.trajectory import State
-from onboard.perception.detection import DetectionFrame
-from onboard.perception.intake import MAX_PENDING_FRAMES
+from onboard.perception.detection import MAX_PENDING_FRAMES, DetectionFrame
 from onboard.planning.closed_form import cruise
 from onboard.planning.planner import NoPlan, Planner
 from onboard.planning.problem import Envelope

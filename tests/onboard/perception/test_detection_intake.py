@@ -5,8 +5,8 @@ from collections.abc import Sequence
 
 import pytest
 
-from onboard.perception.detection import DetectionFrame
-from onboard.perception.intake import MAX_PENDING_FRAMES, DetectionIntake, Refusal
+from onboard.perception.detection import MAX_PENDING_FRAMES, DetectionFrame
+from onboard.perception.intake import DetectionIntake, Refusal
 from onboard.perception.sources.json_v1 import JsonV1Source
 from tests.onboard.perception.messages import detection_frame, frame
 

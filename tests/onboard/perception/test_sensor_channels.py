@@ -8,7 +8,8 @@ from pydantic import TypeAdapter
 from pymavlink.dialects.v20 import common as mavlink
 
 from onboard.files.sensor_sources import AnySource
-from onboard.perception.intake import MAX_PENDING_FRAMES, DetectionCounters, Refusal
+from onboard.perception.detection import MAX_PENDING_FRAMES
+from onboard.perception.intake import DetectionCounters, Refusal
 from onboard.perception.ros2.keys import TYPE_HASHES
 from onboard.perception.sensor_channels import SensorChannels
 from onboard.perception.sources.registry import (
