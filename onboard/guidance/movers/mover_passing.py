@@ -14,11 +14,12 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Final, NamedTuple, Protocol
 
 from onboard.contract.arithmetic import SCALAR
+from onboard.contract.clauses import TICK_S
 from onboard.contract.mover_avoidance import class_passing, fastest_mps
 from onboard.contract.movers import STAMP_ERROR_S
 from onboard.geometry.box import Box
 from onboard.guidance.movers.mover_guard import settling_of
-from onboard.guidance.situation import GRID_MARGIN_M, GUARD_AHEAD_S, RETRY_S
+from onboard.guidance.situation import GRID_MARGIN_M, RETRY_S
 from onboard.motion.trajectory import State, X
 from onboard.perception.obstacle_map import Obstacle
 
@@ -40,6 +41,7 @@ _STOPS_A_TICK: Final = 4
 _STOP_EVERY_S: Final = 0.5
 # A plan is sought for so long before the vehicle would have to brake for the mover.
 _AHEAD_S: Final = 2.0
+_ROUND_OFF_S: Final = 1e-6
 
 
 class WaysToRest(Protocol):
@@ -141,7 +143,8 @@ class MoverPassing:
         until_s = min(looked_s + _STOPS_A_TICK * _STOP_EVERY_S, plan.end_s)
         if not self._stops_clear(plan, looked_s, until_s, now_s):
             self._next = (self._next + 1) % len(_ATTEMPTS)
-        elif until_s < plan.end_s or now_s < plan.start_s - GUARD_AHEAD_S:
+        elif until_s < plan.end_s or now_s + TICK_S < plan.start_s - _ROUND_OFF_S:
+            # Not before its last tick: the guard brakes soon, and a plan has to begin before.
             self._pending = (found, until_s)
         elif self._shield.accepts(plan, now_s):
             side, kind = found.plan.side, found.plan.kind

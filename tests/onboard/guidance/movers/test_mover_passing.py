@@ -7,10 +7,15 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 
+import pytest
+
+from onboard.contract.assessment import TICK_S
 from onboard.files.contract_file import Contract, load_contract
 from onboard.files.contract_terms.mover_terms import MoversLevel
 from onboard.geometry.box import Box
+from onboard.guidance.dense.shield import Shield
 from onboard.guidance.phases import FlightState, Phase
+from onboard.motion.trajectory import Trajectory
 from onboard.planning.mover_certifier import UNASKED, Movers
 from tests.onboard.guidance.dense.field_flight import FieldFlight, IdealSeenSpace, Stem
 from tests.onboard.guidance.perfect_flight import mission_to
@@ -112,6 +117,22 @@ def test_a_slow_walker_ahead_is_passed_without_a_stop() -> None:
     assert not {FlightState.YIELDING, FlightState.THREADING} & set(flight.states)
     assert flight.room_m > 0.0
     assert any("passing mover front/walker on the" in event.text for event in flight.events)
+
+
+def test_a_plan_is_offered_in_the_last_tick_before_it_begins(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Earlier, what is held may brake before the plan begins, which then begins on nothing."""
+    ahead_s, accepts = [], Shield.accepts
+
+    def noted(shield: Shield, trajectory: Trajectory, now_s: float) -> bool:
+        ahead_s.append(trajectory.start_s - now_s)
+        return accepts(shield, trajectory, now_s)
+
+    monkeypatch.setattr(Shield, "accepts", noted)
+    flown("avoid", Walker(32.0, 0.4, (-DECLARED_MPS, 0.0)))
+    assert any(each_s > 0.0 for each_s in ahead_s)
+    assert max(ahead_s) <= TICK_S + 1e-6
 
 
 def test_under_passive_the_same_walker_is_waited_for() -> None:
