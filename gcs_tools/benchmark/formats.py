@@ -24,7 +24,7 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from gcs_tools.benchmark.obstacles import Obstacles
 from onboard.files.stem_map import Row, read_columns, read_stems
-from onboard.files.yaml_file import FileError, read_text, validate
+from onboard.files.yaml_file import FileError, ModelT, read_text, validate
 
 # Larger numbers are in another unit, or in a map's coordinates.
 _FROM_ORIGIN_MAX_M: Final = 10_000.0
@@ -127,19 +127,29 @@ def read_box_scenes(path: Path) -> Iterator[BoxScene]:
         )
 
 
-def read_ways(path: Path) -> list[Way]:
-    """Read the legs of the competition's missions, each once, sorted.
+def read_json(path: Path, model: type[ModelT]) -> ModelT:
+    """Read a JSON file of scenes.
 
     Raises:
-        FileError: names the file, the mission and the value.
+        FileError: names the file, the key and the value.
     """
     try:
         document: Any = json.loads(read_text(path))
     except (json.JSONDecodeError, RecursionError) as error:
         raise FileError(f"{path}: is not JSON: {error}") from error
     if not isinstance(document, dict):
-        raise FileError(f"{path}: expected an object with the key missions")
-    missions = validate(document, _Missions, source=str(path)).missions
+        keys = ", ".join(name for name, each in model.model_fields.items() if each.is_required())
+        raise FileError(f"{path}: expected an object with {keys}")
+    return validate(document, model, source=str(path))
+
+
+def read_ways(path: Path) -> list[Way]:
+    """Read the legs of the competition's missions, each once, sorted.
+
+    Raises:
+        FileError: names the file, the mission and the value.
+    """
+    missions = read_json(path, _Missions).missions
     ways = {
         Way((one[1], one[2]), (other[1], other[2]))
         for mission in missions.values()

@@ -7,18 +7,18 @@
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Annotated, Any, Final
+from typing import Annotated, Final
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
 
+from gcs_tools.benchmark.formats import read_json
 from gcs_tools.benchmark.obstacles import Obstacles
 from gcs_tools.benchmark.scenes import PILLARS_HALF_WIDTH_M, Moving, Scene
-from onboard.files.yaml_file import FileError, read_text, validate
+from onboard.files.yaml_file import FileError
 from sitl.environment.movers.config import Knot, MoverConfig
 from sitl.environment.movers.paths import knot_ned_m
 
@@ -73,13 +73,7 @@ def moving_legs(path: Path, legs: int) -> Iterator[Scene]:
     Raises:
         FileError: names the file, the key and the value.
     """
-    try:
-        document: Any = json.loads(read_text(path))
-    except (json.JSONDecodeError, RecursionError) as error:
-        raise FileError(f"{path}: is not JSON: {error}") from error
-    if not isinstance(document, dict):
-        raise FileError(f"{path}: expected an object with the key seeds")
-    scenes = validate(document, _Scenes, source=str(path))
+    scenes = read_json(path, _Scenes)
     length_m = math.dist(scenes.start[:2], scenes.goal[:2])
     if scenes.start[:2] != (0.0, 0.0) or scenes.goal[1] != 0.0 or not length_m > 0.0:
         raise FileError(

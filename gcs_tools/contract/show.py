@@ -83,7 +83,7 @@ def print_movers(assessment: Assessment, console: Console) -> None:
         console.print(f"  {level}", style="" if level.level else "red")
     if required == "none":
         return  # none is waited for either
-    console.print("movers in the way (passing them is no part of passive safety):")
+    console.print("movers in the way (passive safety does not include passing them):")
     for sentence in assessment.passing_levels:
         console.print(f"  {sentence}")
 

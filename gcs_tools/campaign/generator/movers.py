@@ -15,7 +15,7 @@ from gcs_tools.campaign.generator.case import NO_FAULT, FlightCase
 from gcs_tools.campaign.generator.scenarios import ATTEMPTS_MAX
 from gcs_tools.preflight.command import check
 from gcs_tools.preflight.tier import start_clear_radius_m
-from gcs_tools.scenario import Expectation, Plant, Scenario
+from gcs_tools.scenario import Expectation, Outcome, Plant, Scenario
 from onboard.contract.assessment import Assessment, assess
 from onboard.files.contract_file import Contract
 from onboard.files.mission_file import Mission
@@ -76,7 +76,7 @@ def mover_case(draw: random.Random, *, faster: bool = False) -> FlightCase:
             variant="faster" if faster else NO_FAULT,
             outcomes=("arrived", "aborted", "held", "collided")
             if faster
-            else ("arrived", "aborted"),
+            else _outcomes(scenario.faults),
             covered=not faster,
             time_limit_s=_TIME_LIMIT_S,
         )
@@ -112,7 +112,7 @@ def passed_mover_case(draw: random.Random) -> FlightCase:
         return FlightCase(
             scenario,
             seed=draw.randrange(2**31),
-            outcomes=("arrived", "aborted"),
+            outcomes=_outcomes(scenario.faults),
             time_limit_s=_PASSING_LIMIT_S,
         )
     raise AssertionError(f"{ATTEMPTS_MAX} draws gave no flight past movers that may be flown")
@@ -325,6 +325,11 @@ def _movers(draw: random.Random, length_m: float, speed_mps: float) -> list[dict
             }
         )
     return movers
+
+
+def _outcomes(stalls: tuple[Fault, ...]) -> tuple[Outcome, ...]:
+    """Return how flights may end: after a second stall in motion it holds (`late_ticks`)."""
+    return ("arrived", "aborted", "held") if stalls else ("arrived", "aborted")
 
 
 def _late_ticks(draw: random.Random) -> tuple[Fault, ...]:

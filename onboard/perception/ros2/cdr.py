@@ -100,13 +100,17 @@ class CdrReader:
         except UnicodeDecodeError as error:
             raise DecodeError("string is not UTF-8") from error
 
-    def count(self, least_bytes: int) -> int:
+    def count(self, least_bytes: int, limit: int | None = None, of: str = "elements") -> int:
         """Read the length of a sequence; no more than the rest of the payload can contain.
 
         Args:
             least_bytes: that one element of it takes, at least.
+            limit: how many of them are read at most; None for as many as there are.
+            of: what they are, for the error.
         """
         number = self.u32()
+        if limit is not None and number > limit:
+            raise DecodeError(f"number of {of}")
         if number * least_bytes > self.left:
             raise DecodeError("sequence longer than the payload")
         return number

@@ -204,9 +204,7 @@ def decode_detections(payload: bytes) -> Detection3DArray:
     """
     reader = CdrReader(payload)
     header = read_header(reader)
-    count = reader.count(_DETECTION_BYTES)
-    if count > BOXES_MAX:
-        raise DecodeError("number of detections")
+    count = reader.count(_DETECTION_BYTES, BOXES_MAX, "detections")
     boxes = tuple(_read_detection(reader) for _ in range(count))
     reader.end()
     return Detection3DArray(header, boxes)
@@ -219,9 +217,7 @@ def decode_transforms(payload: bytes) -> tuple[Transform, ...]:
         DecodeError: it is not one.
     """
     reader = CdrReader(payload)
-    count = reader.count(_TRANSFORM_BYTES)
-    if count > TRANSFORMS_MAX:
-        raise DecodeError("number of transforms")
+    count = reader.count(_TRANSFORM_BYTES, TRANSFORMS_MAX, "transforms")
     found = tuple(
         Transform(read_header(reader), reader.text(), read_pose(reader)) for _ in range(count)
     )

@@ -48,9 +48,7 @@ def decode_point_cloud(payload: bytes) -> PointCloud:
     reader = CdrReader(payload)
     header = read_header(reader)
     height, width = reader.u32(), reader.u32()
-    count = reader.count(_FIELD_BYTES)
-    if count > _FIELDS_MAX:
-        raise DecodeError("number of fields")
+    count = reader.count(_FIELD_BYTES, _FIELDS_MAX, "fields")
     fields = [_Field(reader.text(), reader.u32(), reader.u8(), reader.u32()) for _ in range(count)]
     order = ">" if reader.flag() else "<"
     step, row_step = reader.u32(), reader.u32()

@@ -67,9 +67,7 @@ def decode_tracked_objects(payload: bytes) -> TrackedObjects:
     """
     reader = CdrReader(payload)
     header = read_header(reader)
-    count = reader.count(_OBJECT_BYTES)
-    if count > OBJECTS_MAX:
-        raise DecodeError("number of objects")
+    count = reader.count(_OBJECT_BYTES, OBJECTS_MAX, "objects")
     objects = tuple(_read_object(reader) for _ in range(count))
     reader.end()
     return TrackedObjects(header, objects)

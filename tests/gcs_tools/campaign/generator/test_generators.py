@@ -37,11 +37,11 @@ DIGESTS = {
     "competition": "64368921318d0599",
     "best-effort": "f3ee36056536f338",
     "best-effort-faults": "28247b695c5c5f24",
-    "movers": "9e00d9a6b19ded83",
+    "movers": "98cf49d4264923ab",
     "pedestrians": "e9524936d4f0546b",
     "ambush": "b2bd998bff926a8a",
     "faster-movers": "349a5fe2c50e1fae",
-    "passed-movers": "3adce90e1c6592f8",
+    "passed-movers": "984869bc47295fc6",
     "quick": "c2ec896834344007",
     "quick-faults": "6098990d5ea11549",
 }

@@ -322,7 +322,7 @@ def test_in_view_the_operators_word_is_taken_for_the_place_of_the_vehicle(
         assert scene.look(source="front", field_of_view_deg=120.0, range_m=12.0) == []
     assert scene.is_free(9.0, 0.0)
     assert not scene.is_free(-7.0, 0.0)
-    # Where a ring is required, it is no matter of words.
+    # Where a ring is required, the operator's word counts for nothing.
     ringed = Scene(FakeFlight.under(against_movers(contract)))
     ringed.movers.take_word(ringed.pose, 6.0, ringed.now_s)
     assert not ringed.is_free(0.0, 0.0)
