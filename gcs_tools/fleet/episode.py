@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import random
 from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from itertools import combinations
 from typing import Final
@@ -170,23 +170,3 @@ def _nearest_m(begin_m: Place, end_m: Place) -> float:
     share = -(begin_m[0] * dn + begin_m[1] * de) / max(dn * dn + de * de, 1e-12)
     share = min(max(share, 0.0), 1.0)
     return math.hypot(begin_m[0] + share * dn, begin_m[1] + share * de)
-
-
-def random_way(start_m: Place, half_m: float, legs: int, draw: random.Random) -> list[Place]:
-    """Return a polyline of some legs from a place, in a square about the origin."""
-    ends = [(draw.uniform(-half_m, half_m), draw.uniform(-half_m, half_m)) for _ in range(legs)]
-    return [start_m, *ends]
-
-
-def starts(
-    names: Sequence[str], half_m: float, apart_m: float, draw: random.Random
-) -> dict[str, Place]:
-    """Return places in a square about the origin that are apart along north or east."""
-    found: dict[str, Place] = {}
-    for name in names:
-        while True:
-            place = (draw.uniform(-half_m, half_m), draw.uniform(-half_m, half_m))
-            if all(max(map(abs, _apart(place, other))) > apart_m for other in found.values()):
-                found[name] = place
-                break
-    return found

@@ -25,7 +25,9 @@ from gcs_tools.fleet.flyer import Flyer, FlyerTerms
 from gcs_tools.preflight.offline.fleet_files import Member, read_fleet
 from onboard.fleet.area import Place
 from onboard.fleet.fleet_file import Fleet
+from onboard.fleet.messages import Message
 from onboard.fleet.reservation import OwnVehicle
+from onboard.fleet.wire import FleetWire
 
 
 @dataclass(frozen=True)
@@ -139,7 +141,13 @@ def _episode(
             ahead_m=request.ahead_m,
         )
         flyers[member.name] = Flyer(flyer, ways, ways[member.name], draw)
-    return Episode(flyers, request.terms, draw)
+    contracts = {each.name: each.assessment.contract.sha256 for each in members}
+    wire = FleetWire(members[0].frame, contracts)
+
+    def carried(message: Message) -> Message:
+        return wire.decoded(message.head.sender, *wire.encoded(message))
+
+    return Episode(flyers, request.terms, draw, carried)
 
 
 def _print(simulated: Simulated, request: SimulateRequest, console: Console) -> None:

@@ -123,14 +123,7 @@ def _passing_contract(draw: random.Random) -> Contract:
     speed_mps = draw.uniform(*_PASSING_MPS)
     mover_mps = draw.uniform(*_SLOW_SHARE) * speed_mps
     terms: dict[str, Any] = {
-        "vehicle": {
-            "roll_max_deg": 20.0, "pitch_max_deg": 20.0, "thrust_to_weight": 2.0,
-            "cruise_speed_mps": speed_mps, "radius_m": 0.3,
-            "tracking_error_m": draw.uniform(0.1, 0.35), "velocity_error_mps": [0.1, 0.1],
-            "reaction_time_s": 0.25, "attitude_lag_s": 0.25, "setpoint_loss_timeout_s": 0.5,
-            "setpoint_loss": {"model": "frozen", "gain_per_s": 0.95, "velocity_gain_per_s": 1.8},
-            "setpoint_loss_run_time_s": 3.0, "rest_settle_s": 0.4,
-        },
+        "vehicle": _vehicle(draw, speed_mps),
         "requirements": {"passive_safety": draw.random() < 0.3, "movers": "avoid"},
         "sensor": {
             "detection_range_m": draw.uniform(13.0, 16.0), "field_of_view_deg": 120.0,
@@ -147,6 +140,17 @@ def _passing_contract(draw: random.Random) -> Contract:
         },
     }  # fmt: skip
     return Contract.model_validate(terms)
+
+
+def _vehicle(draw: random.Random, cruise_speed_mps: float) -> dict[str, Any]:
+    return {
+        "roll_max_deg": 20.0, "pitch_max_deg": 20.0, "thrust_to_weight": 2.0,
+        "cruise_speed_mps": cruise_speed_mps, "radius_m": 0.3,
+        "tracking_error_m": draw.uniform(0.1, 0.35), "velocity_error_mps": [0.1, 0.1],
+        "reaction_time_s": 0.25, "attitude_lag_s": 0.25, "setpoint_loss_timeout_s": 0.5,
+        "setpoint_loss": {"model": "frozen", "gain_per_s": 0.95, "velocity_gain_per_s": 1.8},
+        "setpoint_loss_run_time_s": 3.0, "rest_settle_s": 0.4,
+    }  # fmt: skip
 
 
 def _movers_ahead(
@@ -185,14 +189,7 @@ def _assessment(draw: random.Random, speed_mps: float) -> Assessment | None:
     """Draw a contract whose sensors see a little farther than its clauses require."""
     best_effort = draw.random() < 0.5
     terms: dict[str, Any] = {
-        "vehicle": {
-            "roll_max_deg": 20.0, "pitch_max_deg": 20.0, "thrust_to_weight": 2.0,
-            "cruise_speed_mps": draw.uniform(1.0, 2.5), "radius_m": 0.3,
-            "tracking_error_m": draw.uniform(0.1, 0.35), "velocity_error_mps": [0.1, 0.1],
-            "reaction_time_s": 0.25, "attitude_lag_s": 0.25, "setpoint_loss_timeout_s": 0.5,
-            "setpoint_loss": {"model": "frozen", "gain_per_s": 0.95, "velocity_gain_per_s": 1.8},
-            "setpoint_loss_run_time_s": 3.0, "rest_settle_s": 0.4,
-        },
+        "vehicle": _vehicle(draw, draw.uniform(1.0, 2.5)),
         "requirements": {
             "passive_safety": draw.random() < 0.3, "movers": "passive",
             "progress": "best_effort" if best_effort else "guaranteed",

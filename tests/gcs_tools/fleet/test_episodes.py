@@ -9,10 +9,11 @@ from __future__ import annotations
 import math
 import random
 from collections import Counter
+from collections.abc import Sequence
 
 import pytest
 
-from gcs_tools.fleet.episode import Episode, EpisodeTerms, Outcome, random_way, starts
+from gcs_tools.fleet.episode import Episode, EpisodeTerms, Outcome
 from gcs_tools.fleet.flyer import Flyer, FlyerTerms
 from gcs_tools.fleet.network import Network, NetworkTerms
 from onboard.fleet.area import Place
@@ -26,6 +27,30 @@ NAMES = ("a", "b", "c", "d")
 HALF_M, RADIUS_M, REACH_M = 30.0, 1.0, 1.5
 # Where vehicles are slow, many are too far away to be asked.
 CRUISES_MPS = (1.5, 4.0)
+
+
+def random_way(start_m: Place, half_m: float, legs: int, draw: random.Random) -> list[Place]:
+    """Return a polyline of some legs from a place, in a square about the origin."""
+    ends = [(draw.uniform(-half_m, half_m), draw.uniform(-half_m, half_m)) for _ in range(legs)]
+    return [start_m, *ends]
+
+
+def starts(
+    names: Sequence[str], half_m: float, apart_m: float, draw: random.Random
+) -> dict[str, Place]:
+    """Return places in a square about the origin that are apart along north or east."""
+    found: dict[str, Place] = {}
+    for name in names:
+        while True:
+            place = (draw.uniform(-half_m, half_m), draw.uniform(-half_m, half_m))
+            north_m, east_m = place
+            if all(
+                max(abs(north_m - other[0]), abs(east_m - other[1])) > apart_m
+                for other in found.values()
+            ):
+                found[name] = place
+                break
+    return found
 
 
 def flown(
