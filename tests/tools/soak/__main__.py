@@ -104,16 +104,19 @@ def sample(time_s: float, daemon: int, simulator: int) -> Sample:
     stolen = Path("/proc/stat").read_text(encoding="ascii").splitlines()[0].split()[8]
     return Sample(
         time_s,
-        _resident_bytes(daemon),
-        _resident_bytes(simulator),
+        *_memory_bytes(daemon),
+        _memory_bytes(simulator)[0],
         (int(fields[11]) + int(fields[12])) / _TICKS_PER_S,
         int(stolen) / _TICKS_PER_S,
     )
 
 
-def _resident_bytes(process: int) -> float:
-    pages = Path(f"/proc/{process}/statm").read_text(encoding="ascii").split()[1]
-    return float(int(pages) * os.sysconf("SC_PAGE_SIZE"))
+def _memory_bytes(process: int) -> tuple[float, float]:
+    """Return the resident memory, and the part that no file backs (proc_pid_status(5))."""
+    status = Path(f"/proc/{process}/status").read_text(encoding="ascii")
+    sizes = dict(line.split(":", 1) for line in status.splitlines())
+    resident, anonymous = (int(sizes[key].split()[0]) for key in ("VmRSS", "RssAnon"))
+    return resident * 1024.0, anonymous * 1024.0
 
 
 def scraped(port: int) -> dict[str, float]:
