@@ -65,11 +65,11 @@ def bench_preflight_of_a_forest() -> Measurement:
 
 
 def bench_intersecting_regions() -> Measurement:
-    """Pairs of 2,000 regions that intersect, against comparing all pairs."""
+    """Pairs of 4,000 regions that intersect, against comparing all pairs."""
     random = np.random.default_rng(1)
     boxes = [
         Box(x, x + 10.0, y, y + 6.0)
-        for x, y in random.uniform(0.0, 2_000.0, (sized(2_000, 100), 2)).tolist()
+        for x, y in random.uniform(0.0, 2_000.0, (sized(4_000, 100), 2)).tolist()
     ]
     edges_m = np.array([(b.x_min_m, b.x_max_m, b.y_min_m, b.y_max_m) for b in boxes])
     ours_s = seconds_of(lambda: list(intersecting_pairs(edges_m)), repeat=3)
