@@ -13,14 +13,17 @@ fly: $(VENV)/.ground
 	$(BIN)/clearway fly
 
 # Flights in real time need the machine to themselves; everything else runs before them, in parallel.
-# So do, among themselves, those that mostly wait for a vehicle that is slow to answer, or silent.
+# Those that mostly wait run along with each other: for a vehicle that is slow to answer, or silent,
+# and for checks that listen for some seconds.
 REAL_TIME = $$(grep -rl real_time tests --include='test_*.py')
 test: $(VENV)/.dev
 	$(MAKE) --jobs 2 --keep-going lint test-in-any-time
-	$(BIN)/pytest --numprocesses 3 --dist worksteal -m 'real_time and waiting' $(REAL_TIME)
+	$(BIN)/pytest --numprocesses 6 --dist worksteal -m 'real_time and waiting' $(REAL_TIME)
 	$(BIN)/pytest -m 'real_time and not waiting' $(REAL_TIME)
 
+# One process reads all tests first, besides `lint`, and keeps their bytecode for the other three.
 test-in-any-time: $(VENV)/.dev
+	$(BIN)/pytest --collect-only --quiet >/dev/null
 	$(BIN)/pytest --numprocesses 3 --dist worksteal -m 'not real_time'
 
 lint: $(VENV)/.dev

@@ -9,7 +9,8 @@ its corridor encloses the way that was flown.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from array import array
+from dataclasses import dataclass
 from itertools import pairwise
 from typing import TYPE_CHECKING, Final
 
@@ -30,10 +31,25 @@ _ASIDE_MIN_M: Final = 0.5
 
 @dataclass
 class _Stretch:
-    """What was flown of one leg: the leg, and the places (north, east), the first at its start."""
+    """What was flown of one leg, from its start on.
+
+    Attributes:
+        leg: the leg.
+        coordinates_ned_m: north and east of every place in turn; an hour's way in pairs of Python's
+            numbers takes more than a megabyte, seven times as much.
+    """
 
     leg: Leg
-    places_ned_m: list[Place] = field(default_factory=list)
+    coordinates_ned_m: array[float]
+
+    def places_ned_m(self) -> list[Place]:
+        """Return the places (north, east)."""
+        numbers = iter(self.coordinates_ned_m)
+        return list(zip(numbers, numbers, strict=True))
+
+    def __len__(self) -> int:
+        """Count the places."""
+        return len(self.coordinates_ned_m) // 2
 
 
 class FlownWay:
@@ -53,19 +69,20 @@ class FlownWay:
 
     def begin_leg(self, leg: Leg, place_ned_m: Place) -> None:
         """Go on along a leg from a place (north, east)."""
-        self._stretches.append(_Stretch(leg, [place_ned_m]))
+        self._stretches.append(_Stretch(leg, array("d", place_ned_m)))
 
     def add(self, place_ned_m: Place) -> None:
         """Take note of where the vehicle is (north, east)."""
         if self._stretches:
-            places_ned_m = self._stretches[-1].places_ned_m
-            if math.dist(places_ned_m[-1], place_ned_m) >= _SPACING_M:
-                places_ned_m.append(place_ned_m)
+            coordinates_ned_m = self._stretches[-1].coordinates_ned_m
+            if math.dist(coordinates_ned_m[-2:], place_ned_m) >= _SPACING_M:
+                coordinates_ned_m.extend(place_ned_m)
 
     def shift(self, north_m: float, east_m: float) -> None:
         """Move with the estimate."""
         for stretch in self._stretches:
-            stretch.places_ned_m = [(n + north_m, e + east_m) for n, e in stretch.places_ned_m]
+            places = np.add(stretch.places_ned_m(), (north_m, east_m))
+            stretch.coordinates_ned_m = array("d", places.ravel())
 
     def cut_at(self, place_ned_m: Place) -> None:
         """Forget what lies beyond the place of the way that is nearest to this one."""
@@ -75,10 +92,10 @@ class FlownWay:
         nearest = min(range(len(places)), key=lambda index: math.dist(places[index], place_ned_m))
         left = nearest + 1
         for stretch in self._stretches:
-            count = len(stretch.places_ned_m)
-            del stretch.places_ned_m[max(left, 0) :]
+            count = len(stretch)
+            del stretch.coordinates_ned_m[2 * max(left, 0) :]
             left -= count
-        self._stretches = [each for each in self._stretches if each.places_ned_m]
+        self._stretches = [each for each in self._stretches if len(each)]
 
     def mission_back(self, here_ned_m: Place, mission: Mission, body_m: float) -> Mission | None:
         """Return the mission that leads back to where control was taken.
@@ -93,7 +110,7 @@ class FlownWay:
         """
         legs, at = [], here_ned_m
         for stretch in reversed(self._stretches):
-            flown = np.array([*stretch.places_ned_m, at])
+            flown = np.array([*stretch.places_ned_m(), at])
             aside_m = max(stretch.leg.threading_half_width_m - body_m, _ASIDE_MIN_M)
             for end in reversed(_corners(flown, aside_m)[:-1]):
                 end_ned_m = (float(end[0]), float(end[1]))
@@ -107,7 +124,7 @@ class FlownWay:
         return mission.model_copy(update={**back, "legs": tuple(legs)})
 
     def _places(self) -> list[Place]:
-        return [place for stretch in self._stretches for place in stretch.places_ned_m]
+        return [place for stretch in self._stretches for place in stretch.places_ned_m()]
 
 
 def _corners(way_m: FloatArray, aside_m: float) -> FloatArray:

@@ -15,7 +15,7 @@ from gcs_tools.preflight.finding import Verdict
 from gcs_tools.vehicle.connection import AmbiguousVehicleError
 from tests.gcs_tools.vehicle.fake_autopilot import FakeAutopilot, autopilots
 
-pytestmark = pytest.mark.real_time
+pytestmark = [pytest.mark.real_time, pytest.mark.waiting]
 
 REQUEST = mavlink.MAV_CMD_ARM_AUTHORIZATION_REQUEST
 CHECKED, OTHER = 1, 2

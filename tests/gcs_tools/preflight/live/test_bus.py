@@ -22,7 +22,7 @@ from onboard.monitoring.flight_authorization import FlightAuthorizationGate
 from onboard.zenoh_session import open_session
 from tests.gcs_tools.running import CONFIG
 
-pytestmark = pytest.mark.real_time
+pytestmark = [pytest.mark.real_time, pytest.mark.waiting]
 
 CONTRACT = load_contract(CONFIG / "default_contract.yaml")
 PERIOD_S = 0.05

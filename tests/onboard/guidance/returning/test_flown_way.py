@@ -1,6 +1,7 @@
 """The way that was flown, and the mission back along it."""
 
 import math
+import tracemalloc
 
 import pytest
 from hypothesis import given
@@ -102,3 +103,18 @@ def test_a_way_that_leads_round_is_followed_back_round() -> None:
     ring = [(10.0 * math.sin(a / 10.0), 10.0 - 10.0 * math.cos(a / 10.0)) for a in range(63)]
     back = flown((MISSION.legs[0], [*ring, ring[0]])).mission_back(ring[0], MISSION, BODY_M)
     assert len(ends(back)) >= 2
+
+
+def test_an_hours_way_takes_little_memory() -> None:
+    """The daemon's memory may rise by 2 MB in an hour, which is for the log's index, too."""
+    way = FlownWay()
+    tracemalloc.start()
+    try:
+        way.begin_leg(MISSION.legs[0], (0.0, 0.0))
+        for number in range(8_000):  # 4 km
+            way.add((0.51 * number, 0.1 * (number % 2)))
+        taken_bytes, _ = tracemalloc.get_traced_memory()
+    finally:
+        tracemalloc.stop()
+    assert way.length_m > 4_000.0
+    assert taken_bytes < 200_000
