@@ -12,14 +12,14 @@ export PYTHONDONTWRITEBYTECODE :=
 fly: $(VENV)/.ground
 	$(BIN)/clearway fly
 
-# Flights in real time need the machine to themselves; everything else runs before them, in parallel.
+# Flights in real time need a core each; everything else runs before them, in parallel.
 # Those that mostly wait run along with each other: for a vehicle that is slow to answer, or silent,
 # and for checks that listen for some seconds.
 REAL_TIME = $$(grep -rl real_time tests --include='test_*.py')
 test: $(VENV)/.dev
 	$(MAKE) --jobs 2 --keep-going lint test-in-any-time
 	$(BIN)/pytest --numprocesses 6 --dist worksteal -m 'real_time and waiting' $(REAL_TIME)
-	$(BIN)/pytest -m 'real_time and not waiting' $(REAL_TIME)
+	$(BIN)/pytest --numprocesses 2 --maxschedchunk 1 -m 'real_time and not waiting' $(REAL_TIME)
 
 # One process reads all tests first, besides `lint`, and keeps their bytecode for the other three.
 test-in-any-time: $(VENV)/.dev
