@@ -76,6 +76,7 @@ class MoverSpace:
                 terms.detection_range_m,
                 frames_needed=frames_needed,
                 stamp_error_s=POSE_TIMING_S,
+                shadows_open=not (self._hidden and self.needs_ring),
             )
 
     @property
