@@ -9,6 +9,7 @@ import numpy as np
 
 from onboard.geometry.frames import FloatArray
 from onboard.perception.line_of_sight import BoolArray
+from onboard.perception.movers.open_cells import OpenCells
 from onboard.perception.movers.raster import Rectangle
 
 
@@ -19,7 +20,7 @@ class Past:
     stamp_s: float
     source: str
     row: int
-    depth: FloatArray
+    open: OpenCells
 
 
 @dataclass
@@ -40,8 +41,8 @@ class Step:
     rectangles: list[Rectangle]
     free_until_s: FloatArray = field(default_factory=lambda: np.empty(0))
     unvisited_until_s: FloatArray = field(default_factory=lambda: np.empty(0))
-    # From each of the cells that this frame shows open to the nearest other one, in cells.
-    depth: FloatArray = field(default_factory=lambda: np.empty(0))
+    # What this frame shows open.
+    open: OpenCells = field(default_factory=lambda: OpenCells(np.empty((0, 0), dtype=bool)))
 
 
 class Word(NamedTuple):

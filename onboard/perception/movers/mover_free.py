@@ -26,11 +26,10 @@ from onboard.geometry.frames import FloatArray
 from onboard.perception.line_of_sight import BoolArray
 from onboard.perception.movers.counted_frame import Past, Step, Word
 from onboard.perception.movers.glance import NEAR_M, Glance, cells_shown, nothing_near
+from onboard.perception.movers.open_cells import OpenCells
 from onboard.perception.movers.raster import (
     Rectangle,
     away_from,
-    bounds_of,
-    depth_of,
     depth_within,
     moved,
 )
@@ -159,14 +158,14 @@ class MoverFree:
         for step in self._steps:
             for name, fill in (
                 ("seen", False), ("shaded", False), ("occupied", False), ("filled", False),
-                ("depth", 0),
                 ("free_until_s", -math.inf), ("unvisited_until_s", -math.inf),
             ):  # fmt: skip
                 setattr(step, name, moved(getattr(step, name), di, dj, fill))
+            step.open = step.open.moved(di, dj)
             shifted = (each.shifted(di, dj, 2 * self._half) for each in step.rectangles)
             step.rectangles = [each for each in shifted if each.cells]
         for past in itertools.chain.from_iterable(self._past.values()):
-            past.depth = moved(past.depth, di, dj, 0)
+            past.open = past.open.moved(di, dj)
         self.version += 1
 
     # ------------------------------------------------------------------ frames
@@ -192,7 +191,7 @@ class MoverFree:
 
     def _keep_of(self, step: Step) -> None:
         """Keep of the oldest step what later frames of its sensor need to make a row."""
-        past = Past(step.stamp_s, step.source, step.row, step.depth)
+        past = Past(step.stamp_s, step.source, step.row, step.open)
         kept = [past, *self._past.get(step.source, ())]
         self._past[step.source] = kept[: self._needed - 1]
         # What is older shows nothing: by now a mover may have come from outside of the raster.
@@ -252,7 +251,7 @@ class MoverFree:
         open_cells = step.seen
         if self._shadows_open:
             open_cells = step.seen | (step.shaded & (self._unvisited_until_s > at_s))
-        step.depth = depth_of(open_cells, edge_open=False)
+        step.open = OpenCells(open_cells)
         shown = self._shown_in_a_row(position, open_cells)
         self._free_until_s = self._arrival_s(shown, self._free_until_s, step, edge_open=False)
         if self._shadows_open:
@@ -274,14 +273,15 @@ class MoverFree:
         A mover that is there now was within v_o times its age of there in each of them.
         """
         step, left = self._steps[position], self._needed - 1
-        shown, window = open_cells.copy(), bounds_of(open_cells).window
+        shown, bounds = open_cells.copy(), step.open.bounds
         before: list[Step | Past] = [*reversed(self._steps[:position])]
         for earlier in (*before, *self._past.get(step.source, ())):
             if left == 0:
                 break
             if (earlier.source, earlier.row) == (step.source, step.row):
                 age_s = step.ended_s - earlier.stamp_s + 2.0 * self._error_s
-                shown[window] &= earlier.depth[window] * CELL_M >= self._speed_mps * age_s
+                deep = earlier.open.are_deep(bounds, CELL_M, self._speed_mps * age_s)
+                shown[bounds.window] &= deep
                 left -= 1
         if left > 0:
             shown[:] = False

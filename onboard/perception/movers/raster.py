@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Final, NamedTuple
+from typing import Final, NamedTuple, TypeVar
 
 import numpy as np
 from scipy.ndimage import distance_transform_edt
@@ -12,6 +12,7 @@ from scipy.ndimage import distance_transform_edt
 from onboard.geometry.frames import FloatArray
 from onboard.perception.line_of_sight import BoolArray
 
+_Cells = TypeVar("_Cells", FloatArray, BoolArray)
 # Of more rectangles than these, the transform of all cells is no slower.
 _RECTANGLES_MAX: Final = 12
 
@@ -138,7 +139,7 @@ def _between(squares: FloatArray) -> FloatArray:
     return np.maximum(depth, 0.0, out=depth)
 
 
-def moved(cells: FloatArray, di: int, dj: int, fill: float) -> FloatArray:
+def moved(cells: _Cells, di: int, dj: int, fill: float) -> _Cells:
     """Return the window moved by whole cells; new cells get a value."""
     window = np.full_like(cells, fill)
     size = cells.shape[0]

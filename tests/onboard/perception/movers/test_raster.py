@@ -9,7 +9,15 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from onboard.perception.line_of_sight import BoolArray
-from onboard.perception.movers.raster import Rectangle, away_from, depth_of, depth_within
+from onboard.perception.movers.open_cells import OpenCells
+from onboard.perception.movers.raster import (
+    Rectangle,
+    away_from,
+    bounds_of,
+    depth_of,
+    depth_within,
+    moved,
+)
 
 SIZE = 9
 rasters = arrays(np.bool_, (SIZE, SIZE))
@@ -56,6 +64,26 @@ def test_only_the_bounds_of_an_area_are_looked_at() -> None:
 
 
 corners = st.integers(0, SIZE - 1)
+
+
+@given(
+    cells=rasters,
+    corner=st.tuples(corners, corners),
+    depth_m=st.floats(-0.1, 2.5) | st.sampled_from((0.0, (2.0 - math.sqrt(2.0)) * 0.2)),
+    shift=st.tuples(st.integers(-3, 3), st.integers(-3, 3)) | st.none(),
+)
+def test_deep_cells_are_those_whose_depth_says_so(
+    cells: BoolArray, corner: tuple[int, int], depth_m: float, shift: tuple[int, int] | None
+) -> None:
+    cells[: corner[0], : corner[1]] = True
+    opened, depth = OpenCells(cells), depth_of(cells, edge_open=False)
+    if shift is not None:
+        # They stay as deep as they were, whatever the raster no longer holds.
+        opened, depth = opened.moved(*shift), moved(depth, *shift, 0.0)
+    bounds = Rectangle(1, SIZE, 0, SIZE - 2)
+    deep = opened.are_deep(bounds, 0.2, depth_m)
+    assert deep.tolist() == (depth[bounds.window] * 0.2 >= depth_m).tolist()
+    assert opened.bounds == bounds_of(cells if shift is None else moved(cells, *shift, False))
 
 
 @given(ends=st.lists(st.tuples(corners, corners, corners, corners), max_size=15))
