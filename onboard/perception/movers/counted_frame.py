@@ -35,10 +35,9 @@ class Step:
     row: int
     seen: BoolArray
     shaded: BoolArray
-    occupied: BoolArray
-    filled: BoolArray
-    # What is occupied.
-    rectangles: list[Rectangle]
+    # What movers may fill, and what they fill at least.
+    occupied: list[Rectangle]
+    filled: list[Rectangle]
     free_until_s: FloatArray = field(default_factory=lambda: np.empty(0))
     unvisited_until_s: FloatArray = field(default_factory=lambda: np.empty(0))
     # What this frame shows open.

@@ -17,7 +17,6 @@ from __future__ import annotations
 import bisect
 import itertools
 import math
-from collections.abc import Sequence
 from typing import Final
 
 import numpy as np
@@ -32,6 +31,7 @@ from onboard.perception.movers.raster import (
     away_from,
     depth_within,
     moved,
+    shifted,
 )
 
 CELL_M: Final = 0.2
@@ -157,13 +157,13 @@ class MoverFree:
         self._unvisited_until_s = moved(self._unvisited_until_s, di, dj, -math.inf)
         for step in self._steps:
             for name, fill in (
-                ("seen", False), ("shaded", False), ("occupied", False), ("filled", False),
+                ("seen", False), ("shaded", False),
                 ("free_until_s", -math.inf), ("unvisited_until_s", -math.inf),
             ):  # fmt: skip
                 setattr(step, name, moved(getattr(step, name), di, dj, fill))
             step.open = step.open.moved(di, dj)
-            shifted = (each.shifted(di, dj, 2 * self._half) for each in step.rectangles)
-            step.rectangles = [each for each in shifted if each.cells]
+            step.occupied = shifted(step.occupied, di, dj, 2 * self._half)
+            step.filled = shifted(step.filled, di, dj, 2 * self._half)
         for past in itertools.chain.from_iterable(self._past.values()):
             past.open = past.open.moved(di, dj)
         self.version += 1
@@ -214,34 +214,26 @@ class MoverFree:
             i = np.flatnonzero(np.abs(xs_m - north_m) <= NEAR_M)[:, None]
             j = np.flatnonzero(np.abs(ys_m - east_m) <= NEAR_M)
             seen[i, j] |= np.hypot(xs_m[i] - north_m, ys_m[j] - east_m) <= whole_m
-        rectangles = self._rectangles(glance.movers)
-        occupied = self._cells_of(rectangles)
-        filled = occupied
+        occupied = filled = self._rectangles(glance.movers)
         if glance.cores is not None:
-            filled = self._cells_of(self._rectangles(glance.cores))
+            filled = self._rectangles(glance.cores)
+        for each in occupied:
+            seen[each.window] = shaded[each.window] = False
         return Step(
             glance.stamp_s,
             glance.stamp_s + glance.exposure_s,
             source,
             self._rows.get(source, 0),
-            seen & ~occupied,
-            shaded & ~occupied,
+            seen,
+            shaded,
             occupied,
             filled,
-            rectangles,
         )
 
     def _rectangles(self, boxes: FloatArray) -> list[Rectangle]:
         """Return the cells that each of some boxes touches, if any."""
         touched = (self._rectangle(*box) for box in boxes.tolist())
         return [each for each in touched if each.cells]
-
-    def _cells_of(self, rectangles: Sequence[Rectangle]) -> BoolArray:
-        """Return which cells some rectangles hold."""
-        cells = np.zeros((2 * self._half, 2 * self._half), dtype=bool)
-        for rectangle in rectangles:
-            cells[rectangle.window] = True
-        return cells
 
     def _apply(self, position: int) -> None:
         """Account for a step, all before it being accounted for."""
@@ -260,9 +252,9 @@ class MoverFree:
     def _not_visited_s(self, shown: BoolArray, step: Step) -> FloatArray:
         """Return until when no mover that was ever seen can be in each cell, after a step."""
         unvisited_s = self._arrival_s(shown, self._unvisited_until_s, step, edge_open=True)
-        if step.rectangles:
+        if step.occupied:
             # Who is seen now may never have been before: what is said of others is not of them.
-            since_s, away = step.stamp_s - self._error_s, away_from(step.rectangles, 2 * self._half)
+            since_s, away = step.stamp_s - self._error_s, away_from(step.occupied, 2 * self._half)
             came_s = since_s + away * (CELL_M / self._speed_mps)
             np.minimum(unvisited_s, came_s, out=unvisited_s)
         return unvisited_s
@@ -294,8 +286,10 @@ class MoverFree:
         at_s = step.ended_s + self._error_s
         held = before_s > at_s
         # Movers where none could be: an assumption has failed, or one is seen for the first time.
-        surprising = bool((held & step.filled).any())
-        none_there = (shown | held) & ~step.occupied
+        surprising = any(held[each.window].any() for each in step.filled)
+        none_there = shown | held
+        for each in step.occupied:
+            none_there[each.window] = False
         window, depth = depth_within(none_there, edge_open=edge_open)
         since_s = step.stamp_s - self._error_s
         since_there_s = since_s + depth * (CELL_M / self._speed_mps)
@@ -307,7 +301,8 @@ class MoverFree:
             return arrival_s
         arrival_s = before_s.copy()
         np.maximum(arrival_s[window], since_there_s, out=arrival_s[window])
-        arrival_s[step.occupied] = -math.inf
+        for each in step.occupied:
+            arrival_s[each.window] = -math.inf
         return arrival_s
 
     # ------------------------------------------------------------------ questions

@@ -44,6 +44,12 @@ class Rectangle(NamedTuple):
         return Rectangle(i0, i1, j0, j1)
 
 
+def shifted(rectangles: Sequence[Rectangle], di: int, dj: int, size: int) -> list[Rectangle]:
+    """Return what is left of some rectangles on a raster that has moved by whole cells."""
+    left = (rectangle.shifted(di, dj, size) for rectangle in rectangles)
+    return [rectangle for rectangle in left if rectangle.cells]
+
+
 class Depth(NamedTuple):
     """How many cells lie at least between each of some cells and the nearest other one.
 
