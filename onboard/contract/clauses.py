@@ -65,7 +65,7 @@ def clauses(terms: Terms[Q], derived: Derived[Q], ops: Arithmetic[Q]) -> tuple[C
     )
     if not terms.stop:
         return found
-    # Made anew, not by `_replace`, which takes several times as long.
+    # The constructor takes a fraction of what `_replace` takes.
     return tuple(
         [
             Clause(*clause[:-1], "progress") if clause.name in PROGRESS_CLAUSES else clause
