@@ -63,21 +63,35 @@ class FreeGrid:
         self, x_min_m: FloatArray, x_max_m: FloatArray, y_min_m: FloatArray, y_max_m: FloatArray
     ) -> BoolArray:
         """Tell for each closed rectangle whether it holds no unknown cell; arrays of any shape."""
-        (x_m, y_m), cell_m, table = self.origin_leg_m, self.cell_m, self.unknown_sum
-        first_i, last_i = np.floor((x_min_m - x_m) / cell_m), np.ceil((x_max_m - x_m) / cell_m)
-        first_j, last_j = np.floor((y_min_m - y_m) / cell_m), np.ceil((y_max_m - y_m) / cell_m)
+        return self.are_free_between(
+            np.array((x_min_m, y_min_m), np.float64), np.array((x_max_m, y_max_m), np.float64)
+        )
+
+    def are_free_between(self, low_m: FloatArray, high_m: FloatArray) -> BoolArray:
+        """Tell the same of rectangles between two corners each; both axes at once.
+
+        Args:
+            low_m: least x and y, (2, ...).
+            high_m: greatest x and y, (2, ...).
+        """
+        axes, table = (2, *(1,) * (low_m.ndim - 1)), self.unknown_sum
+        origin_m, sizes = np.array(self.origin_leg_m).reshape(axes), np.reshape(table.shape, axes)
+        first, last = (low_m - origin_m) / self.cell_m, (high_m - origin_m) / self.cell_m
+        np.floor(first, out=first)
+        np.ceil(last, out=last)
         # Compared as floats, so that what is not finite is outside, on every processor.
-        inside = (first_i >= 0) & (first_j >= 0) & (x_min_m <= x_max_m) & (y_min_m <= y_max_m)
-        inside &= (last_i < table.shape[0]) & (last_j < table.shape[1])
-        indices = [first_i, last_i, first_j, last_j]
+        each = (first >= 0) & (low_m <= high_m) & (last < sizes)
+        inside: BoolArray = each[0] & each[1]
         if not inside.all():
-            indices = [np.where(inside, index, 0.0) for index in indices]
-        i0, i1, j0, j1 = (index.astype(int) for index in indices)
+            first, last = np.where(inside, first, 0.0), np.where(inside, last, 0.0)
+        i_j0, i_j1 = first.astype(int), last.astype(int)
         # A rectangle without extent on the edge of a cell still lies in a cell.
-        i1, j1 = np.maximum(i1, i0 + 1), np.maximum(j1, j0 + 1)
-        inside &= (i1 < table.shape[0]) & (j1 < table.shape[1])
-        if not inside.all():
-            i0, i1, j0, j1 = (np.where(inside, index, 0) for index in (i0, i1, j0, j1))
+        np.maximum(i_j1, i_j0 + 1, out=i_j1)
+        within = i_j1 < sizes
+        if not within.all():
+            inside &= within[0] & within[1]
+            i_j0, i_j1 = np.where(inside, i_j0, 0), np.where(inside, i_j1, 0)
+        (i0, j0), (i1, j1) = i_j0, i_j1
         unknown = table[i1, j1] - table[i0, j1] - table[i1, j0] + table[i0, j0]
         free: BoolArray = inside & (unknown == 0)
         return free

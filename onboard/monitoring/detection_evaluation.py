@@ -91,9 +91,12 @@ class DetectionEvaluator:
         for violation in self._evaluate(frame, stamp_s, now_s, heading):
             doubted |= violation.assumption in DOUBTS
             yield violation
+        why = Uncounted.CROWDED if self.movers.is_crowded(stamp_s) else None
         if doubted or not is_complete(frame):
+            why = Uncounted.DOUBTED if doubted else Uncounted.INCOMPLETE
+        if why is not None:
             self.seen.skip(frame)
-            self.movers.skip(frame, Uncounted.DOUBTED if doubted else Uncounted.INCOMPLETE)
+            self.movers.skip(frame, why)
             return
         filled_m = self._filled_m(frame, self._poses.at(stamp_s), stamp_s)
         sight = self.seen.take(frame, stamp_s, now_s, self._placements_m(stamp_s), filled_m)

@@ -126,13 +126,27 @@ def corners_ned(detection: Detection, pose: Pose | None) -> Corners:
         pose: where the body was, for a box in FRD; None for one in local NED.  A sensor levels
             what it reports (pillars do not tilt), so that only the heading turns it.
     """
-    center_m, yaw_rad = (*detection.center_m, 0.0), math.radians(detection.yaw_deg)
+    (north_m, east_m), yaw_rad = detection.center_m, math.radians(detection.yaw_deg)
     if pose is not None:
-        center_m = LegFrame(pose.position_ned_m, pose.yaw_rad).position_ned(center_m)
+        frame = LegFrame(pose.position_ned_m, pose.yaw_rad)
+        north_m, east_m, _ = frame.position_ned((north_m, east_m, 0.0))
         yaw_rad += pose.yaw_rad
-    box, (x_m, y_m) = LegFrame(center_m, yaw_rad), (side_m / 2.0 for side_m in detection.size_m)
-    corners = ((-x_m, -y_m, 0.0), (x_m, -y_m, 0.0), (x_m, y_m, 0.0), (-x_m, y_m, 0.0))
-    return [box.position_ned(corner)[:2] for corner in corners]
+    length_m, width_m = detection.size_m
+    x_m, y_m = length_m / 2.0, width_m / 2.0
+    # Turned once, not corner by corner: all boxes of all frames pass here.
+    cosine, sine = math.cos(yaw_rad), math.sin(yaw_rad)
+    along_n_m, along_e_m, across_n_m, across_e_m = (
+        cosine * x_m,
+        sine * x_m,
+        sine * y_m,
+        cosine * y_m,
+    )
+    return [
+        (-along_n_m + across_n_m + north_m, -along_e_m - across_e_m + east_m),
+        (along_n_m + across_n_m + north_m, along_e_m - across_e_m + east_m),
+        (along_n_m - across_n_m + north_m, along_e_m + across_e_m + east_m),
+        (-along_n_m - across_n_m + north_m, -along_e_m + across_e_m + east_m),
+    ]
 
 
 def down_range_ned(detection: Detection, pose: Pose | None) -> DownRange | None:

@@ -20,19 +20,17 @@ def enclosing_boxes(seen_leg_m: FloatArray, face_error_m: float) -> list[Box]:
 
     The error that the caller adds to the faces along the leg is left out.
     """
-    boxes = []
-    for corners_m in seen_leg_m:
-        (x_min_m, y_min_m), (x_max_m, y_max_m) = corners_m.min(axis=0), corners_m.max(axis=0)
-        sides_m = np.abs(corners_m[1:3] - corners_m[0:2])
-        lengths_m = np.hypot(sides_m[:, 0], sides_m[:, 1])
-        side = int(lengths_m.argmax())
-        # A box without extent may be turned by any angle.
-        turned = math.sqrt(2.0)
-        if lengths_m[side] > CELL_M:
-            turned = float(sides_m[side].sum() / lengths_m[side])
-        box = Box(float(x_min_m), float(x_max_m), float(y_min_m), float(y_max_m))
-        boxes.append(box.inflated(max(turned - 1.0, 0.0) * face_error_m))
-    return boxes
+    low, high = seen_leg_m.min(axis=1), seen_leg_m.max(axis=1)
+    sides_m = np.abs(seen_leg_m[:, 1:3] - seen_leg_m[:, 0:2])
+    lengths_m = np.hypot(sides_m[..., 0], sides_m[..., 1])
+    longer = np.arange(len(sides_m)), lengths_m.argmax(axis=1)
+    # A box without extent may be turned by any angle.
+    turned, long = np.full(len(sides_m), math.sqrt(2.0)), lengths_m[longer] > CELL_M
+    np.divide(sides_m[longer].sum(axis=1), lengths_m[longer], out=turned, where=long)
+    margins_m = np.maximum(turned - 1.0, 0.0)[:, None] * face_error_m
+    low, high = low - margins_m, high + margins_m
+    rows = np.stack((low[:, 0], high[:, 0], low[:, 1], high[:, 1]), axis=1)
+    return [Box(*row) for row in rows.tolist()]
 
 
 def strip_around(

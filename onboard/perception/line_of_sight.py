@@ -11,8 +11,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Final
+from dataclasses import dataclass, replace
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +21,7 @@ from onboard.geometry.box import Box
 from onboard.geometry.frames import FloatArray
 
 BoolArray = NDArray[np.bool_]
+_Floats = NDArray[np.floating[Any]]
 
 # In a crowd of more boxes within range, lines of sight are not computed: the frame shows nothing.
 BOXES_MAX: Final = 256
@@ -77,6 +78,25 @@ def seen_free(view: View, x_m: FloatArray, y_m: FloatArray, cell_m: float) -> Bo
         y_m: likewise.
         cell_m: edge of a cell.
     """
+    return seen_past(view, (view.boxes,), x_m, y_m, cell_m)[0]
+
+
+def seen_past(
+    view: View,
+    blocking: Sequence[Sequence[Box]],
+    x_m: FloatArray,
+    y_m: FloatArray,
+    cell_m: float,
+) -> list[BoolArray]:
+    """Tell the same for each of several sets of boxes, as if a frame had reported only those.
+
+    Args:
+        view: the frame; its own boxes do not count.
+        blocking: the sets.
+        x_m: of the centres, leg frame.
+        y_m: likewise.
+        cell_m: edge of a cell.
+    """
     # Single precision is off by micrometres here, which `_ROUND_OFF_M` covers, and twice as fast.
     dx_m = (x_m - view.position_leg_m[0]).astype(np.float32)
     dy_m = (y_m - view.position_leg_m[1]).astype(np.float32)
@@ -94,9 +114,25 @@ def seen_free(view: View, x_m: FloatArray, y_m: FloatArray, cell_m: float) -> Bo
     seen &= distance_m - radius_m > astray_m + view.blind_m + _ROUND_OFF_M
     picked = np.flatnonzero(seen)
     if not picked.size:
-        return seen
-    dx_m, dy_m, distance_m = dx_m[picked], dy_m[picked], distance_m[picked]
-    radius_m, beyond_m = radius_m[picked], beyond_m[picked]
+        return [seen for _ in blocking]
+    inside, from_rad, to_rad = _bearings(
+        view, dx_m[picked], dy_m[picked], distance_m[picked], radius_m[picked]
+    )
+    beyond_m, found = beyond_m[picked], []
+    for boxes in blocking:
+        shown = inside
+        if (profile := _depth_profile(replace(view, boxes=boxes))) is not None:
+            shown = inside & (beyond_m <= profile.least(from_rad, to_rad))
+        found.append(np.zeros_like(seen))
+        found[-1][picked] = shown
+    return found
+
+
+def _bearings(
+    view: View, dx_m: _Floats, dy_m: _Floats, distance_m: _Floats, radius_m: _Floats
+) -> tuple[BoolArray, FloatArray, FloatArray]:
+    """Return which discs a view holds, and between which bearings from its axis each lies."""
+    astray_m = view.pose_error_m + view.placing_error_m
     cosine, sine = math.cos(view.heading_leg_rad), math.sin(view.heading_leg_rad)
     angle_rad = np.arctan2(cosine * dy_m - sine * dx_m, cosine * dx_m + sine * dy_m)
     # The half width that a cell takes of the view is asin(u) <= u / sqrt(1 - u^2), u = radius / d.
@@ -108,10 +144,7 @@ def seen_free(view: View, x_m: FloatArray, y_m: FloatArray, cell_m: float) -> Bo
         shy_rad = astray_m / np.sqrt((distance_m - radius_m - astray_m) * (distance_m - radius_m))
         limit_rad = view.half_view_rad - view.heading_error_rad - shy_rad
         inside &= np.abs(angle_rad) + width_rad <= limit_rad
-    if (profile := _depth_profile(view)) is not None:
-        inside &= beyond_m <= profile.least(angle_rad - width_rad, angle_rad + width_rad)
-    seen[picked] = inside
-    return seen
+    return inside, angle_rad - width_rad, angle_rad + width_rad
 
 
 class _Profile:

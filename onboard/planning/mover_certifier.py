@@ -214,7 +214,16 @@ def _swept_ned(
 
 def _met(low: FloatArray, high: FloatArray, until_s: FloatArray, movers: Movers) -> tuple[str, ...]:
     """Return which track may be in one of the boxes before its time."""
+    latest_s = float(until_s.max())
+    # What is not a number meets nothing.
+    x_min_m, y_min_m = np.fmin.reduce(low, axis=0).tolist()
+    x_max_m, y_max_m = np.fmax.reduce(high, axis=0).tolist()
     for track in movers.tracks:
+        # Its box only grows: what it does not meet at last, it never meets.
+        grown = track.predicted(latest_s, movers.stamp_error_s)
+        along_north = x_min_m <= grown.x_max_m and grown.x_min_m <= x_max_m
+        if not (along_north and y_min_m <= grown.y_max_m and grown.y_min_m <= y_max_m):
+            continue
         boxes = [track.predicted(time_s, movers.stamp_error_s) for time_s in until_s.tolist()]
         least = np.array([(box.x_min_m, box.y_min_m) for box in boxes])
         most = np.array([(box.x_max_m, box.y_max_m) for box in boxes])

@@ -26,8 +26,6 @@ from onboard.planning.certifier import (
 )
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
     from numpy.typing import NDArray
 
     from onboard.contract.run_on import RunOn
@@ -35,12 +33,14 @@ if TYPE_CHECKING:
     from onboard.geometry.free_grid import FreeGrid
     from onboard.motion.trajectory import State, Trajectory
 
+    _Strips = tuple[tuple[tuple[float, float], ...], ...]
+
 # The body is taken to be larger by twice this, so that no round-off of the grid matters.
 GRID_TOLERANCE_M: Final = 1e-3
 _SPLITS_MAX: Final = 4
 # Half sides of rectangles that together cover a disc of radius 1: they end at equal angles.
-_COVER_X: Final = np.cos(np.linspace(0.0, math.pi / 2.0, 9))[:-1]
-_COVER_Y: Final = np.sin(np.linspace(0.0, math.pi / 2.0, 9))[1:]
+_ANGLES_RAD: Final = np.linspace(0.0, math.pi / 2.0, 9)
+_COVERS: Final = np.stack((np.cos(_ANGLES_RAD)[:-1], np.sin(_ANGLES_RAD)[1:]))[:, :, None]
 
 
 @dataclass(frozen=True)
@@ -100,7 +100,7 @@ def has_room(trajectory: Trajectory, limits: RestLimits, grid: FreeGrid) -> bool
     knots = np.concatenate((trajectory.position_leg_m, trajectory.ends[0][-1:]))[:, :2]
     # Mostly there is not, and one of the places between two pieces tells so at once.
     grown_m = limits.body_radius_m + 2.0 * GRID_TOLERANCE_M
-    if not _discs_are_free(knots, knots, grown_m, grid).all():
+    if not _discs_are_free(knots.T, knots.T, grown_m, grid).all():
         return False
     return not _space_failures(trajectory, limits, grid)
 
@@ -211,12 +211,10 @@ def _space_failures(trajectory: Trajectory, limits: RestLimits, grid: FreeGrid) 
     run_on = limits.run_on
     whole = ((0.0, 0.0), *run_on.gains)
     for _ in range(_SPLITS_MAX + 1):
-        occupied = ~_are_free(points, whole, grown_m, grid)
+        occupied = ~_are_free(points, (whole,), grown_m, grid)
         if run_on.gains and occupied.any():
             # Strip by strip less is needed of what lies beside a run that leads aside.
-            suspects = points[:, occupied]
-            within = [_are_free(suspects, strip, grown_m, grid) for strip in run_on.strips]
-            occupied[occupied] = ~np.logical_and.reduce(within)
+            occupied[occupied] = ~_are_free(points[:, occupied], run_on.strips, grown_m, grid)
         if not occupied.any():
             return []
         points, pieces = halves(points[:, occupied]), np.repeat(pieces[occupied], 2)
@@ -225,47 +223,60 @@ def _space_failures(trajectory: Trajectory, limits: RestLimits, grid: FreeGrid) 
 
 
 def _are_free(
-    points: FloatArray, gains: Sequence[tuple[float, float]], grown_m: float, grid: FreeGrid
+    points: FloatArray, strips: _Strips, grown_m: float, grid: FreeGrid
 ) -> NDArray[np.bool_]:
-    """Tell for each piece whether the box of its points, grown by a disc, is seen free."""
+    """Tell for each piece whether the boxes of its points, grown by a disc, are seen free.
+
+    Args:
+        points: (3, n, 4, 2).
+        strips: gains of the points that each of its boxes holds.
+        grown_m: radius of the disc.
+        grid: the seen-free set.
+    """
     # The points of a piece come first, along with the gains, so that one axis is reduced.
-    position, velocity, acceleration = points.transpose(0, 2, 1, 3)[:, None]
-    kappa, c = _as_columns(tuple(gains))
-    swept = (position + kappa * velocity + c * acceleration).reshape(-1, *position.shape[2:])
-    low, high = swept.min(axis=0), swept.max(axis=0)
-    free = grid.are_free(
-        low[:, 0] - grown_m, high[:, 0] + grown_m, low[:, 1] - grown_m, high[:, 1] + grown_m
-    )
+    position, velocity, acceleration = points.transpose(0, 2, 3, 1)[:, None]
+    kappa, c, firsts = _as_columns(strips)
+    swept = position + kappa * velocity + c * acceleration
+    low, high = swept.min(axis=1), swept.max(axis=1)
+    # By axis, box and piece.
+    low = np.minimum.reduceat(low, firsts, axis=0).transpose(1, 0, 2)
+    high = np.maximum.reduceat(high, firsts, axis=0).transpose(1, 0, 2)
+    free = grid.are_free_between(low - grown_m, high + grown_m)
     # The corners of that square belong to no disc: without them it may be free all the same.
-    left = np.flatnonzero(~free)
-    if left.size:
-        free[left] = _discs_are_free(low[left], high[left], grown_m, grid)
-    return free
+    if not free.all():
+        left = ~free
+        free[left] = _discs_are_free(low[:, left], high[:, left], grown_m, grid)
+    every: NDArray[np.bool_] = np.logical_and.reduce(free, axis=0)
+    return every
 
 
 @lru_cache(maxsize=256)
-def _as_columns(gains: tuple[tuple[float, float], ...]) -> FloatArray:
-    """Return gains (2, n, 1, 1, 1): a contract has the same ones, as long as its speed lasts."""
-    columns: FloatArray = np.array(gains).T[:, :, None, None, None]
-    return columns
+def _as_columns(strips: _Strips) -> tuple[FloatArray, FloatArray, NDArray[np.intp]]:
+    """Return all gains, (n, 1, 1, 1) each, and with which of them each strip begins.
+
+    A contract has the same ones, as long as its speed lasts.
+    """
+    gains = np.array([pair for strip in strips for pair in strip])
+    kappa, c = gains.T[:, :, None, None, None]
+    return kappa, c, np.cumsum([0, *map(len, strips[:-1])])
 
 
 def _discs_are_free(
     low: FloatArray, high: FloatArray, grown_m: float, grid: FreeGrid
 ) -> NDArray[np.bool_]:
-    """Tell for boxes, (n, 2) corners, whether each is seen free when a disc grows it.
+    """Tell for boxes, (2, n) corners, whether each is seen free when a disc grows it.
 
     A point of the disc at an angle between two others is no farther along x than the first of them
     and no farther along y than the second: so many rectangles cover the disc.
     """
-    (x0_m, y0_m), (x1_m, y1_m) = low.T, high.T
-    x_m, y_m = grown_m * _COVER_X[:, None], grown_m * _COVER_Y[:, None]
-    covered = grid.are_free(x0_m - x_m, x1_m + x_m, y0_m - y_m, y1_m + y_m)
+    covers_m = grown_m * _COVERS
+    covered = grid.are_free_between(low[:, None] - covers_m, high[:, None] + covers_m)
     free: NDArray[np.bool_] = np.logical_and.reduce(covered, axis=0)
     if grid.free_disc is not None:
         *middle, radius_m = grid.free_disc
-        farthest = np.maximum(np.abs(low - middle), np.abs(high - middle))
-        free |= np.hypot(farthest[:, 0], farthest[:, 1]) + grown_m <= radius_m
+        middles = np.array(middle)[:, None]
+        farthest = np.maximum(np.abs(low - middles), np.abs(high - middles))
+        free |= np.hypot(*farthest) + grown_m <= radius_m
     return free
 
 

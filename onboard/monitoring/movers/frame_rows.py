@@ -13,6 +13,7 @@ from typing import Final
 
 from onboard.monitoring.assumptions import ALL_ROUND_DEG
 from onboard.perception.detection import DetectionFrame
+from onboard.perception.movers.tracker import TRACKS_MAX
 
 # Sensors beyond these are not told apart: whatever publishes chooses their names.
 _SOURCES_MAX: Final = 50
@@ -25,6 +26,7 @@ class Uncounted(StrEnum):
     INCOMPLETE = "they do not say that they name all they see (frame_complete)"
     DOUBTED = "they contradict what the contract says of their sensor"
     PLACELESS = "the vehicle turned or left its height, they are too old, or no pose fits them"
+    CROWDED = f"there are more than {TRACKS_MAX} movers, which is as many as are followed"
     LATE = "frames of other sensors have overtaken them by too much"
 
     @property

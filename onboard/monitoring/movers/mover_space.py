@@ -22,6 +22,7 @@ from onboard.monitoring.seen.sight import Sight
 from onboard.monitoring.supervised_flight import SupervisedFlight
 from onboard.perception.detection import Corners, Detection, DetectionFrame
 from onboard.perception.face_strips import strip_around
+from onboard.perception.movers.box_rows import BoxRows
 from onboard.perception.movers.mover_free import MoverFree
 from onboard.perception.movers.moving_detection import (
     MovingDetection,
@@ -33,7 +34,13 @@ from onboard.perception.movers.moving_detection import (
     turned_velocity_mps,
 )
 from onboard.perception.movers.static_claims import StaticClaims
-from onboard.perception.movers.tracker import Bound, MoverTracker, Sighting
+from onboard.perception.movers.tracker import (
+    MEMORY_S,
+    TRACKS_MAX,
+    Bound,
+    MoverTracker,
+    Sighting,
+)
 from onboard.perception.placement import POSE_TIMING_S, PlacedBox
 from onboard.planning.mover_certifier import Movers
 from onboard.vehicle_state import Pose
@@ -59,7 +66,7 @@ class MoverSpace:
     ) -> None:
         self._flight, self._known_boxes = flight, known_boxes
         self._claims = StaticClaims()
-        self.all_round_s = -math.inf
+        self.all_round_s = self._crowded_s = -math.inf
         terms = flight.assessment.terms
         self.active = terms.movers_level != "none"
         self.needs_ring = self.active and terms.movers_level != "passive_in_view"
@@ -76,6 +83,7 @@ class MoverSpace:
                 terms.detection_range_m,
                 frames_needed=frames_needed,
                 stamp_error_s=POSE_TIMING_S,
+                shadows_open=not (self._hidden and self.needs_ring),
             )
 
     @property
@@ -165,8 +173,28 @@ class MoverSpace:
         """
         if not self.active:
             return []
-        if frame.field_of_view_deg >= ALL_ROUND_DEG and is_complete(frame):
+        found = self._take(frame, placed, stamp_s)
+        ring = frame.field_of_view_deg >= ALL_ROUND_DEG and is_complete(frame)
+        if ring and not self.is_crowded(stamp_s):
             self.all_round_s = max(self.all_round_s, stamp_s)
+        return found
+
+    def is_crowded(self, stamp_s: float) -> bool:
+        """Tell whether there were more movers than are followed when a frame was taken, or lately.
+
+        Those that are not followed would have been for so long: until then any place may hold one.
+        """
+        return stamp_s <= self._crowded_s + MEMORY_S
+
+    def _overflow(self, stamp_s: float) -> None:
+        """Take it that any place may hold a mover: not all that a frame shows are followed."""
+        self._crowded_s, self._new = max(self._crowded_s, stamp_s), frozenset()
+        if self._free is not None:
+            self._free.forget_seen()
+
+    def _take(
+        self, frame: DetectionFrame, placed: Sequence[PlacedBox], stamp_s: float
+    ) -> list[Violation]:
         by_id = {frame.track_id(seen): seen for seen in frame.obstacles}
         if isinstance(frame, ReturnsFrame):
             self._track_returns(frame, [(by_id[box.track_id], box) for box in placed], stamp_s)
@@ -181,13 +209,12 @@ class MoverSpace:
             else:
                 found += self._check_claim(detection, box)
         known = {track.id for track in self._tracker}
-        unexplained = {
-            each.track_id
-            for each in sightings
-            if each.whole and not self._is_explained(each, stamp_s)
-        }
+        unexplained = self._unexplained([each for each in sightings if each.whole], stamp_s)
         complete = is_complete(frame)
         too_fast = self._tracker.take(frame.source, sightings, stamp_s, complete=complete)
+        if too_fast is None:
+            self._overflow(stamp_s)
+            return found
         new = {each.track_id for each in sightings} - known | self._tracker.renamed
         self._new = frozenset(new & unexplained)
         found += [
@@ -208,10 +235,9 @@ class MoverSpace:
             sighting = self._sighting(frame, detection, box)._replace(whole=True)
             if not claimed.explain(box.corners_ned_m, sighting.error_m):
                 moving.append(sighting)
-        self._new = frozenset(
-            each.track_id for each in moving if not self._is_explained(each, stamp_s)
-        )
-        self._tracker.replace_returns(frame.source, moving, stamp_s)
+        self._new = frozenset(self._unexplained(moving, stamp_s))
+        if not self._tracker.replace_returns(frame.source, moving, stamp_s):
+            self._overflow(stamp_s)
 
     def _claimed(self) -> ClaimedBoxes:
         return ClaimedBoxes(self._known_boxes(), self._flight.assessment.terms.map_error_m)
@@ -250,6 +276,8 @@ class MoverSpace:
         if not self.needs_ring or age_s <= terms.frame_age_max_s:
             return None
         note = "nothing that sees all round is heard"
+        if self.is_crowded(now_s):
+            note = str(Uncounted.CROWDED)
         age = (age_s, terms.frame_age_max_s, "s", "all round", note)
         return Violation(Assumption.DETECTION_AGE, *age)
 
@@ -296,14 +324,14 @@ class MoverSpace:
         claim = (moved.displacement_m, moved.limit_m, "m", box.track_id)
         return [Violation(Assumption.STATIC_CLAIM, *claim)]
 
-    def _is_explained(self, sighting: Sighting, stamp_s: float) -> bool:
-        """Tell whether a mover with a new name may be one that is known."""
-        return any(
-            track.predicted(stamp_s, POSE_TIMING_S)
-            .inflated(sighting.error_m)
-            .intersects(sighting.measured)
-            for track in self._tracker
-        )
+    def _unexplained(self, sightings: Sequence[Sighting], stamp_s: float) -> set[str]:
+        """Return which sightings, if their names are new, cannot be of a mover that is known."""
+        if len(sightings) > TRACKS_MAX:
+            return set()  # the tracker takes none of them
+        known = BoxRows(track.predicted(stamp_s, POSE_TIMING_S) for track in self._tracker)
+        return {
+            each.track_id for each in sightings if not known.meet(each.measured, each.error_m).any()
+        }
 
     def _late_first_sights(self, sight: Sight) -> list[Violation]:
         """Tell of each new mover whether one of its faces lies where none could be."""

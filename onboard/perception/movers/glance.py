@@ -9,9 +9,10 @@ from typing import Final
 
 import numpy as np
 
+from onboard.geometry.box import Box
 from onboard.geometry.frames import FloatArray
-from onboard.perception.line_of_sight import BoolArray, View, seen_free
-from onboard.perception.view_sector import in_sector
+from onboard.perception.line_of_sight import BoolArray, View, seen_past
+from onboard.perception.view_sector import in_sector, of_whole_cells
 
 # Nearer to an all-round sensor than this, cells are too near for lines of sight.
 NEAR_M: Final = 0.7
@@ -50,12 +51,34 @@ def without(view: View, keep: Sequence[bool]) -> View:
     return replace(view, boxes=[box for box, kept in zip(view.boxes, keep, strict=True) if kept])
 
 
-def cells_shown(view: View, xs_m: FloatArray, ys_m: FloatArray, cell_m: float) -> BoolArray:
-    """Tell of each cell of a raster whether a view shows all of it; see `in_sector`."""
-    cells = in_sector(view, xs_m, ys_m)
-    i, j = np.nonzero(cells)
-    cells[i, j] = seen_free(view, xs_m[i], ys_m[j], cell_m)
-    return cells
+def cells_shown(
+    view: View, blocking: Sequence[Sequence[Box]], xs_m: FloatArray, ys_m: FloatArray, cell_m: float
+) -> list[BoolArray]:
+    """Tell of each cell of a raster whether a view shows all of it past each of some sets of boxes.
+
+    Args:
+        view: see `seen_past`.
+        blocking: the sets.
+        xs_m: of the centres, one for each row (n,), ascending.
+        ys_m: one for each column (m,), likewise.
+        cell_m: edge of a cell.
+
+    Returns:
+        Of each set, (n, m).
+    """
+    shown = [np.zeros((xs_m.size, ys_m.size), dtype=bool) for _ in blocking]
+    whole = of_whole_cells(view, cell_m)
+    if whole is None:
+        return shown
+    rows, columns = (
+        slice(*np.searchsorted(middles_m, (at_m - whole.range_m, at_m + whole.range_m)).tolist())
+        for middles_m, at_m in zip((xs_m, ys_m), view.position_leg_m, strict=True)
+    )
+    xs_m, ys_m = xs_m[rows], ys_m[columns]
+    i, j = np.nonzero(in_sector(whole, xs_m, ys_m))
+    for cells, seen in zip(shown, seen_past(view, blocking, xs_m[i], ys_m[j], cell_m), strict=True):
+        cells[rows, columns][i, j] = seen
+    return shown
 
 
 def nothing_near(view: View) -> bool:

@@ -17,15 +17,22 @@ from __future__ import annotations
 import bisect
 import itertools
 import math
-from dataclasses import dataclass, field
-from typing import Final, NamedTuple
+from typing import Final
 
 import numpy as np
 
 from onboard.geometry.frames import FloatArray
 from onboard.perception.line_of_sight import BoolArray
+from onboard.perception.movers.counted_frame import Past, Step, Word
 from onboard.perception.movers.glance import NEAR_M, Glance, cells_shown, nothing_near
-from onboard.perception.movers.raster import depth_of, moved
+from onboard.perception.movers.open_cells import OpenCells
+from onboard.perception.movers.raster import (
+    Rectangle,
+    away_from,
+    depth_within,
+    moved,
+    shifted,
+)
 
 CELL_M: Final = 0.2
 # The grid follows the vehicle in steps of this, so that it moves seldom.
@@ -33,45 +40,6 @@ _STEP_CELLS: Final = 20
 # Frames that may still change places: more than any two sensors are apart.
 _HISTORY_MAX: Final = 10
 _ROUND_OFF_S: Final = 1e-9
-
-
-@dataclass
-class _Past:
-    """What is kept of a frame that can no longer change places: its part in its sensor's row."""
-
-    stamp_s: float
-    source: str
-    row: int
-    depth: FloatArray
-
-
-@dataclass
-class _Step:
-    """A frame on the raster, and what was known before it."""
-
-    stamp_s: float
-    # When the measurement had ended.
-    ended_s: float
-    source: str
-    # Which of its sensor's rows of successive frames it belongs to.
-    row: int
-    seen: BoolArray
-    shaded: BoolArray
-    occupied: BoolArray
-    filled: BoolArray
-    free_until_s: FloatArray = field(default_factory=lambda: np.empty(0))
-    unvisited_until_s: FloatArray = field(default_factory=lambda: np.empty(0))
-    # From each of the cells that this frame shows open to the nearest other one, in cells.
-    depth: FloatArray = field(default_factory=lambda: np.empty(0))
-
-
-class _Word(NamedTuple):
-    """No mover is in a disc at a time, as the operator says."""
-
-    north_m: float
-    east_m: float
-    radius_m: float
-    at_s: float
 
 
 class MoverFree:
@@ -83,6 +51,8 @@ class MoverFree:
         frames_needed: K, successive frames of one sensor that have to show a cell free, as for the
             seen-free set; a mover that comes into view is reported after no more of them.
         stamp_error_s: how far the stamp of a frame may be off.
+        shadows_open: whether a frame may come with its `open_view`, or the operator's word: else
+            it is not asked who was seen to hide, which is half of the work.
 
     Attributes:
         dropped: frames that came too late to be put in their place.
@@ -96,17 +66,19 @@ class MoverFree:
         *,
         frames_needed: int = 3,
         stamp_error_s: float = 0.0,
+        shadows_open: bool = True,
     ) -> None:
         self._speed_mps, self._error_s = speed_max_mps, stamp_error_s
+        self._shadows_open = shadows_open
         self._needed = frames_needed
         self._half = math.ceil(reach_m / CELL_M) + _STEP_CELLS
         self._corner = (-self._half, -self._half)
-        self._steps: list[_Step] = []
+        self._steps: list[Step] = []
         self._free_until_s: FloatArray
-        self._word: _Word | None = None
+        self._word: Word | None = None
         self._rows: dict[str, int] = {}  # by sensor, how often it began again
         # By sensor, the newest first, at most as many as a row needs before its last frame.
-        self._past: dict[str, list[_Past]] = {}
+        self._past: dict[str, list[Past]] = {}
         self.dropped = self.version = 0
         self._clear(unvisited_until_s=math.inf)
 
@@ -123,8 +95,10 @@ class MoverFree:
             radius_m: its radius.
             at_s: the time; frames that were taken before it change nothing any more.
         """
+        if not self._shadows_open:
+            raise ValueError("a word needs to know who was seen to hide: expected shadows_open")
         self.centre_on(north_m, east_m)
-        self._word = _Word(north_m, east_m, radius_m, at_s)
+        self._word = Word(north_m, east_m, radius_m, at_s)
         self._apply_word()
 
     def _apply_word(self) -> None:
@@ -183,13 +157,15 @@ class MoverFree:
         self._unvisited_until_s = moved(self._unvisited_until_s, di, dj, -math.inf)
         for step in self._steps:
             for name, fill in (
-                ("seen", False), ("shaded", False), ("occupied", False), ("filled", False),
-                ("depth", 0),
+                ("seen", False), ("shaded", False),
                 ("free_until_s", -math.inf), ("unvisited_until_s", -math.inf),
             ):  # fmt: skip
                 setattr(step, name, moved(getattr(step, name), di, dj, fill))
+            step.open = step.open.moved(di, dj)
+            step.occupied = shifted(step.occupied, di, dj, 2 * self._half)
+            step.filled = shifted(step.filled, di, dj, 2 * self._half)
         for past in itertools.chain.from_iterable(self._past.values()):
-            past.depth = moved(past.depth, di, dj, 0)
+            past.open = past.open.moved(di, dj)
         self.version += 1
 
     # ------------------------------------------------------------------ frames
@@ -213,9 +189,9 @@ class MoverFree:
         self.version += 1
         return True
 
-    def _keep_of(self, step: _Step) -> None:
+    def _keep_of(self, step: Step) -> None:
         """Keep of the oldest step what later frames of its sensor need to make a row."""
-        past = _Past(step.stamp_s, step.source, step.row, step.depth)
+        past = Past(step.stamp_s, step.source, step.row, step.open)
         kept = [past, *self._past.get(step.source, ())]
         self._past[step.source] = kept[: self._needed - 1]
         # What is older shows nothing: by now a mover may have come from outside of the raster.
@@ -224,54 +200,64 @@ class MoverFree:
             if rows and rows[0].stamp_s < oldest_s:
                 del self._past[source]
 
-    def _step(self, glance: Glance, source: str) -> _Step:
+    def _step(self, glance: Glance, source: str) -> Step:
         xs_m, ys_m = self._centres()
-        seen = cells_shown(glance.view, xs_m, ys_m, CELL_M)
-        shaded = np.zeros_like(seen)
-        if glance.open_view is not None:
-            shaded = cells_shown(glance.open_view, xs_m, ys_m, CELL_M) & ~seen
+        blocking = [glance.view.boxes]
+        if glance.open_view is not None and self._shadows_open:
+            blocking.append(glance.open_view.boxes)
+        seen, *open_past = cells_shown(glance.view, blocking, xs_m, ys_m, CELL_M)
+        shaded = open_past[0] & ~seen if open_past else np.zeros_like(seen)
         if nothing_near(glance.open_view or glance.view):
             # Every mover within range of it is reported: none is there.
             north_m, east_m = glance.view.position_leg_m
             whole_m = NEAR_M - CELL_M / math.sqrt(2.0)
-            seen |= np.hypot(xs_m[:, None] - north_m, ys_m[None, :] - east_m) <= whole_m
-        occupied = self._cells_of(glance.movers)
-        filled = occupied if glance.cores is None else self._cells_of(glance.cores)
-        return _Step(
+            i = np.flatnonzero(np.abs(xs_m - north_m) <= NEAR_M)[:, None]
+            j = np.flatnonzero(np.abs(ys_m - east_m) <= NEAR_M)
+            seen[i, j] |= np.hypot(xs_m[i] - north_m, ys_m[j] - east_m) <= whole_m
+        occupied = filled = self._rectangles(glance.movers)
+        if glance.cores is not None:
+            filled = self._rectangles(glance.cores)
+        for each in occupied:
+            seen[each.window] = shaded[each.window] = False
+        return Step(
             glance.stamp_s,
             glance.stamp_s + glance.exposure_s,
             source,
             self._rows.get(source, 0),
-            seen & ~occupied,
-            shaded & ~occupied,
+            seen,
+            shaded,
             occupied,
             filled,
         )
 
-    def _cells_of(self, boxes: FloatArray) -> BoolArray:
-        """Return which cells some boxes touch."""
-        cells = np.zeros((2 * self._half, 2 * self._half), dtype=bool)
-        for box in boxes:
-            cells[self._window(*box)] = True
-        return cells
+    def _rectangles(self, boxes: FloatArray) -> list[Rectangle]:
+        """Return the cells that each of some boxes touches, if any."""
+        touched = (self._rectangle(*box) for box in boxes.tolist())
+        return [each for each in touched if each.cells]
 
     def _apply(self, position: int) -> None:
         """Account for a step, all before it being accounted for."""
         step = self._steps[position]
         step.free_until_s, step.unvisited_until_s = self._free_until_s, self._unvisited_until_s
         at_s = step.ended_s + self._error_s
-        unvisited = self._unvisited_until_s > at_s
-        open_cells = step.seen | (step.shaded & unvisited)
-        step.depth = depth_of(open_cells, edge_open=False)
+        open_cells = step.seen
+        if self._shadows_open:
+            open_cells = step.seen | (step.shaded & (self._unvisited_until_s > at_s))
+        step.open = OpenCells(open_cells)
         shown = self._shown_in_a_row(position, open_cells)
         self._free_until_s = self._arrival_s(shown, self._free_until_s, step, edge_open=False)
+        if self._shadows_open:
+            self._unvisited_until_s = self._not_visited_s(shown, step)
+
+    def _not_visited_s(self, shown: BoolArray, step: Step) -> FloatArray:
+        """Return until when no mover that was ever seen can be in each cell, after a step."""
         unvisited_s = self._arrival_s(shown, self._unvisited_until_s, step, edge_open=True)
-        if step.occupied.any():
+        if step.occupied:
             # Who is seen now may never have been before: what is said of others is not of them.
-            since_s, away = step.stamp_s - self._error_s, depth_of(~step.occupied, edge_open=True)
+            since_s, away = step.stamp_s - self._error_s, away_from(step.occupied, 2 * self._half)
             came_s = since_s + away * (CELL_M / self._speed_mps)
-            unvisited_s = np.minimum(unvisited_s, came_s)
-        self._unvisited_until_s = unvisited_s
+            np.minimum(unvisited_s, came_s, out=unvisited_s)
+        return unvisited_s
 
     def _shown_in_a_row(self, position: int, open_cells: BoolArray) -> BoolArray:
         """Return the cells that enough successive frames of the sensor have shown free.
@@ -279,37 +265,44 @@ class MoverFree:
         A mover that is there now was within v_o times its age of there in each of them.
         """
         step, left = self._steps[position], self._needed - 1
-        shown = open_cells.copy()
-        before: list[_Step | _Past] = [*reversed(self._steps[:position])]
+        shown, bounds = open_cells.copy(), step.open.bounds
+        before: list[Step | Past] = [*reversed(self._steps[:position])]
         for earlier in (*before, *self._past.get(step.source, ())):
             if left == 0:
                 break
             if (earlier.source, earlier.row) == (step.source, step.row):
                 age_s = step.ended_s - earlier.stamp_s + 2.0 * self._error_s
-                shown &= earlier.depth * CELL_M >= self._speed_mps * age_s
+                deep = earlier.open.are_deep(bounds, CELL_M, self._speed_mps * age_s)
+                shown[bounds.window] &= deep
                 left -= 1
         if left > 0:
             shown[:] = False
         return shown
 
     def _arrival_s(
-        self, shown: BoolArray, before_s: FloatArray, step: _Step, *, edge_open: bool
+        self, shown: BoolArray, before_s: FloatArray, step: Step, *, edge_open: bool
     ) -> FloatArray:
         """Return until when no mover can be in each cell (Theorem M3)."""
         at_s = step.ended_s + self._error_s
         held = before_s > at_s
         # Movers where none could be: an assumption has failed, or one is seen for the first time.
-        surprising = bool((held & step.filled).any())
-        none_there = (shown | held) & ~step.occupied
-        depth = depth_of(none_there, edge_open=edge_open)
+        surprising = any(held[each.window].any() for each in step.filled)
+        none_there = shown | held
+        for each in step.occupied:
+            none_there[each.window] = False
+        window, depth = depth_within(none_there, edge_open=edge_open)
         since_s = step.stamp_s - self._error_s
-        arrival_s = since_s + depth * (CELL_M / self._speed_mps)
-        arrival_s[~none_there] = -math.inf
+        since_there_s = since_s + depth * (CELL_M / self._speed_mps)
+        since_there_s[~none_there[window]] = -math.inf
         if surprising:
             self._word = None  # whatever was not so is not said again
+            arrival_s = np.full_like(before_s, -math.inf)
+            arrival_s[window] = since_there_s
             return arrival_s
-        arrival_s = np.maximum(arrival_s, before_s)
-        arrival_s[step.occupied] = -math.inf
+        arrival_s = before_s.copy()
+        np.maximum(arrival_s[window], since_there_s, out=arrival_s[window])
+        for each in step.occupied:
+            arrival_s[each.window] = -math.inf
         return arrival_s
 
     # ------------------------------------------------------------------ questions
@@ -372,15 +365,15 @@ class MoverFree:
         middles = np.arange(2 * self._half, dtype=np.float64) + 0.5
         return (middles + self._corner[0]) * CELL_M, (middles + self._corner[1]) * CELL_M
 
-    def _window(
+    def _rectangle(
         self, north_min_m: float, north_max_m: float, east_min_m: float, east_max_m: float
-    ) -> tuple[slice, slice]:
-        """Return the cells that a rectangle touches, as far as they are on the grid."""
-        slices = []
+    ) -> Rectangle:
+        """Return the cells that a box touches, as far as they are on the grid; none if empty."""
+        size, ends = 2 * self._half, []
         for axis, (low_m, high_m) in enumerate(
             ((north_min_m, north_max_m), (east_min_m, east_max_m))
         ):
             first = math.floor(low_m / CELL_M) - self._corner[axis]
             last = math.floor(high_m / CELL_M) - self._corner[axis] + 1
-            slices.append(slice(min(max(first, 0), 2 * self._half), max(last, 0)))
-        return slices[0], slices[1]
+            ends += [min(max(first, 0), size), min(max(last, 0), size)]
+        return Rectangle(*ends)

@@ -3,21 +3,30 @@
 A track says where a mover that was seen may be, whatever it intends.  It is not what proves a place
 free (`mover_free` is), so that a wrong identity costs nothing but a track.  Coordinates are north
 and east; every box holds the whole mover, errors included.
+
+No more than `TRACKS_MAX` are followed.  A frame with which there would be more is refused as a
+whole: none of its movers is left out while the others count, and the caller has to take it that any
+place may hold one.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import Final, NamedTuple
 
 from onboard.geometry.box import Box
+from onboard.perception.line_of_sight import BOXES_MAX
+from onboard.perception.movers.box_rows import BoxRows
 
 # Complete frames of its sensor without it: then it is unseen, and its place counts as such.
 MISSED_MAX: Final = 3
 # A track that no frame of its sensor has updated for so long is unseen, too.
 MEMORY_S: Final = 5.0
+# Of all sensors together: two that see as many boxes each as a frame may have and still show a
+# place free.  To compare each with all others takes about a tick.  Ghosts may double them once.
+TRACKS_MAX: Final = 2 * BOXES_MAX
 # A mover that was faster than declared may become faster still.
 _RAISED: Final = 1.25
 _ROUND_OFF_M: Final = 1e-6
@@ -143,7 +152,7 @@ class MoverTracker:
 
     def take(
         self, source: str, sightings: Iterable[Sighting], stamp_s: float, *, complete: bool
-    ) -> list[TooFast]:
+    ) -> list[TooFast] | None:
         """Take what a frame shows.
 
         Args:
@@ -153,30 +162,44 @@ class MoverTracker:
             complete: whether it names everything within range and view.
 
         Returns:
-            Movers that have been faster than their class allows.
+            Movers that have been faster than their class allows; None if there are more movers
+            than are followed: then the frame changes nothing.
         """
-        before = dict(self._tracks)
+        before, sightings = dict(self._tracks), tuple(sightings)
         self.renamed = set()
-        found, shown = [], set()
+        found, shown = [], {sighting.track_id for sighting in sightings}
+        if self._overflows(shown, before.values(), stamp_s):
+            return None
+        # Another sensor's track of the same mover says nothing of its name.
+        own = [track for track in before.values() if track.id.startswith(f"{source}/")]
+        places = {track.id: index for index, track in enumerate(own)}
+        predicted = BoxRows(track.predicted(stamp_s, self._error_s) for track in own)
         for sighting in sightings:
-            shown.add(sighting.track_id)
             known = before.get(sighting.track_id)
             if known is not None and stamp_s <= known.seen_s:
                 continue
-            # Another sensor's track of the same mover says nothing of its name.
-            others = [
-                track
-                for track in before.values()
-                if track.id != sighting.track_id and track.id.startswith(f"{source}/")
-            ]
-            track, too_fast = self._updated(known, sighting, stamp_s, others)
+            # Another one may be there as well: the identities may have been exchanged.
+            shared = False
+            if known is not None:
+                met = predicted.meet(sighting.measured, sighting.error_m)
+                if known.id in places:
+                    met[places[known.id]] = False
+                shared = bool(met.any())
+            track, too_fast = self._updated(known, sighting, stamp_s, shared=shared)
             self._tracks[sighting.track_id] = track
             if too_fast is not None:
                 found.append(too_fast)
         self._forget(f"{source}/", shown, stamp_s, complete=complete)
         return found
 
-    def replace_returns(self, source: str, sightings: Iterable[Sighting], stamp_s: float) -> None:
+    def _overflows(
+        self, shown: Collection[str], before: Iterable[MoverTrack], stamp_s: float
+    ) -> bool:
+        """Tell whether there are more movers than are followed, with those that are shown now."""
+        kept = {track.id for track in before if stamp_s - track.seen_s <= MEMORY_S}
+        return len(kept.union(shown)) > TRACKS_MAX
+
+    def replace_returns(self, source: str, sightings: Iterable[Sighting], stamp_s: float) -> bool:
         """Take the returns of a frame, which have no identity: none is one of an earlier frame.
 
         What an earlier frame showed and this one does not is unseen, and its place counts as such.
@@ -185,23 +208,28 @@ class MoverTracker:
             source: the sensor, with whose name its tracks begin.
             sightings: all its returns.
             stamp_s: when it was taken; an older one than before changes nothing.
+
+        Returns:
+            Whether all of them are followed; else they are too many: the frame changes nothing.
         """
+        sightings = tuple(sightings)
         own = [track for track in self._tracks.values() if track.id.startswith(f"{source}/")]
         if any(track.seen_s >= stamp_s for track in own):
-            return
+            return True
+        gone = {track.id for track in own}
+        others = [track for track in self._tracks.values() if track.id not in gone]
+        if self._overflows({sighting.track_id for sighting in sightings}, others, stamp_s):
+            return False
         for track in own:
             del self._tracks[track.id]
         for sighting in sightings:
             self._tracks[sighting.track_id] = self._track_of(sighting, stamp_s)
         self.renamed = set()
         self._forget(f"{source}/", set(), stamp_s, complete=False)
+        return True
 
     def _updated(
-        self,
-        known: MoverTrack | None,
-        sighting: Sighting,
-        stamp_s: float,
-        others: list[MoverTrack],
+        self, known: MoverTrack | None, sighting: Sighting, stamp_s: float, *, shared: bool
     ) -> tuple[MoverTrack, TooFast | None]:
         """Return a track after a sighting, and whether the mover was too fast."""
         error_m, new = sighting.error_m, self._track_of(sighting, stamp_s)
@@ -210,7 +238,6 @@ class MoverTracker:
         new = replace(new, speed_max_mps=max(new.speed_max_mps, known.speed_max_mps))
         at = known.expected(stamp_s, self._error_s)
         beyond_m = _beyond_m(sighting.measured, at, error_m)
-        shared = self._is_shared(sighting, stamp_s, others)
         if beyond_m > _ROUND_OFF_M:
             self._add_ghost(known)
             apart = not at.inflated(error_m).intersects(sighting.measured)
@@ -238,15 +265,6 @@ class MoverTracker:
         speed_mps, velocity_ned_mps = bound.speed_max_mps, sighting.velocity_ned_mps
         return MoverTrack(
             sighting.track_id, sighting.kind, told, stamp_s, speed_mps, told, velocity_ned_mps
-        )
-
-    def _is_shared(self, sighting: Sighting, stamp_s: float, others: list[MoverTrack]) -> bool:
-        """Whether another one may be there as well: the identities may have been exchanged."""
-        return any(
-            other.predicted(stamp_s, self._error_s)
-            .inflated(sighting.error_m)
-            .intersects(sighting.measured)
-            for other in others
         )
 
     def _add_ghost(self, track: MoverTrack) -> None:

@@ -468,16 +468,17 @@ class Asked:
     free_disc: None = None
     rectangles: list[FloatArray] = dataclasses.field(default_factory=list)
 
-    def are_free(self, *faces: FloatArray) -> FloatArray:
-        self.rectangles.append(np.array(np.broadcast_arrays(*faces)))
-        return np.zeros(faces[0].shape, bool)
+    def are_free_between(self, low_m: FloatArray, high_m: FloatArray) -> FloatArray:
+        self.rectangles.append(np.stack((low_m[0], high_m[0], low_m[1], high_m[1])))
+        return np.zeros(low_m.shape[1:], bool)
 
 
 def test_the_boxes_asked_about_hold_every_point_of_the_run_and_the_body() -> None:
     points = np.random.default_rng(12).uniform(-1.0, 1.0, (3, 5, 4, 2))
     gains, asked = ((0.0, 0.0), (0.6, 0.0), (0.9, 0.3)), Asked()
-    rest_certifier._are_free(points, gains, 0.25, asked)  # type: ignore[arg-type]  # two calls of it
+    rest_certifier._are_free(points, (gains,), 0.25, asked)  # type: ignore[arg-type]  # one call of it
     square, covering = asked.rectangles
+    square = square[:, 0]  # of one strip
     for piece in range(5):
         p, v, a = points[:, piece]
         run = np.concatenate([p + kappa * v + c * a for kappa, c in gains])
@@ -521,6 +522,6 @@ def test_a_box_lies_in_the_disc_only_with_its_farthest_corner(
     low: tuple[float, float], high: tuple[float, float]
 ) -> None:
     grid = replace(all_unknown(), free_disc=(0.0, 0.0, 1.0))
-    corners = np.array([low]), np.array([high])
+    corners = np.array([low]).T, np.array([high]).T
     assert rest_certifier._discs_are_free(*corners, 0.09, grid).tolist() == [True]
     assert rest_certifier._discs_are_free(*corners, 0.1, grid).tolist() == [False]

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -143,15 +143,15 @@ def test_a_loosened_certifier_is_found_out(loosened: str, monkeypatch: pytest.Mo
 
     def loose(
         points: FloatArray,
-        gains: Sequence[tuple[float, float]],
+        strips: tuple[tuple[tuple[float, float], ...], ...],
         grown_m: float,
         grid: FreeGrid,
     ) -> NDArray[np.bool_]:
         if loosened == "body":
-            return sound(points, gains, 0.8 * grown_m, grid)
+            return sound(points, strips, 0.8 * grown_m, grid)
         if loosened == "run_on":
-            return sound(points, gains[:1], grown_m, grid)
-        free = sound(points, gains, grown_m, grid)
+            return sound(points, tuple(strip[:1] for strip in strips), grown_m, grid)
+        free = sound(points, strips, grown_m, grid)
         free[10:] = True
         return free
 

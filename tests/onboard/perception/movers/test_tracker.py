@@ -10,9 +10,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from onboard.geometry.box import Box
+from onboard.perception.movers.box_rows import BoxRows
 from onboard.perception.movers.static_claims import StaticClaims
 from onboard.perception.movers.tracker import (
+    MEMORY_S,
     MISSED_MAX,
+    TRACKS_MAX,
     Bound,
     MoverTrack,
     MoverTracker,
@@ -78,7 +81,9 @@ def test_faster_than_declared_is_told_face_by_face() -> None:
     assert tracks.take("front", [seen(5.34)], 0.1, complete=True) == []
     tracks = tracker()
     tracks.take("front", [seen(5.0)], 0.0, complete=True)
-    (found,) = tracks.take("front", [seen(5.5)], 0.1, complete=True)
+    too_fast = tracks.take("front", [seen(5.5)], 0.1, complete=True)
+    assert too_fast is not None
+    (found,) = too_fast
     assert found == TooFast("front/1", found.speed_mps, 1.5)
     assert found.speed_mps == pytest.approx(3.0)
     fast = next(track for track in tracks if track.id == "front/1")
@@ -190,6 +195,63 @@ def test_a_sensor_that_never_says_all_is_forgotten_by_age() -> None:
     assert len(tracks) == 1
     tracks.take("front", [], 6.0, complete=False)
     assert len(tracks) == 0
+
+
+def crowd(count: int, *, first: int = 0) -> list[Sighting]:
+    return [seen(5.0 * index, name=str(index)) for index in range(first, first + count)]
+
+
+def test_a_frame_of_more_movers_than_are_followed_changes_nothing() -> None:
+    tracks = tracker()
+    assert tracks.take("front", crowd(TRACKS_MAX), 1.0, complete=True) == []
+    before = list(tracks)
+    assert len(before) == TRACKS_MAX
+    assert tracks.take("front", crowd(TRACKS_MAX + 1), 1.1, complete=True) is None
+    # Nor do those of several frames, or sensors, together.
+    assert tracks.take("front", crowd(1, first=TRACKS_MAX), 1.1, complete=True) is None
+    ring = [Sighting("ring/1", "person", box(0.0, 0.0), E_M)]
+    assert tracks.take("ring", ring, 1.1, complete=True) is None
+    assert list(tracks) == before
+    # Who is known already takes no room, and neither does who is forgotten.
+    assert tracks.take("front", crowd(TRACKS_MAX), 1.2, complete=True) == []
+    new = crowd(TRACKS_MAX, first=TRACKS_MAX)
+    assert tracks.take("front", new, 1.2 + MEMORY_S + 0.01, complete=True) == []
+    assert {track.id for track in tracks} == {sighting.track_id for sighting in new}
+
+
+def test_more_returns_than_are_followed_change_nothing() -> None:
+    tracks = tracker()
+    assert tracks.replace_returns("front", crowd(TRACKS_MAX), 1.0)
+    before = list(tracks)
+    assert not tracks.replace_returns("front", crowd(TRACKS_MAX + 1), 1.1)
+    assert list(tracks) == before
+    # None is one of the frame before.
+    assert tracks.replace_returns("front", crowd(TRACKS_MAX, first=7), 1.2)
+    assert len(tracks) == TRACKS_MAX
+
+
+def test_no_stream_of_new_names_makes_more_tracks_than_a_bound() -> None:
+    """Names that another mover had, one frame after the other, leave a ghost each besides."""
+    tracks, most = tracker(), 0
+    for index in range(40):
+        names = crowd(100, first=70 * index)
+        elsewhere = [each._replace(measured=each.measured.shifted_by(0.0, 3.0)) for each in names]
+        for frame in (names, elsewhere):
+            tracks.take("front", frame, 1.0 + 0.05 * index, complete=False)
+            most = max(most, len(tracks))
+    assert most > TRACKS_MAX - 100
+    assert most <= 2 * TRACKS_MAX
+
+
+@given(seed=st.integers(0, 2**32 - 1))
+def test_boxes_meet_in_rows_as_they_do_one_by_one(seed: int) -> None:
+    random = Random(seed)
+    places = [random.choice((-0.6, -0.1, 0.0, 0.1, 0.6)) for _ in range(12)]
+    boxes = [box(x_m, y_m) for x_m, y_m in zip(places[:6], places[6:], strict=True)]
+    measured, error_m = box(random.choice(places), 0.55), random.choice((0.0, 0.05))
+    expected = [each.inflated(error_m).intersects(measured) for each in boxes]
+    assert BoxRows(boxes).meet(measured, error_m).tolist() == expected
+    assert BoxRows([]).meet(measured, error_m).tolist() == []
 
 
 def test_an_older_frame_changes_nothing() -> None:
