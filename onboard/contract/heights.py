@@ -76,6 +76,16 @@ def ground_below_m(terms: Terms[Q]) -> Q:
     return found_m
 
 
+def flown_over_from_m(terms: Terms[Q], top_max_m: float) -> Q:
+    """Return from which height of a leg on what moves on the ground is below the band (theory K).
+
+    Args:
+        terms: of a contract with heights.
+        top_max_m: how high above the ground it is at most.
+    """
+    return ground_below_m(terms) + (top_max_m + LEVEL_M)
+
+
 def view_needed_rad(terms: Terms[Q], derived: Derived[Q], ops: Arithmetic[Q]) -> Q | None:
     """Return the view up and down that shows the band before it is flown into; None for pillars.
 

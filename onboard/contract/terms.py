@@ -160,6 +160,11 @@ class Terms(Generic[Q]):
         return self.field_of_view_rad - 2.0 * self.heading_error_rad
 
     @property
+    def movers_meet(self) -> bool:
+        """Whether what moves may be at the height of the flight; else it is flown over."""
+        return self.movers_level != "none" and self.radius_z_m is None
+
+    @property
     def stops(self) -> bool:
         """Whether regions are those of stopping and sidestepping; else those of the paper."""
         return self.stop and self.input_set == "inner"

@@ -350,6 +350,9 @@ class Contract(FileModel):
                 default = fields[key].default
                 if terms[section][key] == (list(default) if default == () else default):
                     del terms[section][key]
+        for mover in terms["environment"].get("movers", ()):
+            if mover["top_max_m"] is None:  # a later key, too
+                del mover["top_max_m"]
         # By default a run was measured at the cruise speed.
         vehicle = terms["vehicle"]
         if vehicle.get("setpoint_loss_run_on_speed_mps") == vehicle["cruise_speed_mps"]:
