@@ -307,22 +307,23 @@ def scenario_of(scene: Scene, heading_rad: float, vehicle: str, wish_m: float = 
 
 def _sensor_of(scene: Scene, sensor: SensorTerms) -> SensorConfig:
     """Return the sensor that a contract declares; its heights err by what that allows."""
-    seen = {
-        "range_m": sensor.detection_range_m,
-        "field_of_view_deg": sensor.field_of_view_deg,
-        "uncertainty_m": sensor.position_error_m,
-    }
-    if scene.aloft is None:
-        moves = scene.moving is not None and bool(scene.moving.movers)
-        return SensorConfig(**seen, message_version=2 if moves else 1)
-    error_z_m = sensor.position_error_z_m or 0.0
-    return SensorConfig(
-        **seen,
-        frame="body_frd",
-        vertical_field_of_view_deg=sensor.vertical_field_of_view_deg,
-        height_noise_m=error_z_m,
-        height_uncertainty_m=error_z_m,
+    moves = scene.moving is not None and bool(scene.moving.movers)
+    seen = SensorConfig(
+        range_m=sensor.detection_range_m,
+        field_of_view_deg=sensor.field_of_view_deg,
+        uncertainty_m=sensor.position_error_m,
+        message_version=2 if moves else 1,
     )
+    if scene.aloft is None:
+        return seen
+    error_z_m = sensor.position_error_z_m or 0.0
+    heights = {
+        "frame": "body_frd",
+        "vertical_field_of_view_deg": sensor.vertical_field_of_view_deg,
+        "height_noise_m": error_z_m,
+        "height_uncertainty_m": error_z_m,
+    }
+    return seen.model_copy(update=heights)
 
 
 def field_of(obstacles: Obstacles, heading_rad: float, aloft: Aloft | None = None) -> ObstacleField:

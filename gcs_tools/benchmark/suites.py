@@ -257,10 +257,10 @@ BENCHMARKS: Final = {
             ),
             differences=(
                 "The peers fly over and under boxes that rise and sink by up to 2 m, at up to "
-                "5 m/s. Here every box and beam is a pillar over all "
-                "heights, since a contract covers heights or movers, not both; a leg may leave the "
-                "strip, as far as 18 m from its line, as it may in the static forests, and the "
-                "legs flown so far do: they pass beside most boxes, not between them; the speed "
+                "5 m/s. Here every box and beam is a pillar over all heights, since beside heights "
+                "a contract covers movers below the flight only; a leg may leave the strip, as far "
+                "as 18 m from its line, as it may in the static forests, and the legs flown so far "
+                "do: they pass beside most boxes, not between them; the speed "
                 "is 2 m/s, and of a mover nothing is known but its class. Where one may come "
                 "before the vehicle rests, it waits (YIELD)."
             ),
@@ -286,8 +286,8 @@ BENCHMARKS: Final = {
             legs=1,
             service_only=True,
             origin=(
-                "30 (easy), 60 (medium) and 90 (hard) spheres of up to 3.9 m diameter in 15 m by "
-                "20 m by 10 m, in the format of the ICRA 2022 DodgeDrone competition "
+                "Up to 30 (easy), 60 (medium) and 90 (hard) spheres of up to 3.9 m diameter in "
+                "15 m by 20 m by 10 m, in the format of the ICRA 2022 DodgeDrone competition "
                 "([uzh-rpg/agile_flight](https://github.com/uzh-rpg/agile_flight), MIT), as "
                 "DESS flies them ([thethaibinh/agile_flight]"
                 "(https://github.com/thethaibinh/agile_flight)); the rule is DESS's. The "
@@ -304,7 +304,7 @@ BENCHMARKS: Final = {
                 "that height. The sensor sees 120° wide, and 60° up and down; the word that the "
                 "start is clear is the operator's."
             ),
-            peers=(Peer("DESS", "99.1 % easy, 89.7 % medium, 84.9 % hard", "its paper, 2023"),),
+            peers=(Peer("DESS", "99.1 % easy, 89.7 % medium, 84.9 % hard", "Nguyen et al., 2023"),),
         ),
         Benchmark(
             name="competition",

@@ -137,6 +137,11 @@ def movers_objection(level: MoversLevel, declared: Declared) -> str | None:
             return f"{name} needs {what}"
     if not declared.as_pillars:
         return _heights_objection(name, level, declared.movers)
+    return _view_objection(name, level, declared)
+
+
+def _view_objection(name: str, level: MoversLevel, declared: Declared) -> str | None:
+    """Return why a level cannot be required with what is seen around the vehicle."""
     if level == "passive_in_view":
         return _in_view_objection(name, best_effort=declared.best_effort)
     if not declared.sees_all_round:
@@ -147,9 +152,7 @@ def movers_objection(level: MoversLevel, declared: Declared) -> str | None:
     return None
 
 
-def _heights_objection(
-    name: str, level: MoversLevel, movers: Sequence[MoverClass]
-) -> str | None:
+def _heights_objection(name: str, level: MoversLevel, movers: Sequence[MoverClass]) -> str | None:
     """Return why a level cannot be required beside declared heights: there movers are flown over.
 
     Near by, what moves may be below or above the vertical view.
