@@ -192,8 +192,8 @@ def sphere_legs(path: Path, legs: int) -> Iterator[Scene]:
         )
     for index in range(legs):
         yield Scene(
-            field=path.stem,
-            name=f"flight {index}",
+            field=path.stem.partition("_")[0],
+            name=f"{path.stem} flight {index}",
             obstacles=boxes,
             length_m=_SPHERES_LEG_M,
             half_width_m=_SPHERES_HALF_WIDTH_M,

@@ -51,7 +51,7 @@ class Aloft(NamedTuple):
     Attributes:
         down_m: (n, 2), top and bottom of each obstacle, local NED.
         altitude_m: at which the leg is flown.
-        start_clear_m: so far around its start nothing is, as whoever takes off there sees.
+        start_clear_m: so far around its start nothing is, as an operator sees who takes off there.
     """
 
     down_m: Floats

@@ -16,7 +16,7 @@ from onboard.contract.agility import available_limits
 from onboard.contract.arithmetic import SCALAR, Arithmetic
 from onboard.contract.clause import Clause
 from onboard.contract.derivation import Derived
-from onboard.contract.heights import flown_over_from_m
+from onboard.contract.heights import flown_over_clauses, flown_over_from_m
 from onboard.contract.terms import Terms
 from onboard.files.contract_terms.mover_terms import MoverClass
 from onboard.geometry.frames import Q
@@ -219,26 +219,6 @@ def mover_clauses(
     return tuple(chain(*found, _stoppable_clauses(terms, derived, ops, tick_s)))
 
 
-def flown_over_clauses(terms: Terms[Q]) -> tuple[Clause[Q], ...]:
-    """Return what being flown over requires of each class that stays on the ground (theory K).
-
-    None where the height of the mission is not known, as of the ground itself.
-    """
-    if terms.mission_altitude_m is None:
-        return ()
-    return tuple(
-        Clause(
-            f"flown_over.{mover.kind}",
-            flown_over_from_m(terms, mover.top_max_m),
-            terms.mission_altitude_m,
-            "m",
-            "the mission must be flown above all that moves: near by, the view does not show it",
-        )
-        for mover in terms.movers
-        if mover.top_max_m is not None
-    )
-
-
 def class_clauses(
     terms: Terms[Q], derived: Derived[Q], ops: Arithmetic[Q], tick_s: float, mover: MoverClass
 ) -> list[Clause[Q]]:
@@ -406,5 +386,5 @@ def _level_over(terms: Terms[float], mover: MoverClass) -> Level:
     if mover.top_max_m is not None:
         above_m = flown_over_from_m(terms, mover.top_max_m)
     holds = terms.mission_altitude_m is not None and terms.mission_altitude_m > above_m
-    level: Literal["flown over"] | None = "flown over" if holds and terms.stop else None
-    return Level(mover, level, 0.0, 0.0, None, above_m)
+    holds = holds and terms.height_drift_flight_m is not None and _can_be_required(terms)
+    return Level(mover, "flown over" if holds else None, 0.0, 0.0, None, above_m)

@@ -66,6 +66,7 @@ class Terms(Generic[Q]):
     terrain_error_m: Q | None = None
     radius_z_m: Q | None = None
     height_drift_m: Q | None = None
+    height_drift_flight_m: Q | None = None
     position_error_z_m: Q | None = None
     view_up_rad: Q | None = None
     view_down_rad: Q | None = None
@@ -229,6 +230,7 @@ def _heights(contract: Contract) -> dict[str, Any]:
     return {
         "radius_z_m": vehicle.radius_z_m,
         "height_drift_m": vehicle.height_drift_m,
+        "height_drift_flight_m": vehicle.height_drift_flight_m,
         "position_error_z_m": sensor.position_error_z_m,
         "view_up_rad": math.radians(up_deg),
         "view_down_rad": math.radians(down_deg),

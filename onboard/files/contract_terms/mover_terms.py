@@ -99,6 +99,7 @@ class Declared(NamedTuple):
         run_time_known: whether it is known how long the vehicle runs on without setpoints, where
             that matters.
         as_pillars: whether obstacles count as pillars of any height.
+        drifts_m: of the estimated height, until an obstacle is passed and over a whole flight.
     """
 
     movers: Sequence[MoverClass]
@@ -108,6 +109,7 @@ class Declared(NamedTuple):
     sees_all_round: bool
     run_time_known: bool
     as_pillars: bool
+    drifts_m: tuple[float | None, float | None] = (None, None)
 
 
 def movers_objection(level: MoversLevel, declared: Declared) -> str | None:
@@ -136,7 +138,7 @@ def movers_objection(level: MoversLevel, declared: Declared) -> str | None:
         if not holds:
             return f"{name} needs {what}"
     if not declared.as_pillars:
-        return _heights_objection(name, level, declared.movers)
+        return _heights_objection(name, level, declared)
     return _view_objection(name, level, declared)
 
 
@@ -152,7 +154,7 @@ def _view_objection(name: str, level: MoversLevel, declared: Declared) -> str | 
     return None
 
 
-def _heights_objection(name: str, level: MoversLevel, movers: Sequence[MoverClass]) -> str | None:
+def _heights_objection(name: str, level: MoversLevel, declared: Declared) -> str | None:
     """Return why a level cannot be required beside declared heights: there movers are flown over.
 
     Near by, what moves may be below or above the vertical view.
@@ -162,7 +164,15 @@ def _heights_objection(name: str, level: MoversLevel, movers: Sequence[MoverClas
             f"{name} beside vehicle.radius_z_m: what moves is flown over there, out of its reach; "
             "require passive"
         )
-    flying = next((each.kind for each in movers if each.top_max_m is None), None)
+    short_m, flight_m = declared.drifts_m
+    if flight_m is None or flight_m < (short_m or 0.0):
+        stated = "null" if flight_m is None else f"{flight_m:g} m"
+        return (
+            f"{name} beside vehicle.radius_z_m: vehicle.height_drift_flight_m = {stated}, expected "
+            f"at least height_drift_m = {short_m or 0.0:g} m: what moves below the view is not "
+            "measured, so that the height above the ground counts, with all that it drifts"
+        )
+    flying = next((each.kind for each in declared.movers if each.top_max_m is None), None)
     if flying is not None:
         return (
             f"{name} beside vehicle.radius_z_m needs top_max_m [m] of class {flying} in "

@@ -187,7 +187,7 @@ class MoverSpace:
             if self.is_mover(frame, detection):
                 if self._over is not None:
                     found += self._over.check(detection, box)
-                if self._over is None or self._over.meets(box):
+                if self._over is None or self._over.meets(detection, box):
                     sightings.append(self._sighting(frame, detection, box))
                     found += self._check_size(detection, box)
             else:

@@ -82,9 +82,8 @@ class MoverReports:
         found = []
         for index in reported:
             mover, (low, high, whole) = movers[index], seen[index]
-            box = self._with_errors(
-                index, low, high, sequence, math.dist(mover.position_ned_m, here_ned_m)
-            )
+            away_m = math.dist(mover.position_ned_m, here_ned_m)
+            box = self._with_errors(index, low, high, sequence, away_m)
             says = {
                 "class": mover.config.kind,
                 "box_whole": whole,
