@@ -18,14 +18,15 @@ def add_parser(commands: Any) -> None:
     parser.add_argument(
         "name",
         metavar="NAME",
-        help="sando, sando-dynamic, competition, longleaf, forest, or walls (our own)",
+        help="sando, sando-dynamic, dodgedrone, competition, longleaf, forest, or walls (our own)",
     )
     parser.add_argument(
         "scenes",
         nargs="*",
         metavar="SCENE",
-        help="of sando: easy, medium, hard, of sando-dynamic the first two; of forest: stems a "
-        "hectare; of walls: slalom, slalom-tight, s:GAP, door:WIDTH, trap; default: all",
+        help="of sando: easy, medium, hard, of sando-dynamic the first two; of dodgedrone these or "
+        "easy_0 ...; of forest: stems a hectare; of walls: slalom, slalom-tight, s:GAP, "
+        "door:WIDTH, trap; default: all",
     )
     parser.add_argument(
         "--data", type=Path, metavar="PATH", help="file or folder of the benchmark's scenes"

@@ -15,9 +15,9 @@ from rich.console import Console
 
 from gcs_tools.benchmark.legs import LegRow, Manner, Rule, fly_leg
 from gcs_tools.benchmark.page import write_section
-from gcs_tools.benchmark.scenes import Scene
+from gcs_tools.benchmark.scenes import Scene, Selection
 from gcs_tools.benchmark.service_flight import SERVICE_VEHICLES
-from gcs_tools.benchmark.suites import Benchmark, Selection, benchmark_named
+from gcs_tools.benchmark.suites import Benchmark, benchmark_named
 from gcs_tools.benchmark.summary import Run, print_tables
 from gcs_tools.benchmark.vehicles import vehicles
 from gcs_tools.campaign.workers import run_locally

@@ -15,6 +15,7 @@ from gcs_tools.benchmark.service_flight import (
     contract_of,
     fly_by_service,
     service_margin_m,
+    service_reach_m,
 )
 from gcs_tools.benchmark.vehicles import Vehicle, vehicles
 
@@ -32,10 +33,16 @@ class Rule:
     Attributes:
         text: in words.
         distance_min_m: of the vehicle's centre from every obstacle; None where that does not count.
+        duration_max_s: from taking control to the end; infinite where that does not count.
+        beside_max_m, behind_max_m: how far its centre may be from the line of the leg, and behind
+            its start.
     """
 
     text: str
     distance_min_m: float | None = None
+    duration_max_s: float = math.inf
+    beside_max_m: float = math.inf
+    behind_max_m: float = math.inf
 
 
 @dataclass(frozen=True)
@@ -100,6 +107,8 @@ class LegRow:
         peer_distance_m: the least distance that the benchmark's peer kept there.
         waited_s: at rest, or coming to rest, for what moves (YIELD).
         contacts_at_rest: how often something touched the vehicle at rest, which is no collision.
+        beside_max_m, behind_max_m: how far from the line of the leg the vehicle's centre was, and
+            how far behind its start; None of the planner.
         passed: by the benchmark's rule.
         why_not: the reason, if it did not pass.
     """
@@ -129,6 +138,8 @@ class LegRow:
     peer_distance_m: float | None
     waited_s: float = 0.0
     contacts_at_rest: int = 0
+    beside_max_m: float | None = None
+    behind_max_m: float | None = None
     passed: bool = False
     why_not: str = ""
 
@@ -200,7 +211,9 @@ def _by_service(benchmark: str, scene: Scene, number: int, manner: Manner) -> Le
         form=SERVICE,
         vehicle=manner.vehicle,
         seed=manner.seed,
-        passable=scene.passable(service_margin_m(scene, manner.vehicle)),
+        passable=scene.passable(
+            service_margin_m(scene, manner.vehicle), service_reach_m(scene, manner.vehicle)
+        ),
         arrived=arrived,
         collisions=result.collisions,
         end=result.outcome if arrived else _why_it_ended(served),
@@ -219,6 +232,8 @@ def _by_service(benchmark: str, scene: Scene, number: int, manner: Manner) -> Le
         peer_distance_m=scene.peer_distance_m,
         waited_s=served.waited_s,
         contacts_at_rest=result.contacts_at_rest,
+        beside_max_m=served.beside_max_m,
+        behind_max_m=served.behind_max_m,
     )
 
 
@@ -240,7 +255,21 @@ def _reasons(row: LegRow, rule: Rule) -> list[str]:
     near_m, least_m = row.distance_min_m, rule.distance_min_m
     if near_m is not None and least_m is not None and near_m < least_m:
         reasons.append(f"{near_m:.2f} m from an obstacle, less than {least_m:g} m")
-    return reasons
+    return reasons + _strayed(row, rule)
+
+
+def _strayed(row: LegRow, rule: Rule) -> list[str]:
+    """Return by how much time or place a leg is beyond its rule; nothing if it is not."""
+    bounds = (
+        (row.duration_s, rule.duration_max_s, "s of flight"),
+        (row.beside_max_m, rule.beside_max_m, "m beside the line"),
+        (row.behind_max_m, rule.behind_max_m, "m behind the start"),
+    )
+    return [
+        f"{value:.1f} {what}, more than {limit:g}"
+        for value, limit, what in bounds
+        if value is not None and value > limit
+    ]
 
 
 def _finite(value: float) -> float | None:

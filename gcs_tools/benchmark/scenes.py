@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Final, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy import ndimage
 
 from gcs_tools.benchmark.formats import BoxScene, Way
-from gcs_tools.benchmark.obstacles import Obstacles
+from gcs_tools.benchmark.obstacles import Floats, Obstacles
 from gcs_tools.console.errors import CommandError
 from sitl.environment.movers.config import MoverConfig
 
@@ -43,6 +45,27 @@ class Moving(NamedTuple):
     size_max_m: float
 
 
+class Aloft(NamedTuple):
+    """Heights, where obstacles are no pillars.
+
+    Attributes:
+        down_m: (n, 2), top and bottom of each obstacle, local NED.
+        altitude_m: at which the leg is flown.
+        start_clear_m: so far around its start nothing is, as an operator sees who takes off there.
+    """
+
+    down_m: Floats
+    altitude_m: float
+    start_clear_m: float
+
+    def reaches(self, reach_m: float) -> NDArray[np.bool_]:
+        """Tell of each obstacle whether it is within a distance above or below the flight."""
+        top_m, bottom_m = self.down_m.T
+        flown_m = -self.altitude_m
+        met: NDArray[np.bool_] = (top_m <= flown_m + reach_m) & (bottom_m >= flown_m - reach_m)
+        return met
+
+
 @dataclass(frozen=True, eq=False)
 class Scene:
     """One leg through a field.
@@ -55,6 +78,7 @@ class Scene:
         half_width_m: of the corridor that the vehicle must not leave.
         peer_distance_m: the least distance that a peer kept there; None where it is unknown.
         moving: what moves; only the whole service flies such scenes.
+        aloft: the heights of flight and obstacles; None where these are pillars.
     """
 
     field: str
@@ -64,17 +88,25 @@ class Scene:
     half_width_m: float
     peer_distance_m: float | None = None
     moving: Moving | None = None
+    aloft: Aloft | None = None
 
-    def passable(self, margin_m: float) -> bool:
+    def passable(self, margin_m: float, reach_m: float = math.inf) -> bool:
         """Tell whether a way leads to the goal on the map with the boxes grown by a margin.
 
         A* would find one: the goal lies in the connected part of the raster that the start is in.
+
+        Args:
+            margin_m: from a face.
+            reach_m: how far above and below the flight obstacles are in its way.
         """
+        in_way = self.obstacles
+        if self.aloft is not None:
+            in_way = in_way.chosen(self.aloft.reaches(reach_m))
         xs = np.arange(-8.0, self.length_m + 8.0, _RASTER_M)
         half_m = min(self.half_width_m, 60.0) - margin_m
         ys = np.arange(-half_m, half_m, _RASTER_M)
         open_cells = np.ones((len(xs), len(ys)), bool)
-        for box in self.obstacles.reports(np.random.default_rng(0), 0.0):
+        for box in in_way.reports(np.random.default_rng(0), 0.0):
             i0, i1 = np.searchsorted(xs, (box.x_min_m - margin_m, box.x_max_m + margin_m))
             j0, j1 = np.searchsorted(ys, (box.y_min_m - margin_m, box.y_max_m + margin_m))
             open_cells[i0:i1, j0:j1] = False
@@ -217,3 +249,73 @@ def _size_m(name: str, text: str) -> float:
 def _near(obstacles: Obstacles, length_m: float) -> Obstacles:
     x, y = obstacles.centre_m.T
     return obstacles.chosen((x > -8.0) & (x < length_m + 8.0) & (np.abs(y) < _AROUND_M))
+
+
+# ------------------------------------------------------------------ which of them
+
+
+class Selection(NamedTuple):
+    """What to fly of a benchmark.
+
+    Attributes:
+        scenes: names of scenes; none means all that there are.
+        data: file or folder; None of benchmarks that need none.
+        legs: how many of each scene at most.
+        seed: of what is drawn.
+    """
+
+    scenes: tuple[str, ...]
+    data: Path | None
+    legs: int
+    seed: int
+
+
+def data_of(selection: Selection, name: str) -> Path:
+    """Return where a benchmark's scenes are.
+
+    Raises:
+        CommandError: the command does not say.
+    """
+    if selection.data is None:
+        raise CommandError(f"{name} needs --data PATH: its scenes are not part of Clearway")
+    return selection.data
+
+
+def expect_no_data(name: str, selection: Selection) -> None:
+    """Refuse data of a benchmark that draws its scenes.
+
+    Raises:
+        CommandError: there are some.
+    """
+    if selection.data is not None:
+        raise CommandError(f"--data {selection.data}: {name} has no data files")
+
+
+def expect_no_scenes(name: str, selection: Selection) -> None:
+    """Refuse names of scenes of a benchmark that has none.
+
+    Raises:
+        CommandError: there are some.
+    """
+    if selection.scenes:
+        raise CommandError(f"{name}: has no scenes to name, got {selection.scenes[0]!r}")
+
+
+def file_of(data: Path, name: str, folder: str) -> Path:
+    """Return the file itself, or the one of that name in a folder.
+
+    Raises:
+        CommandError: the folder has none.
+    """
+    if not data.is_dir():
+        return data
+    found = found_in(data, name, folder)
+    if found is None:
+        raise CommandError(f"{data}: has no {name}, nor {folder}/{name}")
+    return found
+
+
+def found_in(data: Path, name: str, folder: str) -> Path | None:
+    """Return the file of that name in a folder of data; None if it has none."""
+    places: Sequence[Path] = (data, data / folder, data / "benchmarks" / folder)
+    return next((place / name for place in places if (place / name).is_file()), None)

@@ -3,21 +3,27 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final, NamedTuple
 
 from gcs_tools.benchmark.formats import read_box_scenes, read_forest, read_pillars, read_ways
 from gcs_tools.benchmark.legs import Rule
-from gcs_tools.benchmark.moving_scenes import moving_legs
+from gcs_tools.benchmark.moving_scenes import moving_legs, sphere_legs
 from gcs_tools.benchmark.scenes import (
     PILLARS_HALF_WIDTH_M,
     WALLS,
     Scene,
+    Selection,
     blocked_legs,
+    data_of,
     drawn_walls,
+    expect_no_data,
+    expect_no_scenes,
+    file_of,
     forest_legs,
+    found_in,
     pillar_legs,
     random_forest,
 )
@@ -29,10 +35,6 @@ _DIFFICULTIES: Final = ("easy", "medium", "hard")
 _DENSITIES: Final = ("500", "1000", "1500")
 _DENSITY_MAX_PER_HA: Final = 10_000.0
 _LONGLEAF_LEG_M, _FOREST_LEG_M = 60.0, 50.0
-_LATER: Final = (
-    "is not flown yet: its obstacles are spheres above, below and at the height of the flight, "
-    "some of which move, and a contract covers heights or movers, not both"
-)
 _ARRIVES: Final = Rule("the leg is flown to its end and nothing is touched")
 
 
@@ -50,22 +52,6 @@ class Peer(NamedTuple):
     source: str
 
 
-class Selection(NamedTuple):
-    """What to fly of a benchmark.
-
-    Attributes:
-        scenes: names of scenes; none means all that there are.
-        data: file or folder; None of benchmarks that need none.
-        legs: how many of each scene at most.
-        seed: of what is drawn.
-    """
-
-    scenes: tuple[str, ...]
-    data: Path | None
-    legs: int
-    seed: int
-
-
 @dataclass(frozen=True)
 class Benchmark:
     """One benchmark.
@@ -80,7 +66,9 @@ class Benchmark:
         origin: whose scenes these are, with the licence, and how they are flown here.
         differences: what is not as in the peers' tests.
         peers: what others report.
-        service_only: whether only the whole service flies them, since something moves.
+        service_only: whether only the whole service flies them: something moves, or obstacles have
+            heights.
+        moves: whether something does.
     """
 
     name: str
@@ -93,16 +81,15 @@ class Benchmark:
     peers: tuple[Peer, ...]
     wish_m: float = 0.0
     service_only: bool = False
+    moves: bool = False
 
 
 def benchmark_named(name: str) -> Benchmark:
     """Return a benchmark.
 
     Raises:
-        CommandError: there is none of that name, or it is not flown yet.
+        CommandError: there is none of that name.
     """
-    if name == "dodgedrone":
-        raise CommandError(f"{name}: {_LATER}")
     if name not in BENCHMARKS:
         raise CommandError(f"{name}: unknown benchmark; expected one of {', '.join(BENCHMARKS)}")
     return BENCHMARKS[name]
@@ -120,7 +107,7 @@ def _sando(selection: Selection) -> Iterator[Scene]:
 
 
 def _sando_files(selection: Selection) -> list[Path]:
-    data = _data(selection, "sando")
+    data = data_of(selection, "sando")
     moving = next((each for each in (*selection.scenes, data.name) if "dynamic" in each), None)
     if moving is not None:
         raise CommandError(f"sando {moving}: its boxes move: fly the benchmark sando-dynamic")
@@ -133,8 +120,8 @@ def _sando_files(selection: Selection) -> list[Path]:
         return [data]
     wanted = selection.scenes or _DIFFICULTIES
     found = [
-        _found(data, f"static_{each}.csv", "sando")
-        or _found(data, f"{each}_forest.world", "worlds")
+        found_in(data, f"static_{each}.csv", "sando")
+        or found_in(data, f"{each}_forest.world", "worlds")
         for each in wanted
     ]
     missing = [f"static_{each}.csv" for each, path in zip(wanted, found, strict=True) if not path]
@@ -144,37 +131,59 @@ def _sando_files(selection: Selection) -> list[Path]:
 
 
 def _sando_dynamic(selection: Selection) -> Iterator[Scene]:
-    data, known = _data(selection, "sando-dynamic"), _DIFFICULTIES[:2]
+    data, known = data_of(selection, "sando-dynamic"), _DIFFICULTIES[:2]
     wrong = next((each for each in selection.scenes if each not in known), None)
     if wrong is not None:
         raise CommandError(
             f"sando-dynamic: unknown scene {wrong!r}; expected one of {', '.join(known)}"
         )
     for each in selection.scenes or known:
-        path = _file(data, f"dynamic_{each}.json", "sando")
+        path = file_of(data, f"dynamic_{each}.json", "sando")
         yield from moving_legs(path, selection.legs)
         if path == data:  # the file itself is named
             return
 
 
+def _dodgedrone(selection: Selection) -> Iterator[Scene]:
+    for path in _sphere_files(selection):
+        yield from sphere_legs(path, selection.legs)
+
+
+def _sphere_files(selection: Selection) -> list[Path]:
+    data = data_of(selection, "dodgedrone")
+    if not data.is_dir():
+        return [data]
+    places = (data / "benchmarks" / "dodgedrone", data / "dodgedrone", data)
+    known = {path.stem: path for place in places for path in sorted(place.glob("*_*.csv"))}
+    named = {each: [stem for stem in known if stem.startswith(each)] for each in _DIFFICULTIES}
+    wanted = selection.scenes or _DIFFICULTIES
+    found = [known[stem] for name in wanted for stem in named.get(name, [name]) if stem in known]
+    if not found or not all(named.get(name, name in known) for name in selection.scenes):
+        raise CommandError(
+            f"{data}: has no such scenes of DodgeDrone: expected files easy_0.csv, ..., and as "
+            f"scenes easy, medium, hard or the name of a file; got {' '.join(wanted)}"
+        )
+    return found
+
+
 def _competition(selection: Selection) -> Iterator[Scene]:
-    _no_scenes("competition", selection)
-    data = _data(selection, "competition")
-    path = _file(data, "two_box_scenes.csv", "uav_testing_competition")
+    expect_no_scenes("competition", selection)
+    data = data_of(selection, "competition")
+    path = file_of(data, "two_box_scenes.csv", "uav_testing_competition")
     scenes = list(read_box_scenes(path))
     ways = read_ways(path.with_name("missions.json"))
     return blocked_legs(path.stem, scenes, ways, selection.legs)
 
 
 def _longleaf(selection: Selection) -> Iterator[Scene]:
-    _no_scenes("longleaf", selection)
-    path = _file(_data(selection, "longleaf"), "longleaf_pines.csv", "longleaf")
+    expect_no_scenes("longleaf", selection)
+    path = file_of(data_of(selection, "longleaf"), "longleaf_pines.csv", "longleaf")
     forest = read_forest(path)
     return forest_legs(path.stem, forest, _LONGLEAF_LEG_M, selection.legs, selection.seed)
 
 
 def _forest(selection: Selection) -> Iterator[Scene]:
-    _no_data("forest", selection)
+    expect_no_data("forest", selection)
     for text in selection.scenes or _DENSITIES:
         density = _density(text)
         forest = random_forest(density, selection.seed)
@@ -183,7 +192,7 @@ def _forest(selection: Selection) -> Iterator[Scene]:
 
 
 def _walls(selection: Selection) -> Iterator[Scene]:
-    _no_data("walls", selection)
+    expect_no_data("walls", selection)
     if not selection.scenes:
         raise CommandError(f"walls: name the scenes to fly: {WALLS}")
     for scene in map(drawn_walls, selection.scenes):
@@ -202,37 +211,6 @@ def _density(text: str) -> float:
             f"{_DENSITY_MAX_PER_HA:g}"
         )
     return density
-
-
-def _data(selection: Selection, name: str) -> Path:
-    if selection.data is None:
-        raise CommandError(f"{name} needs --data PATH: its scenes are not part of Clearway")
-    return selection.data
-
-
-def _no_data(name: str, selection: Selection) -> None:
-    if selection.data is not None:
-        raise CommandError(f"--data {selection.data}: {name} has no data files")
-
-
-def _no_scenes(name: str, selection: Selection) -> None:
-    if selection.scenes:
-        raise CommandError(f"{name}: has no scenes to name, got {selection.scenes[0]!r}")
-
-
-def _file(data: Path, name: str, folder: str) -> Path:
-    """Return the file itself, or the one of that name in a folder."""
-    if not data.is_dir():
-        return data
-    found = _found(data, name, folder)
-    if found is None:
-        raise CommandError(f"{data}: has no {name}, nor {folder}/{name}")
-    return found
-
-
-def _found(data: Path, name: str, folder: str) -> Path | None:
-    places: Sequence[Path] = (data, data / folder, data / "benchmarks" / folder)
-    return next((place / name for place in places if (place / name).is_file()), None)
 
 
 # ------------------------------------------------------------------ what each is
@@ -269,6 +247,7 @@ BENCHMARKS: Final = {
             ),
             legs=5,
             service_only=True,
+            moves=True,
             origin=(
                 "50 (easy) and 100 (medium) boxes in a strip of 105 m by 12 m, as "
                 "[mit-acl/sando](https://github.com/mit-acl/sando), `scripts/run_sim.py`, BSD-3, "
@@ -278,10 +257,10 @@ BENCHMARKS: Final = {
             ),
             differences=(
                 "The peers fly over and under boxes that rise and sink by up to 2 m, at up to "
-                "5 m/s. Here every box and beam is a pillar over all "
-                "heights, since a contract covers heights or movers, not both; a leg may leave the "
-                "strip, as far as 18 m from its line, as it may in the static forests, and the "
-                "legs flown so far do: they pass beside most boxes, not between them; the speed "
+                "5 m/s. Here every box and beam is a pillar over all heights, since beside heights "
+                "a contract covers movers below the flight only; a leg may leave the strip, as far "
+                "as 18 m from its line, as it may in the static forests, and the legs flown so far "
+                "do: they pass beside most boxes, not between them; the speed "
                 "is 2 m/s, and of a mover nothing is known but its class. Where one may come "
                 "before the vehicle rests, it waits (YIELD)."
             ),
@@ -292,6 +271,42 @@ BENCHMARKS: Final = {
                     "its repository and paper, 2026",
                 ),
             ),
+        ),
+        Benchmark(
+            name="dodgedrone",
+            title="DodgeDrone, spheres at all heights",
+            scenes=_dodgedrone,
+            rule=Rule(
+                "it comes to 17 m ahead within 60 s, nothing is touched, and it is never farther "
+                "than 15 m beside the line nor 5 m behind the start",
+                duration_max_s=60.0,
+                beside_max_m=15.0,
+                behind_max_m=5.0,
+            ),
+            legs=3,
+            service_only=True,
+            origin=(
+                "Up to 30 (easy), 60 (medium) and 90 (hard) spheres of up to 3.9 m diameter in "
+                "15 m by 20 m by 10 m, in the format of the ICRA 2022 DodgeDrone competition "
+                "([uzh-rpg/agile_flight](https://github.com/uzh-rpg/agile_flight), MIT), as "
+                "DESS flies them ([thethaibinh/agile_flight]"
+                "(https://github.com/thethaibinh/agile_flight)), each scene flown three times with "
+                "other errors of faces and heights; the rule is DESS's. The competition's own, for "
+                "its longer fields with spheres that move: from x = 0 past x = 60 m within 30 s, "
+                "with x from -5 to 65 m, y from -10 to 10 m and z from 0 to 10 m"
+            ),
+            differences=(
+                "The peer climbs to 5 m and flies in three dimensions, over and under spheres, at "
+                "up to 5 m/s; passing x = 17 m anywhere is enough. Here each sphere is the box "
+                "around it, the flight stays at 2.5 m, the middle of what the generator of the "
+                "scenes keeps clear at the start, whatever the scene, and ends at (17, 0); spheres "
+                "out of the band of heights that it may fill are not in its way. Passable is of "
+                "that height. The sensor sees 120° wide, and 60° up and down; the word that the "
+                "start is clear is the operator's. What does not pass arrives later than the rule "
+                "allows: it stops and looks around wherever what it would fly through has not been "
+                "seen free."
+            ),
+            peers=(Peer("DESS", "99.1 % easy, 89.7 % medium, 84.9 % hard", "Nguyen et al., 2023"),),
         ),
         Benchmark(
             name="competition",

@@ -149,7 +149,7 @@ def peers_of(benchmark: Benchmark, rows: Sequence[LegRow]) -> tuple[Peer, ...]:
 
 def waits(benchmark: Benchmark, rows: Sequence[LegRow]) -> str:
     """Return a sentence about waiting for what moves; empty where nothing does."""
-    if not benchmark.service_only or not rows:
+    if not benchmark.moves or not rows:
         return ""
     longest = max(rows, key=lambda row: row.waited_s)
     mean_s = sum(row.waited_s for row in rows) / len(rows)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 from onboard.contract.agility import AccelerationLimits
@@ -25,7 +26,10 @@ def contract_document(assessment: Assessment) -> dict[str, Any]:
 
 
 def _level_document(level: Level) -> dict[str, Any]:
-    """Return what is promised against one class; null where it is not covered."""
+    """Return what is promised against one class; null where it is not covered.
+
+    `flown_over_above_m` is null where obstacles count as pillars, or no height suffices.
+    """
     return {
         "class": level.mover.kind,
         "speed_max_mps": level.mover.speed_max_mps,
@@ -33,7 +37,12 @@ def _level_document(level: Level) -> dict[str, Any]:
         "front_required_m": level.front_m,
         "all_round_required_m": level.ring_m,
         "view_required_deg": level.view_deg,
+        "flown_over_above_m": _finite(level.above_m),
     }
+
+
+def _finite(value: float | None) -> float | None:
+    return None if value is None or math.isinf(value) else value
 
 
 def derived_document(derived: Derived[float]) -> dict[str, Any]:

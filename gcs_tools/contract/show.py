@@ -81,7 +81,7 @@ def print_movers(assessment: Assessment, console: Console) -> None:
     console.print(title)
     for level in assessment.mover_levels:
         console.print(f"  {level}", style="" if level.level else "red")
-    if required == "none":
+    if required == "none" or not assessment.passing_levels:
         return  # none is waited for either
     console.print("movers in the way (passive safety does not include passing them):")
     for sentence in assessment.passing_levels:

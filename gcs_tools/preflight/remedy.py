@@ -37,6 +37,7 @@ _ADVICE = {
     "vehicle.tracking_error_z_m": "hold the height to",
     "vehicle.radius_z_m": "be as high as",
     "vehicle.height_drift_m": "know the height to",
+    "vehicle.height_drift_flight_m": "know the height over a whole flight to",
     "sensor.position_error_z_m": "measure tops to",
     "environment.terrain_error_m": "know the ground to",
     "vehicle.heading_error_deg": "know the heading to",

@@ -25,7 +25,7 @@ def emergence_m(terms: Terms[Q], derived: Derived[Q], ops: Arithmetic[Q]) -> Q:
     # Without a ring, any may step behind an obstacle out of view.
     any_may = terms.movers_level == "passive_in_view"
     hiding = [mover.speed_max_mps for mover in terms.movers if mover.hidden or any_may]
-    if terms.movers_level == "none" or terms.best_effort or not hiding:
+    if not terms.movers_meet or terms.best_effort or not hiding:
         return derived.margin_m * 0.0
     time_s = stop_of(terms, derived, ops).time_s(terms.reaction_time_s)
     return max(hiding) * time_s + RASTER_M

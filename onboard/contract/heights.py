@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
 from onboard.contract.agility import GRAVITY_MPS2
+from onboard.contract.clause import Clause
 
 if TYPE_CHECKING:
     from onboard.contract.arithmetic import Arithmetic
@@ -67,13 +68,49 @@ def half_band_m(terms: Terms[float]) -> float:
 
 
 def ground_below_m(terms: Terms[Q]) -> Q:
-    """Return how high a mission has to be above its origin for the ground, errors included."""
+    """Return how high a mission has to be above its origin for the ground, errors included.
+
+    The height drifts from the start on: by `height_drift_flight_m` where that is stated.
+    """
     body_m = terms.radius_m if terms.radius_z_m is None else terms.radius_z_m
     found_m = body_m + terms.tracking_error_z_m + terms.estimator_reset_max_m
-    for more_m in (terms.height_drift_m, terms.terrain_max_m, terms.terrain_error_m):
+    drift_m = terms.height_drift_flight_m
+    if drift_m is None:
+        drift_m = terms.height_drift_m
+    for more_m in (drift_m, terms.terrain_max_m, terms.terrain_error_m):
         if more_m is not None:
             found_m = found_m + more_m
     return found_m
+
+
+def flown_over_from_m(terms: Terms[Q], top_max_m: float) -> Q:
+    """Return from which height of a leg on what moves on the ground is below the band (theory K).
+
+    Args:
+        terms: of a contract with heights.
+        top_max_m: how high above the ground it is at most.
+    """
+    return ground_below_m(terms) + (top_max_m + LEVEL_M)
+
+
+def flown_over_clauses(terms: Terms[Q]) -> tuple[Clause[Q], ...]:
+    """Return what being flown over requires of each class that stays on the ground (theory K).
+
+    None where the height of the mission is not known, as of the ground itself.
+    """
+    if terms.mission_altitude_m is None:
+        return ()
+    return tuple(
+        Clause(
+            f"flown_over.{mover.kind}",
+            flown_over_from_m(terms, mover.top_max_m),
+            terms.mission_altitude_m,
+            "m",
+            "the mission must be flown above all that moves: near by, the view does not show it",
+        )
+        for mover in terms.movers
+        if mover.top_max_m is not None
+    )
 
 
 def view_needed_rad(terms: Terms[Q], derived: Derived[Q], ops: Arithmetic[Q]) -> Q | None:

@@ -209,6 +209,8 @@ def passing_clauses(
 
 def passing_levels(terms: Terms[float], derived: Derived[float]) -> tuple[str, ...]:
     """Say of each declared class whether it is passed in flight, as an operator reads it."""
+    if terms.radius_z_m is not None:  # none is met in flight
+        return ()
     return tuple(_level(terms, derived, mover) for mover in terms.movers)
 
 

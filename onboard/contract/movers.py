@@ -16,6 +16,7 @@ from onboard.contract.agility import available_limits
 from onboard.contract.arithmetic import SCALAR, Arithmetic
 from onboard.contract.clause import Clause
 from onboard.contract.derivation import Derived
+from onboard.contract.heights import flown_over_clauses, flown_over_from_m
 from onboard.contract.terms import Terms
 from onboard.files.contract_terms.mover_terms import MoverClass
 from onboard.geometry.frames import Q
@@ -212,6 +213,8 @@ def mover_clauses(
     """Return the clauses of the level that the contract requires; none if it requires none."""
     if terms.movers_level == "none":
         return ()
+    if not terms.movers_meet:
+        return flown_over_clauses(terms)
     found = [class_clauses(terms, derived, ops, tick_s, mover) for mover in terms.movers]
     return tuple(chain(*found, _stoppable_clauses(terms, derived, ops, tick_s)))
 
@@ -298,22 +301,30 @@ class Level:
 
     Attributes:
         mover: the class.
-        level: ``"passive"``, ``"passive in view"``, or None if it is not covered.
-        front_m: range ahead that its clauses require.
-        ring_m: all-round range that they require.
+        level: ``"passive"``, ``"passive in view"``, ``"flown over"``, or None if it is not covered.
+        front_m: range ahead that its clauses require; 0 beside heights, where none suffices.
+        ring_m: all-round range that they require; likewise.
         view_deg: view that `passive in view` requires; None where none suffices.
+        above_m: height of the mission from which on it is flown over, where heights are declared;
+            infinite where it may be at any height; None where obstacles count as pillars.
     """
 
     mover: MoverClass
-    level: Literal["passive", "passive in view"] | None
+    level: Literal["passive", "passive in view", "flown over"] | None
     front_m: float
     ring_m: float
     view_deg: float | None
+    above_m: float | None = None
 
     @property
     def brief(self) -> str:
         """Class and level: "drone 15 m/s: NOT COVERED, needs 25.0 m ahead and 9.1 m all round"."""
-        needs = f"needs {self.front_m:.1f} m ahead and {self.ring_m:.1f} m all round"
+        if self.above_m is None:
+            needs = f"needs {self.front_m:.1f} m ahead and {self.ring_m:.1f} m all round"
+        elif math.isinf(self.above_m):
+            needs = "it may come from above or below the vertical view"
+        else:
+            needs = f"needs a mission above {self.above_m:.2f} m"
         level = self.level or f"NOT COVERED, {needs}"
         return f"{self.mover.kind} {self.mover.speed_max_mps:g} m/s: {level}"
 
@@ -321,6 +332,8 @@ class Level:
         """Say it with its conditions, as an operator reads it."""
         if self.level is None:
             return self.brief
+        if self.above_m is not None:
+            return f"{self.brief}, above {self.above_m:.2f} m"
         hides = self.mover.hidden or self.level == "passive in view"
         hidden = "" if hides else ", if none hides behind an obstacle"
         in_view = ", from the operator's word at the start, in a steady cruise"
@@ -338,12 +351,13 @@ def _can_be_required(terms: Terms[float]) -> bool:
     return (
         terms.stop
         and terms.rest_settle_s > 0.0
-        and terms.radius_z_m is None
         and not (frozen and terms.setpoint_loss_run_time_s is None)
     )
 
 
 def _level(terms: Terms[float], derived: Derived[float], tick_s: float, mover: MoverClass) -> Level:
+    if terms.radius_z_m is not None:
+        return _level_over(terms, mover)
     stop, v_mps = stop_of(terms, derived, SCALAR), mover.speed_max_mps
     found = class_clauses(terms, derived, SCALAR, tick_s, mover)
     front = [each for each in found if not each.name.startswith(("all_round", "passive_in_view"))]
@@ -364,3 +378,13 @@ def _level(terms: Terms[float], derived: Derived[float], tick_s: float, mover: M
         0.0 if sees_all else ring_m,
         math.degrees(view_rad) if view_rad < NO_VIEW_RAD else None,
     )
+
+
+def _level_over(terms: Terms[float], mover: MoverClass) -> Level:
+    """Return what is promised beside heights: what is flown over, or nothing."""
+    above_m = math.inf
+    if mover.top_max_m is not None:
+        above_m = flown_over_from_m(terms, mover.top_max_m)
+    holds = terms.mission_altitude_m is not None and terms.mission_altitude_m > above_m
+    holds = holds and terms.height_drift_flight_m is not None and _can_be_required(terms)
+    return Level(mover, "flown over" if holds else None, 0.0, 0.0, None, above_m)

@@ -66,6 +66,7 @@ class Terms(Generic[Q]):
     terrain_error_m: Q | None = None
     radius_z_m: Q | None = None
     height_drift_m: Q | None = None
+    height_drift_flight_m: Q | None = None
     position_error_z_m: Q | None = None
     view_up_rad: Q | None = None
     view_down_rad: Q | None = None
@@ -160,6 +161,11 @@ class Terms(Generic[Q]):
         return self.field_of_view_rad - 2.0 * self.heading_error_rad
 
     @property
+    def movers_meet(self) -> bool:
+        """Whether what moves may be at the height of the flight; else it is flown over."""
+        return self.movers_level != "none" and self.radius_z_m is None
+
+    @property
     def stops(self) -> bool:
         """Whether regions are those of stopping and sidestepping; else those of the paper."""
         return self.stop and self.input_set == "inner"
@@ -224,6 +230,7 @@ def _heights(contract: Contract) -> dict[str, Any]:
     return {
         "radius_z_m": vehicle.radius_z_m,
         "height_drift_m": vehicle.height_drift_m,
+        "height_drift_flight_m": vehicle.height_drift_flight_m,
         "position_error_z_m": sensor.position_error_z_m,
         "view_up_rad": math.radians(up_deg),
         "view_down_rad": math.radians(down_deg),

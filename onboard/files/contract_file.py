@@ -151,7 +151,9 @@ class VehicleTerms(FileModel):
         description="of the estimated height, from the sight of an obstacle to its passing; "
         "null: obstacles count as pillars of any height",
     )
-
+    height_drift_flight_m: NonNegative | None = Field(
+        None, description="of the estimated height, over a whole flight; needed to fly over movers"
+    )
     rest_settle_s: NonNegative = Field(
         0.0, description="reference at rest to vehicle at rest, measured; needed against movers"
     )
@@ -329,6 +331,7 @@ class Contract(FileModel):
             run_time_known=not (requirements.passive_safety and frozen)
             or vehicle.setpoint_loss_run_time_s is not None,
             as_pillars=vehicle.radius_z_m is None,
+            drifts_m=(vehicle.height_drift_m, vehicle.height_drift_flight_m),
         )
         objection = movers_objection(requirements.movers, declared)
         if objection is not None:
@@ -350,6 +353,9 @@ class Contract(FileModel):
                 default = fields[key].default
                 if terms[section][key] == (list(default) if default == () else default):
                     del terms[section][key]
+        for mover in terms["environment"].get("movers", ()):
+            if mover["top_max_m"] is None:  # a later key, too
+                del mover["top_max_m"]
         # By default a run was measured at the cruise speed.
         vehicle = terms["vehicle"]
         if vehicle.get("setpoint_loss_run_on_speed_mps") == vehicle["cruise_speed_mps"]:

@@ -105,10 +105,7 @@ def heights_filled_m(
     if radius_z_m is None or error_z_m is None or stated is None or unknown or pose is None:
         return ANY_HEIGHT
     body_m = pose.position_ned_m[2]
-    from_m = body_m if frame.frame == "body_frd" else 0.0
-    # What stamp and pose may be apart displaces a climbing body.
-    error_m = max(detection.down_uncertainty_m or 0.0, error_z_m)
-    error_m += abs(pose.velocity_ned_mps[2]) * POSE_TIMING_S
+    from_m, error_m = _placed_m(frame, detection, pose, error_z_m)
     view = VerticalView.of(frame, pose, terms)
     nearest_m, farthest_m = distances_m(corners_ned_m, pose.position_ned_m[:2])
     # An error of the faces, and the sensor anywhere in the body.
@@ -124,6 +121,41 @@ def heights_filled_m(
         if view.shows(down_m - body_m + radius_z_m, near_m, far_m, up=False):
             bottom_m = down_m
     return top_m, bottom_m
+
+
+def heights_shown_m(
+    frame: DetectionFrame, detection: Detection, pose: Pose, terms: Terms[float]
+) -> DownRange:
+    """Return where top and bottom of an obstacle are at the least extent, in local NED.
+
+    It reaches at least up to the first and down to the second, whatever the errors: what was
+    measured is a part of it, also where the view cuts it.  A thin one may have the first below the
+    second.  Infinite where the sensor does not state them.
+
+    Args:
+        frame: that shows it.
+        detection: it.
+        pose: of the body at the stamp.
+        terms: of the contract.
+    """
+    if detection.down_m is None or terms.position_error_z_m is None:
+        return ANY_HEIGHT
+    from_m, error_m = _placed_m(frame, detection, pose, terms.position_error_z_m)
+    top_m, bottom_m = detection.down_m
+    return (
+        -math.inf if top_m is None else from_m + top_m + error_m,
+        math.inf if bottom_m is None else from_m + bottom_m - error_m,
+    )
+
+
+def _placed_m(
+    frame: DetectionFrame, detection: Detection, pose: Pose, error_z_m: float
+) -> tuple[float, float]:
+    """Return what a stated height is counted from, local NED, and how far it may be off."""
+    error_m = max(detection.down_uncertainty_m or 0.0, error_z_m)
+    # What stamp and pose may be apart displaces a climbing body.
+    error_m += abs(pose.velocity_ned_mps[2]) * POSE_TIMING_S
+    return pose.position_ned_m[2] if frame.frame == "body_frd" else 0.0, error_m
 
 
 def distances_m(corners_ned_m: Corners, here_ned_m: Sequence[float]) -> tuple[float, float]:

@@ -198,7 +198,12 @@ class ObstacleSensor:
             self._sequence,
             self._hides(truth, range_m) if self.config.movers_hidden else None,
         ):
-            velocity_mps = says.pop("velocity_ned_mps")
+            velocity_mps, heights_m = says.pop("velocity_ned_mps"), says.pop("heights_m")
+            seen_m = self._in_view_m(box, _corners_ned_m(box), heights_m, truth)
+            if seen_m is None:
+                continue
+            distance_m = math.dist(box.center_ned_m, truth.position_ned_m[:2])
+            box = self._with_heights(box, seen_m, distance_m)  # noqa: PLW2901  as far as seen
             if self.config.frame == "body_frd":
                 velocity_mps = turned(velocity_mps, -truth.yaw_rad)
             reported = self._reported(box, truth, estimate)
@@ -242,21 +247,31 @@ class ObstacleSensor:
 
     def _seen_heights_m(self, index: int, truth: VehicleTruth) -> tuple[float, float] | None:
         """Return top and bottom of what is in view, local NED; None if nothing is."""
-        known, view_deg = self._of_field(index), self.config.vertical_field_of_view_deg
+        known = self._of_field(index)
+        return self._in_view_m(known.box, known.corners_ned_m, known.heights_m, truth)
+
+    def _in_view_m(
+        self,
+        box: SeenBox,
+        corners_ned_m: list[Point],
+        heights_m: tuple[float, float],
+        truth: VehicleTruth,
+    ) -> tuple[float, float] | None:
+        """Return what of the heights of a box is in view, local NED; None if nothing is."""
+        view_deg = self.config.vertical_field_of_view_deg
         if view_deg is None:
-            return known.heights_m
+            return heights_m
         north_m, east_m, _ = truth.position_ned_m
-        middle_m = (known.box.center_ned_m[0] - north_m, known.box.center_ned_m[1] - east_m)
+        middle_m = (box.center_ned_m[0] - north_m, box.center_ned_m[1] - east_m)
         view = VerticalView.of(view_deg, truth, math.atan2(middle_m[1], middle_m[0]))
-        field = self._field
         nearest_m = distance_to_box_m(
             (north_m, east_m),
-            field.center_ned_m[index : index + 1],
-            field.half_size_m[index : index + 1],
-            field.yaw_rad[index : index + 1],
+            np.array([box.center_ned_m]),
+            np.array([box.size_m]) / 2.0,
+            np.array([box.yaw_rad]),
         )
-        farthest_m = max(math.dist((north_m, east_m), corner) for corner in known.corners_ned_m)
-        return view.seen_m(*known.heights_m, float(nearest_m[0]), farthest_m)
+        farthest_m = max(math.dist((north_m, east_m), corner) for corner in corners_ned_m)
+        return view.seen_m(*heights_m, float(nearest_m[0]), farthest_m)
 
     def _of_field(self, index: int) -> _Known:
         """Return an obstacle of the field, which never moves, as plain numbers."""
@@ -287,7 +302,13 @@ class ObstacleSensor:
         else:
             found = SeenBox(box.id, (north_m, east_m), box.size_m, box.yaw_rad)
         seen_m = self._seen_heights_m(index, truth)
-        if self.config.vertical_field_of_view_deg is None or seen_m is None:
+        return found if seen_m is None else self._with_heights(found, seen_m, distance_m)
+
+    def _with_heights(
+        self, found: SeenBox, seen_m: tuple[float, float], distance_m: float
+    ) -> SeenBox:
+        """State top and bottom, with their errors, where the detector sees heights."""
+        if self.config.vertical_field_of_view_deg is None:
             return found
         size_m, errors = self.config.height_noise_m, self.config.errors
         off_m = height_errors(errors, size_m, self._sequence, distance_m, self._noise)

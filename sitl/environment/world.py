@@ -109,9 +109,13 @@ class World:
             self._evaluated_m if self._here == self._evaluated_at else self._clearance_m(self._here)
         )
 
+    def rise_m(self, tilt_rad: float) -> float:
+        """Return how far a tilted vehicle reaches above and below its centre."""
+        return self._half_height_m + self.radius_m * abs(math.sin(tilt_rad))
+
     def observe(self, position_ned_m: tuple[float, float, float], tilt_rad: float = 0.0) -> None:
         """Evaluate the clearance here, and half-way from the previous position."""
-        rise_m = self._half_height_m + self.radius_m * abs(math.sin(tilt_rad))
+        rise_m = self.rise_m(tilt_rad)
         if self.field.down_m is None:  # among pillars only the plan matters
             position_ned_m, rise_m = (position_ned_m[0], position_ned_m[1], 0.0), 0.0
         before, self._here = self._here, Place(*position_ned_m, rise_m)

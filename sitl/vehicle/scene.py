@@ -166,6 +166,7 @@ class Scene:
             truth.position_ned_m[:2],
             truth.velocity_ned_mps[:2],
             airborne=self.vehicle.autopilot.commander.airborne,
+            lowest_down_m=truth.position_ned_m[2] + self.world.rise_m(truth.tilt_rad),
         )
         for detector in self.detectors:
             for payload in detector.sense(truth.time_s, truth, estimate):

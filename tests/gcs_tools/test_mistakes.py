@@ -322,7 +322,10 @@ MISTAKES = [
     Mistake("no jobs", "campaign nominal --jobs 0", ("--jobs",)),
     Mistake("a benchmark that does not exist", "benchmark rando", ("rando", "sando")),
     Mistake("a benchmark without its scenes", "benchmark sando", ("--data PATH",)),
-    Mistake("a benchmark that moves", "benchmark dodgedrone", ("not flown yet", "move")),
+    Mistake(
+        "no spheres of a benchmark", "benchmark dodgedrone --service --data .",
+        ("no such scenes", "easy_0.csv"),
+    ),
     Mistake(
         "another file for a benchmark's", "benchmark longleaf --data field.yaml",
         ("field.yaml", "x_m"),

@@ -81,7 +81,7 @@ def test_the_short_form_runs_every_kind_of_step_on_little() -> None:
 def test_benchmarks_without_their_data_are_skipped_with_a_sentence(tmp_path: Path) -> None:
     without, given = steps(), steps(data=tmp_path)
     skipped = {name for name, step in without.items() if step.skipped}
-    files = ("longleaf", "competition", "sando", "sando-dynamic")
+    files = ("longleaf", "competition", "sando", "sando-dynamic", "dodgedrone")
     assert skipped == {f"benchmark-{name}" for name in files}
     assert all("DATA=" in without[name].skipped for name in skipped)
     assert not any(step.skipped for step in given.values())

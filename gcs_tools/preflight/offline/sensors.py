@@ -89,7 +89,7 @@ def _needed_range(source: AnySource, terms: Terms[float]) -> tuple[float, str]:
 def _all_round(sources: Sequence[AnySource], assessment: Assessment) -> Iterator[Finding]:
     """Say which sensor covers all round where movers are required; JSON may bring another."""
     terms = assessment.terms
-    if terms.movers_level == "none":
+    if not terms.movers_meet:
         return
     for source in sources:
         if only_adds_movers(source) or _view_deg(source) < ALL_ROUND_DEG:

@@ -17,6 +17,7 @@ LATER_KEYS: Final[dict[str, tuple[str, ...]]] = {
         "clearance_wish_m",
         "radius_z_m",
         "height_drift_m",
+        "height_drift_flight_m",
         "rest_settle_s",
         "rest_speed_mps",
         "setpoint_loss_run_time_s",

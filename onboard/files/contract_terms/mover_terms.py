@@ -23,6 +23,7 @@ class MoverClass(FileModel):
         size_max_m: largest horizontal extent.
         hidden: whether some may be hidden behind obstacles that stand still.  Without, what nothing
             has been seen to enter holds none, as far as obstacles hide it.
+        top_max_m: how high above the ground below it any part of it is; None: at any height.
     """
 
     model_config = ConfigDict(populate_by_name=True, serialize_by_alias=True)
@@ -35,6 +36,9 @@ class MoverClass(FileModel):
         description="largest horizontal extent"
     )
     hidden: bool = Field(False, description="some may be hidden behind what stands still")
+    top_max_m: Annotated[float, Field(gt=0.0, le=1000.0)] | None = Field(
+        None, description="of any part of it, above the ground; null: it may be at any height"
+    )
 
 
 def check_movers(movers: Sequence[MoverClass]) -> None:
@@ -62,6 +66,25 @@ def check_movers(movers: Sequence[MoverClass]) -> None:
                 f"not name may be a {largest.kind}: state at least {largest.size_max_m:g} m, or "
                 "leave the class out"
             )
+        _check_top(mover, movers)
+
+
+def _check_top(mover: MoverClass, movers: Sequence[MoverClass]) -> None:
+    """Check that what a sensor does not name may be as high as what it names.
+
+    Raises:
+        ValueError: it may not.
+    """
+    top_m = mover.top_max_m
+    if mover.kind != UNKNOWN or top_m is None:
+        return
+    higher = [each for each in movers if each.top_max_m is None or each.top_max_m > top_m]
+    if higher:
+        least = "no top_max_m" if higher[0].top_max_m is None else f"{higher[0].top_max_m:g} m"
+        raise ValueError(
+            f"class unknown has top_max_m = {top_m:g} m, but what a sensor does not name may be a "
+            f"{higher[0].kind}, which has {least}: state as much, or leave the class out"
+        )
 
 
 class Declared(NamedTuple):
@@ -76,6 +99,7 @@ class Declared(NamedTuple):
         run_time_known: whether it is known how long the vehicle runs on without setpoints, where
             that matters.
         as_pillars: whether obstacles count as pillars of any height.
+        drifts_m: of the estimated height, until an obstacle is passed and over a whole flight.
     """
 
     movers: Sequence[MoverClass]
@@ -85,6 +109,7 @@ class Declared(NamedTuple):
     sees_all_round: bool
     run_time_known: bool
     as_pillars: bool
+    drifts_m: tuple[float | None, float | None] = (None, None)
 
 
 def movers_objection(level: MoversLevel, declared: Declared) -> str | None:
@@ -108,20 +133,51 @@ def movers_objection(level: MoversLevel, declared: Declared) -> str | None:
             declared.run_time_known,
             "vehicle.setpoint_loss_run_time_s: last setpoint to rest, where the setpoint is frozen",
         ),
-        (
-            declared.as_pillars,
-            "vehicle.radius_z_m = null: a mover near by may be above or below the vertical view",
-        ),
     )
     for holds, what in needed:
         if not holds:
             return f"{name} needs {what}"
+    if not declared.as_pillars:
+        return _heights_objection(name, level, declared)
+    return _view_objection(name, level, declared)
+
+
+def _view_objection(name: str, level: MoversLevel, declared: Declared) -> str | None:
+    """Return why a level cannot be required with what is seen around the vehicle."""
     if level == "passive_in_view":
         return _in_view_objection(name, best_effort=declared.best_effort)
     if not declared.sees_all_round:
         return (
             f"{name} needs sensor.all_round_range_m above 0 m, or field_of_view_deg = 360: who "
             "comes from behind is seen by nothing else"
+        )
+    return None
+
+
+def _heights_objection(name: str, level: MoversLevel, declared: Declared) -> str | None:
+    """Return why a level cannot be required beside declared heights: there movers are flown over.
+
+    Near by, what moves may be below or above the vertical view.
+    """
+    if level != "passive":
+        return (
+            f"{name} beside vehicle.radius_z_m: what moves is flown over there, out of its reach; "
+            "require passive"
+        )
+    short_m, flight_m = declared.drifts_m
+    if flight_m is None or flight_m < (short_m or 0.0):
+        stated = "null" if flight_m is None else f"{flight_m:g} m"
+        return (
+            f"{name} beside vehicle.radius_z_m: vehicle.height_drift_flight_m = {stated}, expected "
+            f"at least height_drift_m = {short_m or 0.0:g} m: what moves below the view is not "
+            "measured, so that the height above the ground counts, with all that it drifts"
+        )
+    flying = next((each.kind for each in declared.movers if each.top_max_m is None), None)
+    if flying is not None:
+        return (
+            f"{name} beside vehicle.radius_z_m needs top_max_m [m] of class {flying} in "
+            "environment.movers: what may be at any height may come from above or below the "
+            "vertical view, and is not covered"
         )
     return None
 

@@ -1,6 +1,8 @@
 """Feeds the mover-free set and the tracks of movers, and checks what the contract says of them.
 
-Without `requirements.movers` nothing is kept, and every detection counts as standing still.
+Without `requirements.movers` nothing is kept, and every detection counts as standing still.  Beside
+declared heights all that moves is flown over: only what is not measured so is tracked, and no set
+of places without movers is needed.
 """
 
 from __future__ import annotations
@@ -16,6 +18,7 @@ from onboard.geometry.box import Box
 from onboard.geometry.frames import FloatArray
 from onboard.monitoring.assumptions import ALL_ROUND_DEG, Assumption, Violation
 from onboard.monitoring.movers.claimed_boxes import ClaimedBoxes
+from onboard.monitoring.movers.flown_over import FlownOver
 from onboard.monitoring.movers.frame_rows import FrameRows, Uncounted
 from onboard.monitoring.movers.glances import around, box_margin_m, glance_of, turned
 from onboard.monitoring.seen.sight import Sight
@@ -42,7 +45,7 @@ from onboard.perception.movers.tracker import (
     Sighting,
 )
 from onboard.perception.placement import POSE_TIMING_S, PlacedBox
-from onboard.planning.mover_certifier import Movers
+from onboard.planning.mover_certifier import UNASKED, Movers
 from onboard.vehicle_state import Pose
 
 # Corners of what stands still.
@@ -69,7 +72,8 @@ class MoverSpace:
         self.all_round_s = self._crowded_s = -math.inf
         terms = flight.assessment.terms
         self.active = terms.movers_level != "none"
-        self.needs_ring = self.active and terms.movers_level != "passive_in_view"
+        self._over = FlownOver(flight) if self.active and not terms.movers_meet else None
+        self.needs_ring = terms.movers_meet and terms.movers_level != "passive_in_view"
         # Where not all round is seen, any may step behind an obstacle out of view.
         self._hidden = any(mover.hidden for mover in terms.movers) or not self.needs_ring
         bounds, unknown = bounds_of(terms.movers)
@@ -77,7 +81,7 @@ class MoverSpace:
         self._new: frozenset[str] = frozenset()
         self._frame_rows = FrameRows(frames_needed)
         self._free: MoverFree | None = None
-        if self.active:
+        if terms.movers_meet:
             self._free = MoverFree(
                 unknown.speed_max_mps,
                 terms.detection_range_m,
@@ -89,6 +93,8 @@ class MoverSpace:
     @property
     def movers(self) -> Movers | None:
         """What ways to rest are certified against; None where movers are none of the contract."""
+        if self._over is not None:
+            return Movers(UNASKED, tuple(self._tracker), POSE_TIMING_S)
         if self._free is None:
             return None
         missing = self._frame_rows.missing(self._free.frames_in_row)
@@ -96,13 +102,13 @@ class MoverSpace:
 
     @property
     def free(self) -> MoverFree | None:
-        """The mover-free set; None where movers are none of the contract."""
+        """The mover-free set; None where movers are none of the contract, or all flown over."""
         return self._free
 
     @property
     def refusal(self) -> str | None:
         """Why no place can ever count as free of movers, as sensors are; None if one may."""
-        return self._frame_rows.refusal() if self.active else None
+        return self._frame_rows.refusal() if self._free is not None else None
 
     @property
     def tracks(self) -> MoverTracker:
@@ -110,8 +116,11 @@ class MoverSpace:
         return self._tracker
 
     def is_mover(self, frame: DetectionFrame, detection: Detection) -> bool:
-        """Tell whether a detection is taken for one that moves."""
-        if not self.active:
+        """Tell whether a detection is taken for one that moves.
+
+        What a ranging sensor meets at heights at which nothing moves stands still.
+        """
+        if not self.active or (self._over is not None and isinstance(frame, ReturnsFrame)):
             return False
         return is_mover(detection) or self._claims.is_broken(frame.track_id(detection))
 
@@ -196,7 +205,7 @@ class MoverSpace:
         self, frame: DetectionFrame, placed: Sequence[PlacedBox], stamp_s: float
     ) -> list[Violation]:
         by_id = {frame.track_id(seen): seen for seen in frame.obstacles}
-        if isinstance(frame, ReturnsFrame):
+        if isinstance(frame, ReturnsFrame) and self._over is None:
             self._track_returns(frame, [(by_id[box.track_id], box) for box in placed], stamp_s)
             return []
         found: list[Violation] = []
@@ -204,8 +213,11 @@ class MoverSpace:
         for box in placed:
             detection = by_id[box.track_id]
             if self.is_mover(frame, detection):
-                sightings.append(self._sighting(frame, detection, box))
-                found += self._check_size(detection, box)
+                if self._over is not None:
+                    found += self._over.check(detection, box)
+                if self._over is None or self._over.meets(detection, box):
+                    sightings.append(self._sighting(frame, detection, box))
+                    found += self._check_size(detection, box)
             else:
                 found += self._check_claim(detection, box)
         known = {track.id for track in self._tracker}

@@ -37,7 +37,7 @@ class RestSpeedMonitor:
             rest_speed_mps: of a vehicle at rest, at most.
         """
         resting = (
-            terms.movers_level != "none"
+            terms.movers_meet
             and reference is not None
             and math.hypot(*reference.velocity_leg_mps) < _RESTING_MPS
         )

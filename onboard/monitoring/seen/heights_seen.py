@@ -5,9 +5,11 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 
-from onboard.contract.heights import LEVEL_M, half_band_m
+from onboard.contract.heights import LEVEL_M, HeightBand, half_band_m
 from onboard.monitoring.supervised_flight import SupervisedFlight
 from onboard.perception.detection import Corners, Detection, DetectionFrame, DownRange
+from onboard.perception.heights import heights_shown_m
+from onboard.vehicle_state import Pose
 
 
 class HeightsSeen:
@@ -82,3 +84,21 @@ class HeightsSeen:
             )
         ]
         return [seen for seen, _ in kept], [corners_m for _, corners_m in kept]
+
+    def surely_in_way(self, frame: DetectionFrame, detection: Detection, pose: Pose) -> bool:
+        """Tell whether a box reaches into what was seen free, whatever the errors of its heights.
+
+        One that only may do so contradicts nothing: earlier frames have measured it otherwise, each
+        within its error.  Since then the height may have drifted.
+
+        Args:
+            frame: what a sensor saw.
+            detection: the box.
+            pose: of the body at the stamp.
+        """
+        terms = self._flight.assessment.terms
+        if math.isinf(self._half_m) or terms.height_drift_m is None:
+            return True
+        half_m = self._half_m - terms.height_drift_m - LEVEL_M
+        band = HeightBand.around(self._flight.leg.origin_ned_m[2], half_m)
+        return band.meets(heights_shown_m(frame, detection, pose, terms))

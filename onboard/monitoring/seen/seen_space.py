@@ -322,7 +322,11 @@ class SeenSpace:
         seen_leg_m, e = self._in_leg_m(sight.corners_ned_m), terms.map_error_m
         far_m = np.hypot(seen_leg_m[..., 0] - x_m, seen_leg_m[..., 1] - y_m).max(axis=1)
         margins_m = e + clock_error_m + heading_error_rad * far_m
-        still = [i for i, seen in enumerate(sight.detections) if not self._is_mover(frame, seen)]
+        still = [
+            i
+            for i, seen in enumerate(sight.detections)
+            if not self._is_mover(frame, seen) and self._heights.surely_in_way(frame, seen, pose)
+        ]
         contradicting = self._contradicting(seen_leg_m[still], margins_m[still])
         if contradicting is None and still:
             farthest_m = math.sqrt(2.0) * float(margins_m[still].max())

@@ -110,12 +110,13 @@ MoverPath = Annotated[
 
 
 class MoverConfig(FileModel):
-    """One mover: a square pillar.
+    """One mover: square, from the ground up.
 
     Attributes:
         id: unique name.
         kind: its class, as sensors state it.
         size_m: edge.
+        top_m: how high it is, above the local origin; null: a pillar of any height.
         speed_mps: as fast as it goes, all the time; the most that it may go along a knot.
         path: where.
     """
@@ -125,5 +126,6 @@ class MoverConfig(FileModel):
     id: Annotated[str, Field(min_length=1)]
     kind: Annotated[str, Field(alias="class", pattern=r"^[a-z0-9_]+$")] = "person"
     size_m: Positive = 0.6
+    top_m: Positive | None = None
     speed_mps: Annotated[float, Field(ge=0.0)] = 1.5
     path: MoverPath

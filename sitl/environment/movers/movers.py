@@ -52,6 +52,12 @@ class Mover:
         """Half of its edge."""
         return self.config.size_m / 2.0
 
+    @property
+    def heights_m(self) -> tuple[float, float]:
+        """Its top and bottom, local NED; infinite where it is a pillar."""
+        top_m = self.config.top_m
+        return (-math.inf, math.inf) if top_m is None else (-top_m, 0.0)
+
     def distance_m(self, point_ned_m: tuple[float, float]) -> float:
         """Return the distance of a point from it; 0 inside."""
         return math.hypot(
@@ -114,6 +120,7 @@ class Movers:
         velocity_ned_mps: tuple[float, float],
         *,
         airborne: bool,
+        lowest_down_m: float = math.inf,
     ) -> None:
         """Let time pass until now, and look for contacts.
 
@@ -122,6 +129,7 @@ class Movers:
             vehicle_ned_m: where the vehicle is, north and east.
             velocity_ned_mps: how it moves.
             airborne: whether it flies; on the ground, movers keep away from it.
+            lowest_down_m: where its lowest part is, local NED; infinite: it reaches all of them.
         """
         if not self.all:
             return
@@ -131,7 +139,8 @@ class Movers:
             for mover in self.all:
                 mover.advance(self._time_s, step_s, vehicle_ned_m, velocity_ned_mps)
         if airborne:
-            self._look_for_contacts(vehicle_ned_m, math.hypot(*velocity_ned_mps))
+            speed_mps = math.hypot(*velocity_ned_mps)
+            self._look_for_contacts(vehicle_ned_m, lowest_down_m, speed_mps)
 
     def toward_nearest(self, point_ned_m: tuple[float, float]) -> tuple[float, float]:
         """Return the unit vector (north, east) from a point to the nearest mover; zero without."""
@@ -143,9 +152,14 @@ class Movers:
         length_m = math.hypot(north_m, east_m) or 1.0
         return north_m / length_m, east_m / length_m
 
-    def _look_for_contacts(self, vehicle_ned_m: tuple[float, float], speed_mps: float) -> None:
+    def _look_for_contacts(
+        self, vehicle_ned_m: tuple[float, float], lowest_down_m: float, speed_mps: float
+    ) -> None:
         for mover in self.all:
             clearance_m = mover.distance_m(vehicle_ned_m) - self._radius_m
+            above_m = mover.heights_m[0] - lowest_down_m
+            if above_m > 0.0:
+                clearance_m = math.hypot(max(clearance_m, 0.0), above_m)
             self.clearance_min_m = min(self.clearance_min_m, clearance_m)
             name = mover.config.id
             if clearance_m >= 0.0:

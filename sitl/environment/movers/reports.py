@@ -59,6 +59,8 @@ class MoverReports:
     ) -> list[tuple[SeenBox, dict[str, Any]]]:
         """Return each mover that is reported: its box in local NED, and what else is said of it.
 
+        Beside what a frame states, its ``heights_m``, of which a detector sees what is in view.
+
         Args:
             movers: of the world.
             here_ned_m: where the sensor is.
@@ -80,13 +82,13 @@ class MoverReports:
         found = []
         for index in reported:
             mover, (low, high, whole) = movers[index], seen[index]
-            box = self._with_errors(
-                index, low, high, sequence, math.dist(mover.position_ned_m, here_ned_m)
-            )
+            away_m = math.dist(mover.position_ned_m, here_ned_m)
+            box = self._with_errors(index, low, high, sequence, away_m)
             says = {
                 "class": mover.config.kind,
                 "box_whole": whole,
                 "velocity_ned_mps": mover.velocity_ned_mps,
+                "heights_m": mover.heights_m,
             }
             found.append((box, says))
         return found

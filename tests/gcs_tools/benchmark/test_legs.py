@@ -166,3 +166,19 @@ def test_a_leg_of_the_service_is_judged_alike(
     assert (row.first_look_s, row.pauses) == (12.0, 2)
     assert row.distance_min_m == pytest.approx((row.clearance_min_m or 0.0) + 0.4)
     assert (row.certified_min_m, row.false_cells, row.losses) == (None, None, 0)
+
+
+@pytest.mark.parametrize(
+    ("rule", "why_not"),
+    [
+        (Rule("in time", duration_max_s=10.0), ""),
+        (Rule("in time", duration_max_s=9.5), "10.0 s of flight, more than 9.5"),
+        # The planner's flights do not say how far beside they were.
+        (Rule("in bounds", beside_max_m=0.1, behind_max_m=0.1), ""),
+    ],
+)
+def test_a_leg_that_is_late_does_not_pass(
+    monkeypatch: pytest.MonkeyPatch, rule: Rule, why_not: str
+) -> None:
+    row, _ = flown(monkeypatch, Outcome("arrived", duration_s=10.0), rule)
+    assert (row.passed, row.why_not) == (not why_not, why_not)

@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from gcs_tools.benchmark.moving_scenes import greatest_speed_mps, moving_legs
+from gcs_tools.benchmark.moving_scenes import greatest_speed_mps, moving_legs, sphere_legs
 from gcs_tools.benchmark.scenes import Scene
 from gcs_tools.benchmark.service_flight import contract_of, scenario_of, waits_of
 from gcs_tools.console.errors import CommandError
@@ -124,3 +124,55 @@ def test_waits_are_counted_and_the_last_one_has_a_reason() -> None:
     ends = log_of([*in_phases(thread, wait, thread, wait, wait, over), *begins])
     assert waits_of(ends) == (3.0, "yielding: other")
     assert waits_of(log_of(in_phases(over))) == (0.0, "")
+
+
+SPHERES = """\
+rpg_box01,9.0,2.0,3.0,1.0,0.0,0.0,0.0,2.0,2.0,2.0
+rpg_box01,1000.0,1000.0,1000.0,1.0,0.0,0.0,0.0,1.0,1.0,1.0
+rpg_box01,0.0,0.0,8.0,1.0,0.0,0.0,0.0,3.0,3.0,3.0
+"""
+
+
+def spheres_of(folder: Path, text: str) -> list[Scene]:
+    path = folder / "hard_7.csv"
+    path.write_text(text, encoding="utf-8")
+    return list(sphere_legs(path, 2))
+
+
+def test_a_sphere_is_the_box_around_it_at_its_height(tmp_path: Path) -> None:
+    one, other = spheres_of(tmp_path, SPHERES)
+    assert [(each.field, each.name) for each in (one, other)] == [
+        ("hard", "hard_7 flight 0"),
+        ("hard", "hard_7 flight 1"),
+    ]
+    # y is to the left there, to the right here; where none stands is left out.
+    assert one.obstacles.centre_m.tolist() == [[9.0, -2.0], [0.0, 0.0]]
+    assert one.obstacles.half_m.tolist() == [[1.0, 1.0], [1.5, 1.5]]
+    assert one.aloft is not None
+    assert one.aloft.down_m.tolist() == [[-4.0, -2.0], [-9.5, -6.5]]
+    scenario = scenario_of(one, 0.0, "ardupilot")
+    assert scenario.obstacles.down_m is not None
+    assert check(scenario.contract, None, scenario.mission).may_fly
+    (sensor,) = scenario.plant.sensors
+    assert sensor.height_noise_m == scenario.contract.sensor.position_error_z_m
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("", "has no sphere"),
+        ("rpg_box01,1,2\n", "with 3 cells; expected"),
+        (SPHERES.replace("9.0,2.0", "nan,2.0"), "row 1: x [m] = nan is more than"),
+        (SPHERES.replace("9.0,2.0", "far,2.0"), "row 1: could not convert"),
+        (SPHERES.replace("2.0,2.0,2.0", "2.0,0.0,2.0"), "row 1: scale [m] = 2, 0, 2 must be"),
+    ],
+)
+def test_what_is_no_sphere_is_named(tmp_path: Path, text: str, words: str) -> None:
+    with pytest.raises(FileError) as refused:
+        spheres_of(tmp_path, text)
+    assert words in str(refused.value)
+
+
+def test_no_leg_begins_in_a_sphere(tmp_path: Path) -> None:
+    with pytest.raises(CommandError, match=r"is -1\.50 m from the nearest sphere"):
+        spheres_of(tmp_path, SPHERES.replace("0.0,0.0,8.0", "0.0,0.0,3.0"))

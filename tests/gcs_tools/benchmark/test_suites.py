@@ -80,13 +80,14 @@ def test_forests_are_drawn(data: Path) -> None:
 @pytest.mark.parametrize(
     ("name", "changes", "words"),
     [
-        ("dodgedrone", {}, "not flown yet"),
+        ("dodgedrone", {}, "needs --data PATH"),
+        ("dodgedrone", {"data": Path()}, "expected files easy_0.csv"),
         ("sando", {"scenes": ("dynamic_easy",), "data": Path()}, "fly the benchmark sando-dynamic"),
         ("sando", {"data": Path("dynamic_easy.json")}, "fly the benchmark sando-dynamic"),
         ("sando-dynamic", {}, "needs --data PATH"),
         ("sando-dynamic", {"data": Path()}, "has no dynamic_easy.json"),
         ("sando-dynamic", {"scenes": ("hard",), "data": Path()}, "one of easy, medium"),
-        ("bench", {}, "expected one of sando, sando-dynamic, competition"),
+        ("bench", {}, "expected one of sando, sando-dynamic, dodgedrone"),
         ("sando", {}, "needs --data PATH"),
         ("longleaf", {}, "needs --data PATH"),
         ("competition", {}, "needs --data PATH"),

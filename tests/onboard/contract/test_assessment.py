@@ -52,6 +52,7 @@ DOCUMENT: dict[str, dict[str, Any]] = {
         "setpoint_loss_run_time_s": None,
         "radius_z_m": None,
         "height_drift_m": None,
+        "height_drift_flight_m": None,
     },
     "requirements": {"stop": True, "passive_safety": True},
     "sensor": {

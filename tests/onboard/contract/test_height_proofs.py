@@ -80,3 +80,65 @@ def test_on_the_spot_nothing_is_crossed_but_the_bands_of_start_and_leg() -> None
     claim = z3.Or(off_by(at, leg, half), off_by(at, start, half))
     assert_theorem(claim, *known, filled, off_by(start, leg, 2 * half))
     assert_refuted(claim, *known, filled, off_by(start, leg, 3 * half), half > 0)
+
+
+@pytest.mark.parametrize("doubled", [None, "control", "level", "body", "drift", "terrain"])
+def test_what_keeps_to_its_height_is_flown_over(doubled: str | None) -> None:
+    """The clause flown_over: up is positive, from the true local origin; drift since the start."""
+    terrain, top, mission = z3.Reals("terrain top mission")
+    reference, estimate, truth, part, ground, mover = z3.Reals(
+        "reference estimate truth part ground mover"
+    )
+    most = {"control": control, "level": level, "body": body, "drift": drift, "terrain": terrain}
+    if doubled is not None:
+        most[doubled] = most[doubled] * 2
+    known = [
+        *SIZES,
+        terrain >= 0,
+        top >= 0,
+        off_by(reference, mission, most["level"]),
+        off_by(estimate, reference, most["control"]),
+        off_by(truth, estimate, most["drift"]),
+        off_by(part, truth, most["body"]),
+        ground <= most["terrain"],
+        mover <= ground + top,
+        mission > body + control + drift + terrain + top + level,
+    ]
+    if doubled is None:
+        assert_theorem(part > mover, *known)
+    else:
+        assert_refuted(part > mover, *known, z3.And([each > 0 for each in most.values()]))
+
+
+def _climbed(time: Any, up: Any, speed: Any, whole: Any) -> Any:
+    """Return the height after a time at full climb; `whole` is when the speed is reached."""
+    return z3.If(time <= whole, up * time * time / 2, speed * time - speed * whole / 2)
+
+
+def test_no_climb_is_quicker() -> None:
+    """Formula t_up: no step from below full climb ends above it, and t_up gains h exactly."""
+    up, speed, whole, time, step, height, rate, gain = z3.Reals("up v whole t dt z w c")
+    limits = [up > 0, speed > 0, up * whole == speed, time >= 0, step >= 0]
+    below = [height <= _climbed(time, up, speed, whole), rate <= speed, rate <= up * time]
+    stepped = [gain <= up, rate + gain * step <= speed]
+    after = height + rate * step + gain * step * step / 2
+    for phase in (time + step <= whole, time >= whole):
+        claim = after <= _climbed(time + step, up, speed, whole)
+        assert_theorem(claim, *limits, *below, *stepped, phase)
+    assert_refuted(
+        after <= _climbed(time + step, up, speed, whole),
+        *limits, *below, gain <= 2 * up, rate + gain * step <= speed, step > 0,
+    )  # fmt: skip
+    short = [2 * up * height <= speed * speed, height >= 0, up * time * time == 2 * height]
+    long = [2 * up * height > speed * speed, time == height / speed + whole / 2]
+    for case in (short, long):
+        assert_theorem(_climbed(time, up, speed, whole) == height, *limits, *case)
+
+
+def test_no_side_asks_for_more_than_braking() -> None:
+    """So with `stop`, which asks for the whole way to rest, no further side buys speed."""
+    speed, brake, time = z3.Reals("v b t")
+    known = [brake > 0, speed >= 0, time >= 0]
+    way = speed * time - brake * time * time / 2
+    assert_theorem(2 * brake * way <= speed * speed, *known)
+    assert_refuted(2 * brake * way <= speed * speed * 0.99, *known, speed > 0)

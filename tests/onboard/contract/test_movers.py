@@ -38,6 +38,13 @@ PERSON = {"class": "person", "speed_max_mps": 1.5, "size_max_m": 1.0}
 DRONE = {"class": "drone", "speed_max_mps": 15.0, "size_max_m": 1.0}
 
 
+HEIGHTS: dict[str, Any] = {
+    "vehicle__radius_z_m": 0.25, "vehicle__height_drift_m": 0.1, "sensor__position_error_z_m": 0.1,
+    "sensor__vertical_field_of_view_deg": [45.0, 45.0], "vehicle__height_drift_flight_m": 0.8,
+}  # fmt: skip
+LOW = {**PERSON, "top_max_m": 2.3}
+
+
 def contract(**changes: Any) -> Contract:
     """Return a contract against movers; keys are ``section__key``."""
     data: dict[str, Any] = {
@@ -101,7 +108,7 @@ def test_at_their_defaults_the_keys_leave_the_hash_as_it_was() -> None:
                 "sensor__position_error_z_m": 0.2,
                 "sensor__vertical_field_of_view_deg": (30.0, 30.0),
             },
-            "needs vehicle.radius_z_m = null",
+            "height_drift_flight_m = null, expected at least height_drift_m = 0.3 m",
         ),
         ({"requirements__stop": False}, "needs requirements.stop = true"),
         ({"vehicle__rest_settle_s": 0.0}, "needs vehicle.rest_settle_s above 0 s"),
@@ -127,8 +134,20 @@ def test_at_their_defaults_the_keys_leave_the_hash_as_it_was() -> None:
         (
             {"vehicle__radius_z_m": 0.25, "vehicle__height_drift_m": 0.1,
              "sensor__position_error_z_m": 0.1,
-             "sensor__vertical_field_of_view_deg": [45.0, 45.0]},
-            "needs vehicle.radius_z_m = null",
+             "sensor__vertical_field_of_view_deg": [45.0, 45.0],
+             "vehicle__height_drift_flight_m": 0.05},
+            "height_drift_flight_m = 0.05 m, expected at least height_drift_m = 0.1 m",
+        ),
+        (HEIGHTS | {"environment__movers": [LOW, DRONE]}, "needs top_max_m [m] of class drone"),
+        (HEIGHTS | {"requirements__movers": "avoid", "environment__movers": [LOW]},
+         "require passive"),
+        (
+            {"environment__movers": [LOW, {**LOW, "class": "unknown", "top_max_m": 1.0}]},
+            "may be a person, which has 2.3 m",
+        ),
+        (
+            {"environment__movers": [PERSON, {**LOW, "class": "unknown"}]},
+            "may be a person, which has no top_max_m",
         ),
     ],
 )  # fmt: skip
@@ -259,9 +278,7 @@ def test_the_operators_word_covers_the_way_into_the_cruise() -> None:
         {"vehicle__rest_settle_s": 0.0},
         {"vehicle__setpoint_loss": {
             "model": "frozen", "gain_per_s": 0.95, "velocity_gain_per_s": 1.8}},
-        {"vehicle__radius_z_m": 0.25, "vehicle__height_drift_m": 0.1,
-             "sensor__position_error_z_m": 0.1,
-         "sensor__vertical_field_of_view_deg": [45.0, 45.0]},
+        HEIGHTS,
     ],
 )  # fmt: skip
 def test_no_level_is_stated_that_could_not_be_required(changes: dict[str, Any]) -> None:
@@ -270,6 +287,41 @@ def test_no_level_is_stated_that_could_not_be_required(changes: dict[str, Any]) 
     off = {"requirements__movers": "none", "environment__movers": slow, **far}
     assert assess(contract(**off)).mover_levels[0].level == "passive"
     assert assess(contract(**off, **changes)).mover_levels[0].level is None
+
+
+@pytest.mark.parametrize(
+    ("changes", "above_m"),
+    [
+        # By hand: body 0.25, control 0.5, drift of the flight 0.8, 5 cm, and the top.
+        ({}, 0.25 + 0.5 + 0.8 + 0.05 + 2.3),
+        ({"environment__terrain_max_m": 1.5}, 0.25 + 0.5 + 0.8 + 0.05 + 2.3 + 1.5),
+        ({"environment__terrain_error_m": 0.3}, 0.25 + 0.5 + 0.8 + 0.05 + 2.3 + 0.3),
+        ({"vehicle__estimator_reset_max_m": 0.4}, 0.25 + 0.5 + 0.8 + 0.05 + 2.3 + 0.4),
+        ({"environment__movers": [{**LOW, "top_max_m": 4.1}]}, 0.25 + 0.5 + 0.8 + 0.05 + 4.1),
+    ],
+)
+def test_what_stays_lower_than_the_flight_is_flown_over(
+    changes: dict[str, Any], above_m: float
+) -> None:
+    over = contract(**{**HEIGHTS, "vehicle__tracking_error_z_m": 0.5,
+                       "environment__movers": [LOW], **changes})  # fmt: skip
+    for altitude_m, level in ((above_m - 0.01, None), (above_m + 0.01, "flown over")):
+        seen = assess(over, mission_altitude_m=altitude_m)
+        (clause,) = [each for each in seen.clauses if each.name.startswith("flown_over")]
+        assert clause.required == pytest.approx(above_m)
+        assert clause.holds is (level is not None)
+        assert seen.mover_levels[0].level == level
+    assert str(seen.mover_levels[0]) == f"person 1.5 m/s: flown over, above {above_m:.2f} m"
+
+
+def test_what_flies_is_not_covered_beside_heights() -> None:
+    """It is said, where nothing is required; and a new key changes no older hash."""
+    blind = contract(**{**HEIGHTS, "requirements__movers": "none", "environment__movers": [DRONE]})
+    (level,) = assess(blind, mission_altitude_m=20.0).mover_levels
+    assert str(level).endswith("NOT COVERED, it may come from above or below the vertical view")
+    open_top = contract(environment__movers=[{**PERSON, "top_max_m": None}])
+    assert open_top.sha256 == contract().sha256
+    assert contract(environment__movers=[LOW]).sha256 != contract().sha256
 
 
 def test_an_uncovered_class_breaks_the_contract_that_requires_it() -> None:
@@ -393,4 +445,4 @@ def test_stoppable_is_the_way_of_braking_at_once() -> None:
 
 def test_a_class_in_a_file_is_named_class() -> None:
     mover = MoverClass.model_validate(PERSON)
-    assert mover.model_dump(mode="json") == {**PERSON, "hidden": False}
+    assert mover.model_dump(mode="json") == {**PERSON, "hidden": False, "top_max_m": None}

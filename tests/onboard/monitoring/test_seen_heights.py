@@ -160,6 +160,34 @@ def test_a_top_that_turns_out_higher_is_a_contradiction(contract: Contract) -> N
     assert rig.seen.size == 0
 
 
+@pytest.mark.parametrize(
+    ("first_m", "then_m", "contradicts"),
+    [
+        # The band begins 0.95 m below the body: 1.2 is out of it, whatever the error of 0.2.
+        ((1.2, None), (1.1, None), False),
+        ((1.2, None), (0.8, None), False),  # and may be, drift included
+        ((1.2, None), (0.3, None), True),
+        ((None, -1.2), (None, -0.8), False),
+        ((None, -1.2), (None, -0.3), True),
+        ((1.2, 1.4), (-0.05, 0.05), True),  # thinner than its error, and amid the band
+        ((1.2, 1.4), (0.7, 0.8), False),
+    ],
+)
+def test_two_measurements_that_may_both_be_right_contradict_nothing(
+    contract: Contract,
+    first_m: tuple[float | None, float | None],
+    then_m: tuple[float | None, float | None],
+    *,
+    contradicts: bool,
+) -> None:
+    rig = Rig(contract)
+    assert rig.look([HEDGE | {"down_m": first_m}]) == []
+    assert rig.is_free(8.0, 0.0)
+    assert ("sensor_contradiction" in rig.look([HEDGE | {"down_m": then_m}])) is contradicts
+    # What is in doubt is in the way all the same.
+    assert (len(rig.flight.obstacles) == 1) is (then_m != (1.2, None))
+
+
 def test_near_the_vehicle_nothing_is_seen_free(contract: Contract) -> None:
     """The band is not all in view there: a branch just below is not seen from beside it."""
     rig = Rig(contract)

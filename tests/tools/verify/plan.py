@@ -54,9 +54,10 @@ _SCENES_SHORT: Final = {
     "forest": "500",
     "sando": "easy",
     "sando-dynamic": "easy",
+    "dodgedrone": "easy_4",
 }
-# Something moves there, which only the whole service flies.
-_BY_SERVICE: Final = frozenset(("sando-dynamic",))
+# Something moves there, or has a height, which only the whole service flies.
+_BY_SERVICE: Final = frozenset(("sando-dynamic", "dodgedrone"))
 # The public benchmarks, and whether their scenes are files that are not part of the repository.
 _BENCHMARKS: Final = {
     "walls": False,
@@ -65,6 +66,7 @@ _BENCHMARKS: Final = {
     "competition": True,
     "sando": True,
     "sando-dynamic": True,
+    "dodgedrone": True,
 }
 
 
