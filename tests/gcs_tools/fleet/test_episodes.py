@@ -179,10 +179,10 @@ def test_what_leaves_out_a_rule_collides(make: type[Reservation]) -> None:
 
 def test_the_network_is_as_bad_as_it_is_said_to_be() -> None:
     terms = NetworkTerms(loss=0.3, delay_max_s=8.0, partition_share=0.0)
-    network = Network(terms, NAMES, random.Random(1))
+    network = Network[Commit](terms, NAMES, random.Random(1))
     sent = 2000
     for number in range(sent):
-        network.send(Commit(Head("a", "", number), 1, committed=True), number * 0.01)
+        network.send("a", Commit(Head("a", "", number), 1, committed=True), number * 0.01)
     arrivals = [
         (receiver, message.head.number, step * 0.1 - message.head.number * 0.01)
         for step in range(400)
@@ -199,9 +199,9 @@ def test_the_network_is_as_bad_as_it_is_said_to_be() -> None:
 
 def test_a_partition_lets_nothing_across() -> None:
     terms = NetworkTerms(loss=0.0, partition_share=1.0, partition_s=1e9)
-    network = Network(terms, NAMES, random.Random(3))
+    network = Network[Commit](terms, NAMES, random.Random(3))
     for name in NAMES:
-        network.send(Commit(Head(name, "", 1), 1, committed=True), 0.0)
+        network.send(name, Commit(Head(name, "", 1), 1, committed=True), 0.0)
     heard = {(message.head.sender, receiver) for receiver, message in network.arrived(100.0)}
     assert heard == {(b, a) for a, b in heard}
     assert len(heard) < len(NAMES) * (len(NAMES) - 1)
