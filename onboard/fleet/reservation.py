@@ -20,15 +20,22 @@ from typing import Final
 
 import numpy as np
 
-from onboard.fleet.area import Place, around, distance_m, holds, is_proper, meet, meeting
+from onboard.fleet.area import (
+    Place,
+    around,
+    holds,
+    is_proper,
+    meet,
+    meeting,
+    nearer_m,
+    within,
+)
 from onboard.fleet.messages import Ack, Commit, Head, Heartbeat, Message, Propose, Tube
 from onboard.fleet.peer import Echo, Peer
 from onboard.geometry.frames import FloatArray
 
 # Heartbeats that are remembered, to date what echoes them.
 _SENT_MAX: Final = 256
-# Distances by an autopilot's sphere may be too long by this share of those on WGS84.
-_SPHERE_SHARE: Final = 0.007
 
 
 @dataclass(frozen=True)
@@ -112,7 +119,7 @@ class Reservation:
 
     # ------------------------------------------------------------------ what the flight says
 
-    def report(self, position_m: Place, now_s: float) -> bool:
+    def report(self, position_m: Place, now_s: float, held_m: FloatArray | None = None) -> bool:
         """Say where the vehicle is; give up what it has passed.
 
         It never flies back into that.
@@ -120,6 +127,7 @@ class Reservation:
         Args:
             position_m: north, east, of the reference that it follows.
             now_s: when it is there.
+            held_m: (N, 4), what it may still occupy besides without another decision; None: none.
 
         Returns:
             Whether one box of its tube holds all that it may reach from there.
@@ -136,16 +144,21 @@ class Reservation:
         if not holds(boxes_m, reach_m):
             self.counts["outside"] += 1
             return False
-        passed = int(np.argmax(meeting(boxes_m, reach_m)))
+        kept_m = reach_m if held_m is None else np.concatenate((reach_m, held_m))
+        passed = int(np.argmax(meeting(boxes_m, kept_m)))
         if passed:
             self.active = replace(self.active, boxes_m=boxes_m[passed:])
         return True
 
     def settle(self) -> None:
-        """Give up all but where the vehicle rests, and will rest until the next leave to fly."""
+        """Give up all but where the vehicle rests, and will rest until the next leave to fly.
+
+        Nothing is taken in place of it: a vehicle outside its tube keeps that tube.
+        """
         if self.outstanding is None:
-            boxes_m = around(self._position_m, self.own.reach_m)
-            self.active = replace(self.active, boxes_m=boxes_m)
+            boxes_m = within(self.active.boxes_m, around(self._position_m, self.own.reach_m))
+            if len(boxes_m):
+                self.active = replace(self.active, boxes_m=boxes_m)
             self.expires_s = math.inf
 
     def free_of_records(self, onward_m: FloatArray) -> int:
@@ -281,8 +294,7 @@ class Reservation:
         for name, peer in self.peers.items():
             disc = peer.disc(until_s, self.own.speed_max_mps)
             # From the middle of this vehicle: its boxes are in metres of the sphere, too.
-            away_m = math.inf if disc is None else distance_m(boxes_m, disc[0]) + reach_m
-            if disc is None or away_m * (1.0 - _SPHERE_SHARE) <= disc[1] + reach_m:
+            if disc is None or nearer_m(boxes_m, disc[0], reach_m) <= disc[1] + reach_m:
                 needed.add(name)
         return frozenset(needed)
 
