@@ -110,8 +110,7 @@ class Simulation:
 
     Args:
         flight: to simulate.
-        equip: called with each service before its first tick, and the time; a restart makes one
-            more.
+        equip: called with each service before its first tick; a restart makes one more.
 
     Attributes:
         now_s: virtual time.
@@ -122,7 +121,7 @@ class Simulation:
     def __init__(
         self,
         flight: SimulatedFlight,
-        equip: Callable[[Autonomy, float], None] = lambda _, __: None,
+        equip: Callable[[Autonomy], None] = lambda _: None,
     ) -> None:
         config = flight.sitl.model_copy(update={"seed": flight.seed})
         self.now_s = 0.0
@@ -202,7 +201,7 @@ class Simulation:
 
     def _started_service(self) -> Autonomy:
         service = _start_service(self.flight, self._service_faults.solver)
-        self._equip(service, self.now_s)
+        self._equip(service)
         return service
 
     def _operate(self) -> None:
