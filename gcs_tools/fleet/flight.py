@@ -78,7 +78,7 @@ class Outcome:
     Attributes:
         vehicles: by name.
         contacts: of two bodies, in the order in which they began.
-        ended_s: when all had landed, or the time limit.
+        ended_s: when all had landed, or two had met in motion, or the time limit.
     """
 
     vehicles: Mapping[str, Flown]
@@ -147,9 +147,10 @@ class FleetFlight:
 
     @property
     def over(self) -> bool:
-        """Whether all have landed, or the time is up."""
+        """Whether all have landed, two have met in motion, or the time is up."""
         landed = all(simulation.over for simulation in self.simulations.values())
-        return landed or self.now_s >= self._terms.time_limit_s
+        collided = any(contact.moving for contact in self.world.contacts)
+        return landed or collided or self.now_s >= self._terms.time_limit_s
 
     def advance(self) -> None:
         """Advance all by one tick of their services, 20 ms."""
