@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import functools
 import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, Final
@@ -19,7 +19,7 @@ from gcs_tools.console.progress import progress_bar
 from gcs_tools.console.worker_pool import run_locally
 from gcs_tools.fleet.flight import FLIGHT_LOG, TRUTH_LOG, FlightTerms, Outcome, fly_fleet
 from gcs_tools.fleet.joining import joining
-from gcs_tools.fleet.vehicles import require_preflight
+from gcs_tools.fleet.vehicles import Join, require_preflight
 from gcs_tools.logs.flight_log import read_log
 from gcs_tools.logs.result import result_of
 from gcs_tools.preflight.offline.fleet_files import Member, read_fleet
@@ -64,7 +64,8 @@ def fly_fleet_file(request: FlyRequest) -> bool:
         FileError: a file cannot be used.
         CommandError: a pre-flight check refuses, the output cannot be written, a process died.
     """
-    _, members = read_fleet(request.fleet)
+    _joined.cache_clear()
+    members, _ = _joined(request.fleet)
     require_preflight(members)
     directory, console = request.directory, Console(highlight=False)
     try:
@@ -90,9 +91,9 @@ def fly_fleet_file(request: FlyRequest) -> bool:
 
 def _logged(request: FlyRequest, directory: Path) -> dict[int, Outcome]:
     """Fly one flight, and leave logs and result of each vehicle."""
-    _, members = read_fleet(request.fleet)
+    members, _ = _joined(request.fleet)
     with progress_bar("flying in virtual time", request.terms.time_limit_s) as bar:
-        outcome = _flown(members, request, request.seed, directory, bar.show)
+        outcome = _flown(request, request.seed, directory, bar.show)
     for member in members:
         logs = directory / member.name
         flight, truth = read_log(logs / FLIGHT_LOG), read_log(logs / TRUTH_LOG)
@@ -119,25 +120,26 @@ def _many(request: FlyRequest) -> dict[int, Outcome]:
 
 def fly_episode(request: FlyRequest, seed: int) -> tuple[int, Outcome]:
     """Fly one flight of several, without logs; return its seed, too."""
-    _, members = _read_once(request.fleet)
-    return seed, _flown(members, request, seed)
+    return seed, _flown(request, seed)
 
 
-_read_once = functools.cache(read_fleet)
+@functools.cache
+def _joined(path: Path) -> tuple[tuple[Member, ...], Join]:
+    """Read the files of a fleet, once per process: they may change while it flies."""
+    _, members = read_fleet(path)
+    return members, joining(path, members)
 
 
 def _flown(
-    members: tuple[Member, ...],
     request: FlyRequest,
     seed: int,
     directory: Path | None = None,
-    show: Any = lambda *_: None,
+    show: Callable[[float], None] = lambda _: None,
 ) -> Outcome:
     warm_up()  # once per process, so that no flight includes loading compiled code
+    members, join = _joined(request.fleet)
     flight = None
-    for flight in fly_fleet(
-        members, request.terms, seed, joining(request.fleet, members), directory
-    ):
+    for flight in fly_fleet(members, request.terms, seed, join, directory):
         show(flight.now_s)
     assert flight is not None  # noqa: S101  the time limit is above 0
     return flight.outcome()
