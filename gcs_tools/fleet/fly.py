@@ -207,8 +207,8 @@ def _print_vehicles(outcome: Outcome, console: Console) -> None:
         ended = f"waiting ({flown.ended})"
         if flown.arrived_s is not None:
             ended = f"arrived after {flown.arrived_s:.0f} s"
-        elif flown.aborted is not None:
-            ended += f": {flown.aborted}"
+        elif flown.aborted is None:
+            ended = "landed on its way"
         numbers = (str(flown.blocked), str(flown.restarts), f"{flown.apart_min_m:.2f}")
         table.add_row(escape(name), escape(ended), *numbers)
     console.print(table)
