@@ -36,6 +36,8 @@ _SLOWLY: Final = 0.4
 _RETRY_S: Final = (0.5, 2.0)
 # At rest for so long without leave to fly on, it gives up all but its place.
 _GIVE_UP_S: Final = 3.0
+# Where nothing is flown, a vehicle that hovers in its pilot's hold wanders by so much more.
+_WANDER_M: Final = 0.7
 # Messages that wait to be read, or to be sent; beyond that the oldest are dropped.
 _PENDING_MAX: Final = 1000
 _END_M: Final = 0.01
@@ -177,9 +179,9 @@ class FleetMember:
         self._note_commit(core)
         error_m = self.membership.error_m
         core.report(course.position_m, now_s, grown(course.held_m, error_m))
-        self._give_up(core, course, now_s)
         standing_m = around(course.position_m, course.terms.body_m + error_m)
         self._stands = holds(core.active.boxes_m, standing_m)
+        self._give_up(core, course, now_s)
         self._ask(core, course, now_s)
         self._note_commit(core)
         core.tick(now_s)
@@ -226,10 +228,11 @@ class FleetMember:
         rested_s = now_s - self._rest_since_s
         if core.outstanding is not None or rested_s < course.terms.settle_s:
             return
-        ends = now_s >= core.expires_s
-        waits = rested_s > _GIVE_UP_S and (course.leg is None or self._leads_nowhere(course))
+        idle = course.leg is None
+        ends = now_s >= core.expires_s or (idle and self._stands)
+        waits = rested_s > _GIVE_UP_S and self._leads_nowhere(course)
         if (ends or waits) and self._settled_number != core.active.number:
-            core.settle()
+            core.settle(_WANDER_M if idle else 0.0)
             self._settled_number = core.active.number
             self._leg = None
 
@@ -247,7 +250,7 @@ class FleetMember:
             return
         if course.leg is None:
             if not self._stands and course.rests:
-                place_m = around(course.position_m, core.own.reach_m)
+                place_m = around(course.position_m, core.own.reach_m + _WANDER_M)
                 self._propose(core, place_m, 2.0 * _WAITING_S, _Asked(None, 0.0, 0), now_s)
             return
         terms, at_m = course.terms, _station_m(course)

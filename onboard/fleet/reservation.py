@@ -150,13 +150,18 @@ class Reservation:
             self.active = replace(self.active, boxes_m=boxes_m[passed:])
         return True
 
-    def settle(self) -> None:
+    def settle(self, more_m: float = 0.0) -> None:
         """Give up all but where the vehicle rests, and will rest until the next leave to fly.
 
         Nothing is taken in place of it: a vehicle outside its tube keeps that tube.
+
+        Args:
+            more_m: how much more is kept around it, as far as the tube holds that.
         """
         if self.outstanding is None:
-            boxes_m = within(self.active.boxes_m, around(self._position_m, self.own.reach_m))
+            boxes_m = within(
+                self.active.boxes_m, around(self._position_m, self.own.reach_m + more_m)
+            )
             if len(boxes_m):
                 self.active = replace(self.active, boxes_m=boxes_m)
             self.expires_s = math.inf
