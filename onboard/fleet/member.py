@@ -18,6 +18,7 @@ import numpy as np
 
 from onboard.events import Event
 from onboard.fleet.area import REST_SLACK_M, Place, along, around, grown, holds, meet, nearer_m
+from onboard.fleet.course import Course, FlightTerms
 from onboard.fleet.link import FleetLink
 from onboard.fleet.membership import FleetMembership
 from onboard.fleet.peer_watch import PeerWatch
@@ -28,6 +29,9 @@ from onboard.geometry.local_frame import LocalFrame
 
 # A tube's boxes are no longer than this.
 _PIECE_M: Final = 3.0
+# So much of a leg is asked for at a time, all of it or nothing: who stops on the way to let another
+# pass stands in the way of a third, so that a circle of them waits for ever.
+_ASKED_M: Final = 150.0
 # A way is asked for in time to be granted this long before the vehicle would have to brake.
 _SOON_S: Final = 2.5
 # In the duration that is asked for: for waiting for leave, and how much slower than the cruise.
@@ -42,53 +46,6 @@ _WANDER_M: Final = 0.7
 _PENDING_MAX: Final = 1000
 _END_M: Final = 0.01
 _NOWHERE: Final[FloatArray] = np.zeros((0, 4))
-
-
-@dataclass(frozen=True)
-class FlightTerms:
-    """How the vehicle flies.
-
-    Attributes:
-        body_m: r + E, its radius and tracking error.
-        cruise_mps, brake_mps2: speed along a leg, and with what it brakes.
-        lag_s: until it brakes.
-        settle_s: t_set, from a reference at rest to the vehicle at rest.
-    """
-
-    body_m: float
-    cruise_mps: float
-    brake_mps2: float
-    lag_s: float
-    settle_s: float
-
-    @property
-    def stop_s(self) -> float:
-        """How long a stop takes."""
-        return self.lag_s + self.cruise_mps / self.brake_mps2
-
-    @property
-    def stop_m(self) -> float:
-        """How long its way is."""
-        return self.cruise_mps * (self.lag_s + self.cruise_mps / (2.0 * self.brake_mps2))
-
-
-@dataclass(frozen=True)
-class Course:
-    """What the vehicle does at a tick.
-
-    Attributes:
-        position_m: north, east, of the reference that it follows; else of the vehicle.
-        rests: whether it is at rest there, and nothing else is decided.
-        held_m: (N, 4), what its body may still occupy on the way that it holds.
-        leg: start and end of the leg that it flies; None where it asks for no way.
-        terms: how it flies.
-    """
-
-    position_m: Place
-    rests: bool
-    held_m: FloatArray
-    leg: tuple[Place, Place] | None
-    terms: FlightTerms
 
 
 @dataclass
@@ -132,6 +89,7 @@ class FleetMember:
         self._rest_since_s, self._settled_number = math.inf, -1
         self._stands = False
         self._tube: tuple[FloatArray, FloatArray] | None = None
+        self._wanted_m = _NOWHERE
 
     # ------------------------------------------------------------------ edges
 
@@ -264,7 +222,7 @@ class FleetMember:
         late = core.expires_s - now_s < max(ahead_m, 0.0) / slowly_mps + over_s
         if not (more or late):
             return
-        to_m, onward_m = self._onward(core, course.leg, end_m, 2.0 * soon_m)
+        to_m, onward_m = self._onward(core, course.leg, max(_ASKED_M, 2.0 * soon_m), terms)
         if len(onward_m) or (late and not course.rests):
             duration_s = max(to_m - at_m, 0.0) / slowly_mps + over_s
             self._propose(core, onward_m, duration_s, _Asked(course.leg, to_m, 0), now_s)
@@ -272,18 +230,21 @@ class FleetMember:
             self._retry_s = now_s + _RETRY_S[0]
 
     def _onward(
-        self, core: Reservation, leg: tuple[Place, Place], end_m: float, length_m: float
+        self, core: Reservation, leg: tuple[Place, Place], length_m: float, terms: FlightTerms
     ) -> tuple[float, FloatArray]:
-        """Return up to where the leg is free of records, as far as is asked, and the boxes."""
-        from_m = self._granted_m
+        """Return up to where along the leg more is asked for, and the boxes; none if a peer's."""
+        from_m, end_m = self._granted_m, math.dist(*leg)
         to_m = min(from_m + length_m, end_m)
         if to_m - from_m < _END_M:
             return from_m, _NOWHERE
-        count = math.ceil((to_m - from_m) / _PIECE_M)
+        beyond_m = terms.beyond_m if to_m == end_m else 0.0
+        count = math.ceil((to_m + beyond_m - from_m) / _PIECE_M)
         half_m = core.own.reach_m + self.membership.lane_half_width_m
-        boxes_m = along(_on(leg, from_m), _on(leg, to_m), half_m, count)
-        free = core.free_of_records(boxes_m)
-        return from_m + (to_m - from_m) * free / count, boxes_m[:free]
+        boxes_m = along(_on(leg, from_m), _on(leg, to_m + beyond_m), half_m, count)
+        self._wanted_m = boxes_m
+        if core.free_of_records(boxes_m) < count:
+            return from_m, _NOWHERE
+        return to_m, boxes_m
 
     def _propose(
         self,
@@ -345,12 +306,7 @@ class FleetMember:
         if core.outstanding is not None:
             missing = sorted(core.outstanding.need - core.outstanding.acked)
             return f"waiting for leave of {', '.join(missing)}"
-        holders: list[str] = []
-        if self._leg is not None:
-            half_m = core.own.reach_m + self.membership.lane_half_width_m
-            end_m = min(self._granted_m + _PIECE_M, math.dist(*self._leg))
-            ends = _on(self._leg, self._granted_m), _on(self._leg, end_m)
-            holders = self._holders(core, along(*ends, half_m, 1))
+        holders = self._holders(core, self._wanted_m)
         return f"waiting for leave{' of ' if holders else ''}{', '.join(holders)}"
 
     def is_peer(self, corners_ned_m: Sequence[Place], error_m: float) -> bool:

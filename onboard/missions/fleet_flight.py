@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from onboard.fleet.member import Course, FleetMember, FlightTerms
+from onboard.fleet.course import Course, FlightTerms
+from onboard.fleet.member import FleetMember
 from onboard.geometry.local_frame import GeographicPoint, LocalFrame
 from onboard.guidance.dense.limits import run_on_of
 from onboard.guidance.departure import STOPPED_MPS
@@ -135,12 +136,14 @@ class FleetFlight:
         assessment = self._navigator.assessment
         terms, limits = assessment.terms, assessment.limits
         settle_s = max(settling_of(assessment).rest_settle_s, terms.attitude_lag_s)
+        run_on_s = run_on_of(assessment).reach_m(1.0)
         return FlightTerms(
             terms.body_m,
             terms.cruise_speed_mps,
             limits.brake_mps2,
             terms.attitude_lag_s + terms.reaction_time_s,
             settle_s,
+            run_on_s,
         )
 
 

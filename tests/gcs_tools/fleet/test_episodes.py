@@ -85,11 +85,11 @@ def flown(
 class Watched(Reservation):
     """Counts reports of motion after a tube has expired."""
 
-    def report(self, position_m: Place, now_s: float) -> bool:
+    def report(self, position_m: Place, now_s: float, held_m: FloatArray | None = None) -> bool:
         moved = position_m != self._position_m
         self.counts["moved_late"] += moved and now_s > self.expires_s
         self.counts["moved_in_time"] += moved and now_s <= self.expires_s < math.inf
-        return super().report(position_m, now_s)
+        return super().report(position_m, now_s, held_m)
 
 
 def test_no_two_vehicles_touch_while_one_of_them_moves() -> None:
