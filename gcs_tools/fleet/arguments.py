@@ -75,9 +75,9 @@ def _add_fly(actions: Any) -> None:
     parser.add_argument(
         "--restarts",
         type=positive,
-        default=240.0,
+        default=120.0,
         metavar="S",
-        help="mean time until a daemon dies and is started again; default: 240",
+        help="mean time until a daemon dies and is started again; default: 120",
     )
     parser.add_argument(
         "--duration", type=positive, default=300.0, metavar="S", help="at most; default: 300"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import random
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack
@@ -44,7 +45,7 @@ class FlightTerms:
     """
 
     network: NetworkTerms = field(default_factory=NetworkTerms)
-    restart_period_s: float = 240.0
+    restart_period_s: float = 120.0
     time_limit_s: float = 300.0
 
 
@@ -56,6 +57,7 @@ class Flown:
         arrived: whether it came to the end of its mission.
         arrived_s: when; None if it did not.
         ended: the phase of its service at the end.
+        short_m: how far it was from the end of its mission then.
         blocked: how often it was blocked, at rest.
         restarts: of its daemon.
         apart_min_m: the least distance from its body to another's.
@@ -65,6 +67,7 @@ class Flown:
     arrived: bool
     arrived_s: float | None
     ended: str
+    short_m: float
     blocked: int
     restarts: int
     apart_min_m: float
@@ -185,6 +188,10 @@ class FleetFlight:
             arrived=watched.arrived_s is not None,
             arrived_s=watched.arrived_s,
             ended=simulation.autonomy.navigator.phase.value,
+            short_m=math.dist(
+                simulation.scene.vehicle.truth.position_ned_m[:2],
+                simulation.flight.mission.legs[-1].end_ned_m,
+            ),
             blocked=watched.blocked,
             restarts=self._starts[name] - 1,
             apart_min_m=self.world.apart_m(name),

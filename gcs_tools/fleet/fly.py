@@ -204,11 +204,10 @@ def _print_vehicles(outcome: Outcome, console: Console) -> None:
     for column in ("BLOCKED", "restarts", "nearest peer (m)"):
         table.add_column(column, justify="right")
     for name, flown in outcome.vehicles.items():
-        ended = f"waiting ({flown.ended})"
+        how = "landed" if flown.aborted is None else f"waiting ({flown.ended})"
+        ended = f"{how} {flown.short_m:.0f} m before its end"
         if flown.arrived_s is not None:
             ended = f"arrived after {flown.arrived_s:.0f} s"
-        elif flown.aborted is None:
-            ended = "landed on its way"
         numbers = (str(flown.blocked), str(flown.restarts), f"{flown.apart_min_m:.2f}")
         table.add_row(escape(name), escape(ended), *numbers)
     console.print(table)

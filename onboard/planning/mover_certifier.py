@@ -37,7 +37,7 @@ if TYPE_CHECKING:
 # A reference slower than this is at rest.
 REST_MPS: Final = 0.01
 _REST_MPS2: Final = 0.05
-# The gains of a set-point's own place, beside those of its run-on.
+# The gains of a setpoint's own place, beside those of its run-on.
 OWN_PLACE: Final = (0.0, 0.0)
 # A piece is halved until it is no longer than this: a mover gains v_o times that on its box.
 _PIECE_MAX_S: Final = 0.1
@@ -209,7 +209,7 @@ def swept_ned(
 
     Args:
         points: Bernstein points (3, n, k, 2) of pieces, leg frame.
-        gains: (kappa [s], c [s²]) of each point of the run-on, the set-point's own included.
+        gains: (kappa [s], c [s²]) of each point of the run-on, the setpoint's own included.
         leg: the frame.
     """
     north_east = np.stack((leg.rotation_ned_from_leg[:2, X], leg.rotation_ned_from_leg[:2, Y]))

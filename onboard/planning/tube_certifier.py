@@ -28,7 +28,7 @@ _SPLITS_MAX: Final = 5
 def occupied_ned_m(
     way: Trajectory, body_radius_m: float, run_on: RunOn, leg: LegFrame
 ) -> FloatArray:
-    """Return boxes that hold the body on a way, and on the run-on of each of its set-points.
+    """Return boxes that hold the body on a way, and on the run-on of each of its setpoints.
 
     Args:
         way: leg frame.
