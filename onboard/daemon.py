@@ -59,19 +59,15 @@ async def run(
 ) -> None:
     """Serve until SIGINT or SIGTERM; the flights are logged where ``place`` says.
 
-    Without a mission the vehicle's own is flown; ``state`` keeps how far, over a restart.  In a
-    fleet it flies by leave.
+    Without a mission the vehicle's own is flown; ``state`` keeps how far, over a restart.
 
     Raises:
-        LinkError, MetricsError: the MAVLink link cannot be opened, or the metrics not served.
-        LogFileError: the flight log cannot be written.
+        LinkError, MetricsError, LogFileError: the link, metrics or flight log cannot be opened.
         zenoh.ZError: no Zenoh session with this configuration.
     """
     request_realtime_priority()
     clock = Clock()
-    autonomy = _service(config, contract, mission, clock, keys, geofence, state)
-    if fleet is not None:
-        autonomy.join_fleet(fleet, secrets.token_hex(8))
+    autonomy = _service(config, contract, mission, clock, keys, geofence, state, fleet)
     recorder: FlightRecorder | None = None
 
     def receive(data: bytes) -> None:
@@ -129,6 +125,7 @@ def _service(
     keys: DaemonKeys,
     geofence: Geofence | None,
     state: Path | None,
+    fleet: FleetMembership | None,
 ) -> Autonomy:
     autonomy = Autonomy(
         contract,
@@ -148,6 +145,8 @@ def _service(
         autonomy.keep_in(geofence)
     if mission is None:
         autonomy.fly_mission_on_board(config.vehicle_mission or VehicleMission())
+    if fleet is not None:
+        autonomy.join_fleet(fleet, secrets.token_hex(8))
     restore(autonomy.progress, state)
     return autonomy
 
