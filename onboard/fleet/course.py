@@ -56,6 +56,8 @@ class Course:
 
     Attributes:
         position_m: north, east, of the reference that it follows; else of the vehicle.
+        position_s: when it is there.
+        rests_s: when it will rest at the latest, if it does not and nothing else is decided.
         rests: whether it is at rest there, and nothing else is decided.
         held_m: (N, 4), what its body may still occupy on the way that it holds.
         leg: start and end of the leg that it flies; None where it asks for no way.
@@ -63,6 +65,8 @@ class Course:
     """
 
     position_m: Place
+    position_s: float
+    rests_s: float
     rests: bool
     held_m: FloatArray
     leg: tuple[Place, Place] | None

@@ -45,6 +45,8 @@ _WANDER_M: Final = 0.7
 # Messages that wait to be read, or to be sent; beyond that the oldest are dropped.
 _PENDING_MAX: Final = 1000
 _END_M: Final = 0.01
+# Who was heard under this vehicle's name within this may fly somewhere else: ten heartbeats.
+_NAMESAKE_S: Final = 5.0
 _NOWHERE: Final[FloatArray] = np.zeros((0, 4))
 
 
@@ -87,7 +89,7 @@ class FleetMember:
         self._granted_m, self._retry_s = 0.0, -math.inf
         self._asked: _Asked | None = None
         self._rest_since_s, self._settled_number = math.inf, -1
-        self._stands = False
+        self._stands = self._has_namesake = False
         self._tube: tuple[FloatArray, FloatArray] | None = None
         self._wanted_m = _NOWHERE
 
@@ -123,6 +125,9 @@ class FleetMember:
 
     def advance(self, course: Course, now_s: float) -> None:
         """Read what has come, give up what is not needed, and ask for what is."""
+        if not course.rests:
+            self._rest_since_s = math.inf
+        self._rest_since_s = min(self._rest_since_s, now_s)
         if self.doubt is not None:
             # What is said in a wrong frame is worse than silence, which peers wait for.
             self._received.clear()
@@ -132,11 +137,14 @@ class FleetMember:
             self._received.clear()
             return
         self._grow_reach(core, course.terms)
+        settled_s = self._rest_since_s + course.terms.settle_s
+        core.rests_s = settled_s if course.rests else course.rests_s
         while self._received:
             self._link.receive(*self._received.popleft(), now_s)
         self._note_commit(core)
+        self._note_namesake(core, self._watch, now_s)
         error_m = self.membership.error_m
-        core.report(course.position_m, now_s, grown(course.held_m, error_m))
+        core.report(course.position_m, course.position_s, grown(course.held_m, error_m))
         standing_m = around(course.position_m, course.terms.body_m + error_m)
         self._stands = holds(core.active.boxes_m, standing_m)
         self._give_up(core, course, now_s)
@@ -147,8 +155,9 @@ class FleetMember:
         self._to_send.extend(self._link.payloads_to_send())
 
     def _begin(self, course: Course, now_s: float) -> Reservation | None:
-        """Begin a run where the vehicle rests."""
-        if not course.rests or self._frame is None:
+        """Begin a run where the vehicle has come to rest."""
+        settled = course.rests and now_s - self._rest_since_s >= course.terms.settle_s
+        if not settled or self._frame is None:
             return None
         membership = self.membership
         reach_m = course.terms.body_m + membership.error_m + REST_SLACK_M
@@ -166,6 +175,12 @@ class FleetMember:
         if reach_m > core.own.reach_m:
             core.own = replace(core.own, reach_m=reach_m)
 
+    def _note_namesake(self, core: Reservation, watch: PeerWatch, now_s: float) -> None:
+        """Note whether another daemon may use this vehicle's name: peers take both for one."""
+        self._has_namesake = now_s - core.namesake_s < _NAMESAKE_S
+        if self._has_namesake:
+            watch.note_dropped(f"{core.own.name} has another daemon, or had one until now")
+
     def _note_commit(self, core: Reservation) -> None:
         asked = self._asked
         if asked is None:
@@ -179,12 +194,8 @@ class FleetMember:
 
     def _give_up(self, core: Reservation, course: Course, now_s: float) -> None:
         """At rest keep the place alone, where no more is needed or the leave for more ends."""
-        if not course.rests:
-            self._rest_since_s = math.inf
-            return
-        self._rest_since_s = min(self._rest_since_s, now_s)
         rested_s = now_s - self._rest_since_s
-        if core.outstanding is not None or rested_s < course.terms.settle_s:
+        if not course.rests or core.outstanding is not None or rested_s < course.terms.settle_s:
             return
         idle = course.leg is None
         ends = now_s >= core.expires_s or (idle and self._stands)
@@ -265,7 +276,7 @@ class FleetMember:
     def tube_m(self) -> FloatArray:
         """Where body and tracking error may be, (N, 4): the tube without A."""
         core = self.reservation
-        if core is None or self.doubt is not None:
+        if core is None or self.doubt is not None or self._has_namesake:
             return _NOWHERE
         boxes_m = core.active.boxes_m
         if self._tube is None or self._tube[0] is not boxes_m:
@@ -293,6 +304,8 @@ class FleetMember:
             return self.doubt
         if core is None:
             return "it has not been at rest since the daemon was started"
+        if self._has_namesake:
+            return f"another daemon flies as {core.own.name}, or did until now"
         if not self._stands:
             return f"{self.waits_for()} to be where it is"
         holders = self._holders(core, core.active.boxes_m)
@@ -303,6 +316,8 @@ class FleetMember:
         core = self.reservation
         if self.doubt is not None or core is None:
             return f"waiting for its place on the Earth: {self.doubt}"
+        if self._has_namesake:
+            return f"waiting for {core.own.name} to be this vehicle alone"
         if core.outstanding is not None:
             missing = sorted(core.outstanding.need - core.outstanding.acked)
             return f"waiting for leave of {', '.join(missing)}"

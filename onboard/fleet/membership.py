@@ -93,6 +93,24 @@ def read_membership(
     )
 
 
+def _check_rest(path: Path, name: str, contract: Contract) -> None:
+    """Check that a contract has the vehicle rest in what it has leave for, its daemon dead, too.
+
+    Raises:
+        FileError: it does not.
+    """
+    required = contract.requirements
+    for key, value, what in (
+        ("stop", required.stop, "every way has to end at rest in what it has leave for"),
+        ("passive_safety", required.passive_safety, "so has what is flown on once a daemon died"),
+    ):
+        if not value:
+            raise FileError(
+                f"{path}: {name}: requirements.{key} = false in its contract, expected true: "
+                f"in a fleet {what}"
+            )
+
+
 def _check(path: Path, fleet: Fleet, vehicle: FleetVehicle, flown: FlownFiles) -> None:
     """Check what the daemon flies against what the fleet's file says of it.
 
@@ -100,11 +118,7 @@ def _check(path: Path, fleet: Fleet, vehicle: FleetVehicle, flown: FlownFiles) -
         FileError: it is another one, too fast, or not kept in what it has leave for.
     """
     name, directory = vehicle.name, path.parent
-    if not flown.contract.requirements.stop:
-        raise FileError(
-            f"{path}: {name}: requirements.stop = false in its contract, expected true: in a fleet "
-            "every way has to end at rest in what it has leave for"
-        )
+    _check_rest(path, name, flown.contract)
     fence = None if vehicle.geofence is None else load_yaml(directory / vehicle.geofence, Geofence)
     if fence != flown.geofence:
         raise FileError(

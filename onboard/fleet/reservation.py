@@ -36,6 +36,8 @@ from onboard.geometry.frames import FloatArray
 
 # Heartbeats that are remembered, to date what echoes them.
 _SENT_MAX: Final = 256
+# Runs under this vehicle's own name that are told apart.
+_NAMESAKES_MAX: Final = 64
 
 
 @dataclass(frozen=True)
@@ -96,6 +98,8 @@ class Reservation:
         active: the tube in which it may fly, or rests.
         expires_s: when it has to be at rest in it.
         outstanding: what it has proposed; None if nothing.
+        rests_s: when the vehicle rests at the latest, if nothing else is decided.
+        namesake_s: when another run under this vehicle's name said something new.
         counts: of messages that were dropped, by reason, and of commits and withdrawals.
     """
 
@@ -108,6 +112,8 @@ class Reservation:
         self.active = Tube(0, around(standing_m, own.reach_m))
         self.expires_s = math.inf
         self.outstanding: Proposal | None = None
+        self.rests_s = self.namesake_s = -math.inf
+        self._namesakes: dict[str, int] = {}
         self._position_m, self._position_s = standing_m, now_s
         self._number = 0
         self._heartbeat_due_s = now_s
@@ -235,9 +241,10 @@ class Reservation:
     def receive(self, message: Message, now_s: float) -> None:
         """Take a message: compare, record and acknowledge are one step."""
         peer = self.peers.get(message.head.sender)
-        if peer is None:
-            own = message.head.sender == self.own.name
-            self.counts["own" if own else "not_in_roster"] += 1
+        if message.head.sender == self.own.name:
+            self._note_own(message.head, now_s)
+        elif peer is None:
+            self.counts["not_in_roster"] += 1
         elif isinstance(message, Heartbeat):
             if not peer.hear(message, self._echo(message), self._number + 1):
                 self.counts["late_or_unconfirmed"] += 1
@@ -249,6 +256,16 @@ class Reservation:
             self._take_ack(message, now_s)
         elif not message.committed:
             peer.records.pop(message.tube_number, None)
+
+    def _note_own(self, head: Head, now_s: float) -> None:
+        """Note who else flies under this name: a run before this one, or another vehicle."""
+        self.counts["own"] += 1
+        known = self._namesakes.get(head.boot, -1)
+        if head.boot == self.own.boot or head.number <= known:
+            return
+        if known >= 0 or len(self._namesakes) < _NAMESAKES_MAX:
+            self._namesakes[head.boot] = head.number
+        self.namesake_s = now_s
 
     def _answer(self, message: Propose, peer: Peer) -> None:
         """Acknowledge a proposal, or say nothing."""
@@ -313,7 +330,9 @@ class Reservation:
         self._send(Commit(self._head(), proposal.tube.number, committed=True))
 
     def _may_commit(self, proposal: Proposal, now_s: float) -> bool:
-        return proposal.need <= proposal.acked and now_s < proposal.expires_s
+        # The way that is held may end later than what was asked for.
+        in_time = max(now_s, self.rests_s) < proposal.expires_s
+        return in_time and proposal.need <= proposal.acked
 
     # ------------------------------------------------------------------ what is sent
 

@@ -17,7 +17,9 @@ from onboard.geometry.local_frame import GeographicPoint, LocalFrame
 from onboard.guidance.dense.limits import run_on_of
 from onboard.guidance.departure import STOPPED_MPS
 from onboard.guidance.envelope import at_rest_speed_mps
+from onboard.guidance.movers.leave import settling_in_tube
 from onboard.guidance.movers.mover_guard import settling_of
+from onboard.planning.mover_certifier import moving_until_s
 from onboard.planning.rest_certifier import velocity_points_mps
 from onboard.planning.tube_certifier import occupied_ned_m
 
@@ -77,8 +79,16 @@ class FleetFlight:
             self.member.doubt = "no telemetry"
         else:
             self.member.advance(self._course(pose, now_s), now_s)
-        objection = self.member.objection()
+        objection = self.member.objection() or (pose and self._beside_lane(pose))
         situation.fleet_objection = None if objection is None else f"fleet: {objection}"
+
+    def _beside_lane(self, pose: Pose) -> str | None:
+        """Return that the vehicle is beside the lane that it asks leave for; None if it is not."""
+        lane_m = self.member.membership.lane_half_width_m
+        _, beside_m, _ = self._navigator.leg.position_leg(pose.position_ned_m)
+        if abs(beside_m) <= lane_m:
+            return None
+        return f"{abs(beside_m):.1f} m beside the leg (lane_half_width_m = {lane_m:g} m)"
 
     def _find_frame(self) -> None:
         """Take the frame that the vehicle says, where the fleet's file says the same, within A."""
@@ -110,14 +120,20 @@ class FleetFlight:
         setpoint = self._navigator.setpoint(now_s)
         if setpoint is None:
             rests = math.hypot(*pose.velocity_ned_mps) < at_rest_speed_mps(situation.assessment)
-            return Course(here_ned_m, rests, _NO_WAY, None, terms)
+            # When it will rest, the pilot knows.
+            return Course(here_ned_m, pose.time_s, math.inf, rests, _NO_WAY, None, terms)
         way = situation.reference.remaining(now_s)
         position_m: Place = setpoint.position_ned_m[:2]
+        position_s = now_s
         if math.dist(position_m, here_ned_m) > situation.assessment.terms.tracking_error_m:
-            position_m = here_ned_m  # an assumption fails: others have to know where it is
-        rests = way is None or _stands(way)
-        held_m = _NO_WAY if way is None or rests else self._held_m(way)
-        return Course(position_m, rests, held_m, self._leg(), terms)
+            # An assumption fails: others have to know where it is.
+            position_m, position_s = here_ned_m, pose.time_s
+        if way is None or _stands(way):
+            return Course(position_m, position_s, now_s, True, _NO_WAY, self._leg(), terms)
+        settling = settling_in_tube(settling_of(situation.assessment), situation.assessment)
+        rests_s = moving_until_s(way, settling) or now_s
+        held_m = self._held_m(way)
+        return Course(position_m, position_s, rests_s, False, held_m, self._leg(), terms)
 
     def _held_m(self, way: Trajectory) -> FloatArray:
         points_mps = velocity_points_mps(way)[:, :, :2].reshape(-1, 2)

@@ -54,7 +54,15 @@ class Fleet:
             self._now_s += TICK_S
             sent = []
             for name, member in self.members.items():
-                course = Course(WAYS[name][0], True, np.zeros((0, 4)), legs.get(name), self._terms)
+                course = Course(
+                    WAYS[name][0],
+                    self._now_s,
+                    self._now_s,
+                    True,
+                    np.zeros((0, 4)),
+                    legs.get(name),
+                    self._terms,
+                )
                 member.advance(course, self._now_s)
                 sent += member.take_to_send()
             for member in self.members.values():
