@@ -111,3 +111,84 @@ def test_no_run_on_of_a_stop_leads_farther(
 
 def test_what_is_not_known_is_not_asked_for() -> None:
     assert replace(TERMS, run_on_s=math.nan).beyond_m == 0.0
+
+
+# ------------------------------------------------------------------------ when it does not fly
+
+
+def course(rests: bool = True, *, place_m: Place = (-40.0, 0.0), rests_s: float = 0.0) -> Course:
+    """Return what a vehicle does that asks for nothing."""
+    return Course(place_m, 0.0, rests_s, rests, np.zeros((0, 4)), None, TERMS)
+
+
+def test_a_run_begins_once_the_vehicle_has_settled_at_rest() -> None:
+    """The run before has leave for where its vehicle comes to rest, and for no more."""
+    member = Fleet(("north", "east")).members["north"]
+    member.advance(course(rests=False), 1.0)
+    member.advance(course(), 1.1)
+    member.advance(course(rests=False), 1.2)
+    member.advance(course(), 1.3)
+    assert member.objection() == "it has not been at rest since the daemon was started"
+    assert not len(member.tube_m)
+    member.advance(course(), 1.3 + TERMS.settle_s)
+    assert member.reservation is not None
+    assert member.objection() is None
+    assert len(member.tube_m) == 1
+
+
+def test_without_its_place_on_the_earth_it_is_silent_and_has_no_tube() -> None:
+    fleet = Fleet(("north", "east"))
+    fleet.rest(2.0, {})
+    member = fleet.members["north"]
+    assert len(member.tube_m)
+    member.place_by(None, "no GPS")
+    assert not len(member.tube_m)
+    assert (member.objection(), member.waits_for()) == (
+        "no GPS",
+        "waiting for its place on the Earth: no GPS",
+    )
+    member.advance(course(), 50.0)
+    assert member.take_to_send() == []
+    moved = LocalFrame(GeographicPoint(47.4, 8.545594), "px4")
+    member.place_by(moved)
+    assert str(member.objection()).startswith("GPS_GLOBAL_ORIGIN has changed since the start")
+
+
+def test_a_second_daemon_of_one_name_keeps_both_on_the_ground() -> None:
+    one, other = (Fleet(("north", "east")) for _ in range(2))
+    one.rest(2.0, {})
+    other.rest(1.0, {})
+    member, twin = one.members["north"], other.members["north"]
+    twin._boot = "d" * 16
+    twin.reservation = None
+    twin.advance(course(), 3.0)
+    for key, payload in twin.take_to_send():
+        member.receive(key, payload)
+    member.advance(course(), 3.0)
+    assert member.objection() == "another daemon flies as north, or did until now"
+    assert not len(member.tube_m)
+    member.advance(course(), 9.0)
+    assert member.objection() is None
+
+
+def test_who_deviates_may_come_and_a_box_in_a_tube_is_its_owner() -> None:
+    fleet = Fleet(("north", "east"))
+    fleet.rest(2.0, {"east": WAYS["east"]})
+    north = fleet.members["north"]
+    assert north.reservation is not None
+    peer = north.reservation.peers["east"]
+    crossing = np.array([[-1.0, 1.0, -1.0, 1.0]])
+    assert north.who_may_come(crossing, 60.0) is None
+    peer.deviates = True
+    assert north.who_may_come(crossing, 60.0) == "east"
+    assert north.who_may_come(crossing, 2.0) is None, "it cannot be there yet"
+    inside = [(-0.3, -0.3), (-0.3, 0.3), (0.3, 0.3), (0.3, -0.3)]
+    assert north.is_peer(inside, 0.1)
+    beside = [(n + 6.0, e) for n, e in inside]
+    assert not north.is_peer(beside, 0.1)
+    reaching_out = [(n if n < 0.0 else 6.0, e) for n, e in inside]
+    assert not north.is_peer(reaching_out, 0.1)
+    # The tube reaches 2.45 m to the side of the leg, and what is measured 0.6 m beyond it.
+    edge = [(2.6 + n, e) for n, e in inside]
+    assert north.is_peer(edge, 0.1)
+    assert not north.is_peer([(n + 0.4, e) for n, e in edge], 0.1)
