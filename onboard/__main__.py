@@ -14,6 +14,7 @@ from pathlib import Path
 import zenoh
 
 from onboard import daemon
+from onboard.authentication.key_file import load_key
 from onboard.authentication.keys import DaemonKeys
 from onboard.contract.assessment import assess
 from onboard.files.contract_file import Contract
@@ -26,6 +27,7 @@ from onboard.files.daemon_config import (
 from onboard.files.geofence_file import Geofence
 from onboard.files.mission_file import Mission
 from onboard.files.yaml_file import FileError, load_yaml
+from onboard.fleet.membership import FleetMembership, FlownFiles, read_membership
 from onboard.heap import return_freed_arrays
 from onboard.log_format import configure_logging
 from onboard.mavlink.link_url import LinkError
@@ -58,14 +60,28 @@ def main(arguments: list[str] | None = None) -> int:
         _warn_if_not_compliant(contract, mission, config)
         state = state_directory(base, os.environ)
         keys = DaemonKeys.load(config, base, state, time.time())
+        fleet = _membership(config, base, FlownFiles(contract, mission, geofence))
         place = _log_place(base, config)
         return_freed_arrays()
-        asyncio.run(daemon.run(config, contract, mission, place, keys, geofence, state))
+        asyncio.run(daemon.run(config, contract, mission, place, keys, geofence, state, fleet))
     except (FileError, LinkError, LogFileError, MetricsError) as error:
         return _refuse(str(error))
     except zenoh.ZError as error:
         return _refuse(f"{options.config}: no Zenoh session: {error}")
     return 0
+
+
+def _membership(config: DaemonConfig, base: Path, flown: FlownFiles) -> FleetMembership | None:
+    """Read the fleet that the vehicle flies in; None if it is of none.
+
+    Raises:
+        FileError: a file of it cannot be used, or the vehicle is not what it says.
+    """
+    stated = config.fleet
+    if stated is None:
+        return None
+    key = None if stated.key_file is None else load_key(base / stated.key_file)
+    return read_membership(base / stated.file, stated.name, flown, key)
 
 
 def _warn_if_not_compliant(

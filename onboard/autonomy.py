@@ -31,13 +31,16 @@ from onboard.files.sensor_sources import (
     only_adds_movers,
     shows_virtual_obstacles,
 )
-from onboard.geometry.fence import Fence, FenceArea
+from onboard.fleet.membership import FleetMembership
+from onboard.geometry.fence import Fence
 from onboard.guidance.authority import ControlAuthority
 from onboard.guidance.departure import Refusal, refused
 from onboard.guidance.navigator import Navigator
 from onboard.guidance.phases import Phase
 from onboard.mavlink.endpoint import MavlinkEndpoint
 from onboard.mavlink.signing import LinkSigning
+from onboard.missions.fences import fence_area
+from onboard.missions.fleet_flight import FleetFlight
 from onboard.missions.from_vehicle import MissionFromVehicle
 from onboard.missions.progress import MissionProgress, mission_sha256
 from onboard.monitoring.flight_authorization import FlightAuthorizationGate
@@ -82,15 +85,16 @@ class Autonomy:
         sensors: what has arrived from them.
         malformed_missions: missions that could not be read.
         refused_commands: operator commands that were not authentic.
+        fleet: has the vehicle fly by leave of others; None where it is of no fleet.
         vehicle_mission: follows the mission on board; None where a file states it.
         progress: how far the mission was flown.
         log_ended: whether the flight goes on without a log.
         virtual_obstacles: whether a sensor shows obstacles that are not there.
     """
 
-    malformed_missions = 0
-    refused_commands = 0
+    malformed_missions = refused_commands = 0
     log_ended = False
+    fleet: FleetFlight | None = None
     vehicle_mission: MissionFromVehicle | None = None
     _fenced: tuple[FenceAreaFile, ...] = ()
     _pending_mission: bytes | None = None
@@ -176,7 +180,7 @@ class Autonomy:
 
     def _keep_in_areas(self, on_board: tuple[FenceAreaFile, ...]) -> None:
         """Fly within the areas of our geofence and of that on board."""
-        areas = tuple(map(_fence_area, (*self._fenced, *on_board)))
+        areas = tuple(map(fence_area, (*self._fenced, *on_board)))
         fence = Fence(areas) if areas else None
         self.navigator.situation.fence = fence
         self.supervisor.seen.keep_in(fence)
@@ -191,9 +195,21 @@ class Autonomy:
             self.link, self.navigator, stated, self._keep_in_areas, self.emit
         )
 
+    def join_fleet(self, membership: FleetMembership, boot: str) -> None:
+        """Fly only by leave of the other vehicles of a fleet; before the first tick.
+
+        Args:
+            membership: of the fleet.
+            boot: of this run: 16 hexadecimal digits, random, never used before.
+
+        Raises:
+            ValueError: the contract does not require that every way ends at rest.
+        """
+        self.fleet = FleetFlight(membership, boot, self.link, self.navigator, self.supervisor)
+
     def _identity(self, mission: Mission) -> str:
-        on_board = None if self.vehicle_mission is None else self.vehicle_mission.identity(mission)
-        return on_board or mission_sha256(mission)
+        on_board = self.vehicle_mission
+        return (on_board and on_board.identity(mission)) or mission_sha256(mission)
 
     def set_epoch(self, epoch_unix_s: float) -> bool:
         """Read stamps by a clock that has been set; refused while the vehicle may fly.
@@ -242,6 +258,11 @@ class Autonomy:
         """Take a mission to be flown instead of the present one; the next tick reads it."""
         self._pending_mission = payload
 
+    def receive_fleet(self, key: str, payload: bytes, now_s: float) -> None:  # noqa: ARG002  latched
+        """Take a message of the fleet, with the Zenoh key that it came under."""
+        if self.fleet is not None:
+            self.fleet.member.receive(key, payload)
+
     def receive_resume(self, answer: AnswerResume, command: Command = "resume") -> None:
         """Take the operator's command to end a hold, or to return; the next tick answers it."""
         self._pending_commands.append((command, answer))
@@ -269,6 +290,10 @@ class Autonomy:
     def mavlink_to_send(self) -> bytes:
         """Return and forget the bytes for the autopilot's link."""
         return self.link.bytes_to_send()
+
+    def fleet_to_send(self) -> list[tuple[str, bytes]]:
+        """Return and forget what is to be published for the fleet: Zenoh keys and payloads."""
+        return [] if self.fleet is None else self.fleet.member.take_to_send()
 
     def events(self) -> list[Event]:
         """Return and forget what happened since the last call, in order."""
@@ -319,6 +344,8 @@ class Autonomy:
                 self.emit(Event(now_s, EventName.VIRTUAL_OBSTACLES, Severity.WARNING, text))
             self.supervisor.check(pose, now_s)
         self._take_commands(now_s, now_unix_s)
+        if self.fleet is not None:
+            self.fleet.advance(pose, now_s)
         self.authority.keep_energy(pose, now_s, now_unix_s)
         if pose is not None:
             self.navigator.advance(pose, now_s)
@@ -371,15 +398,3 @@ class Autonomy:
                 self.link.send_text(event.severity, f"Clearway: {event.text}")
         self._events.extend(self._news)
         self._news.clear()
-
-
-def fence_of(geofence: Geofence) -> Fence:
-    """Return what a geofence file describes."""
-    return Fence(tuple(map(_fence_area, geofence.areas)))
-
-
-def _fence_area(written: FenceAreaFile) -> FenceArea:
-    keeps_in = written.keep == "inside"
-    if written.center_ned_m is not None:
-        return FenceArea((written.center_ned_m,), written.radius_m, keeps_in)
-    return FenceArea(written.corners_ned_m, None, keeps_in)

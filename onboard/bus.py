@@ -14,6 +14,7 @@ import zenoh
 from onboard.autonomy import Autonomy
 from onboard.files.contract_file import Contract
 from onboard.files.daemon_config import MarkerOutput
+from onboard.fleet.link import KEY_PREFIX
 from onboard.obstacle_outputs.markers import attachment, markers_key
 from onboard.perception.ros2.graph import node_token, publisher_token
 from onboard.perception.sensor_channels import SensorChannels
@@ -67,6 +68,28 @@ class Bus:
                 self._listen_to(name, key, autonomy.sensors, clock)
             if key := transforms_key(sensor.config):
                 self._listen_to_transforms(name, key, autonomy.sensors)
+
+        if autonomy.fleet is not None:
+            self._listen_to_fleet(autonomy, clock)
+
+    def _listen_to_fleet(self, autonomy: Autonomy, clock: Clock) -> None:
+        """Subscribe to what all vehicles of the fleet say."""
+        loop = asyncio.get_running_loop()
+
+        def deliver(key: str, payload: bytes) -> None:
+            autonomy.receive_fleet(key, payload, clock.now_s())
+
+        def receive(sample: zenoh.Sample) -> None:
+            key, payload = str(sample.key_expr), sample.payload.to_bytes()
+            with contextlib.suppress(RuntimeError):  # the loop has closed: we are stopping
+                loop.call_soon_threadsafe(deliver, key, payload)
+
+        self._session.declare_subscriber(f"{KEY_PREFIX}/*/*", receive)
+
+    def publish_fleet(self, messages: list[tuple[str, bytes]]) -> None:
+        """Publish what the vehicle says to its fleet, under the keys given."""
+        for key, payload in messages:
+            self._session.put(key, payload)
 
     def _listen_to(self, name: str, key: str, sensors: SensorChannels, clock: Clock) -> None:
         """Subscribe to a sensor's own key."""

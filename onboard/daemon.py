@@ -25,6 +25,7 @@ from onboard.files.contract_file import Contract
 from onboard.files.daemon_config import DaemonConfig, VehicleMission
 from onboard.files.geofence_file import Geofence
 from onboard.files.mission_file import Mission
+from onboard.fleet.membership import FleetMembership
 from onboard.heap import freeze_gc_heap
 from onboard.mavlink.connections import Link, open_link
 from onboard.metrics.figures import Figures
@@ -54,19 +55,19 @@ async def run(
     keys: DaemonKeys,
     geofence: Geofence | None = None,
     state: Path | None = None,
+    fleet: FleetMembership | None = None,
 ) -> None:
     """Serve until SIGINT or SIGTERM; the flights are logged where ``place`` says.
 
     Without a mission the vehicle's own is flown; ``state`` keeps how far, over a restart.
 
     Raises:
-        LinkError, MetricsError: the MAVLink link cannot be opened, or the metrics not served.
-        LogFileError: the flight log cannot be written.
+        LinkError, MetricsError, LogFileError: the link, metrics or flight log cannot be opened.
         zenoh.ZError: no Zenoh session with this configuration.
     """
     request_realtime_priority()
     clock = Clock()
-    autonomy = _service(config, contract, mission, clock, keys, geofence, state)
+    autonomy = _service(config, contract, mission, clock, keys, geofence, state, fleet)
     recorder: FlightRecorder | None = None
 
     def receive(data: bytes) -> None:
@@ -124,6 +125,7 @@ def _service(
     keys: DaemonKeys,
     geofence: Geofence | None,
     state: Path | None,
+    fleet: FleetMembership | None,
 ) -> Autonomy:
     autonomy = Autonomy(
         contract,
@@ -143,6 +145,8 @@ def _service(
         autonomy.keep_in(geofence)
     if mission is None:
         autonomy.fly_mission_on_board(config.vehicle_mission or VehicleMission())
+    if fleet is not None:
+        autonomy.join_fleet(fleet, secrets.token_hex(8))
     restore(autonomy.progress, state)
     return autonomy
 
@@ -226,6 +230,7 @@ async def _serve(
         event_log.write(records, now_s)
         recorder.write(records)
         bus.publish(records, now_s)
+        bus.publish_fleet(autonomy.fleet_to_send())
         show(records, now_s)
         manager.tick(now_s, autonomy.navigator.phase.value)
         figures.take(records, autonomy.link.battery.charge(now_s, SILENCE_S))

@@ -20,10 +20,10 @@ from gcs_tools.benchmark.service_flight import SERVICE_VEHICLES
 from gcs_tools.benchmark.suites import Benchmark, benchmark_named
 from gcs_tools.benchmark.summary import Run, print_tables
 from gcs_tools.benchmark.vehicles import vehicles
-from gcs_tools.campaign.workers import run_locally
 from gcs_tools.console.errors import CommandError
 from gcs_tools.console.parquet_file import schema_of, write_rows
 from gcs_tools.console.progress import tracked
+from gcs_tools.console.worker_pool import run_locally
 
 # Width of tables where the output is not a terminal.
 _FILE_WIDTH: Final = 150

@@ -28,6 +28,7 @@ from onboard.files.obstacle_field import ObstacleField
 from onboard.files.yaml_file import read_mapping, validate
 from onboard.geometry.frames import FloatArray
 from onboard.guidance.phases import FLYING_PHASES, Phase
+from sitl.autopilot.flavours.tuned import TUNED
 from sitl.config import EstimatorConfig, MultirotorConfig
 from sitl.environment.sensor import SensorConfig
 from sitl.virtual.simulation import SimulatedFlight
@@ -60,15 +61,10 @@ SERVICE_VEHICLES: Final = {
     "ardupilot": _Set(
         "uniform_forest.yaml",
         "ardupilot",
-        {"GUID_TIMEOUT": 0.5, "PSC_JERK_XY": 20.0, "WPNAV_ACCEL": 600.0},
+        {"GUID_TIMEOUT": 0.5, **TUNED["ardupilot"]},
         heading_error_deg=0.5,
     ),
-    # As docs/vehicles.md sets PX4 up.
-    "px4": _Set(
-        "px4_contract.yaml",
-        "px4",
-        {"MPC_XY_P": 1.5, "MPC_JERK_AUTO": 15.0, "MPC_ACC_HOR": 5.0},
-    ),
+    "px4": _Set("px4_contract.yaml", "px4", dict(TUNED["px4"])),
 }
 
 

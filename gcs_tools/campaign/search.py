@@ -13,7 +13,7 @@ from gcs_tools.campaign.adversary.draw import adversary_genes
 from gcs_tools.campaign.adversary.genes import DECIMALS, SEARCHED
 from gcs_tools.campaign.flight import FlightRow, fly_numbered
 from gcs_tools.campaign.sources import AdversarySource
-from gcs_tools.campaign.workers import run_locally
+from gcs_tools.console.worker_pool import run_locally
 
 # Flights of one search: six generations.
 FLIGHTS_PER_SEARCH: Final = 48

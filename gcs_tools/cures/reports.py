@@ -128,6 +128,12 @@ REFUSAL_CURES: Final[Mapping[RefusalKind, Cure]] = MappingProxyType(
             "the vehicle hovers inside the region of influence of an obstacle",
             "fly back along the leg until it is outside, or accept best effort",
         ),
+        RefusalKind.FLEET: Cure(
+            "in a fleet the vehicle may not take off from where it is: its place on the Earth is "
+            "not known, another one may be there, or has given no leave",
+            "correct what the text names; set the origin of the fleet's file "
+            "(SET_GPS_GLOBAL_ORIGIN), and start the daemon where the vehicle stands",
+        ),
         RefusalKind.ENVIRONMENT: Cure(
             "what is seen from here breaks the contract's environment",
             "cure the assumption that it names, below, or begin elsewhere",
@@ -147,6 +153,12 @@ EVENT_CURES: Final[Mapping[EventName, Cure]] = MappingProxyType(
         EventName.BATTERY: Cure(
             "the battery is at its reserve: the vehicle returns along the flown way, or lands",
             "let it return; land, and charge it",
+        ),
+        EventName.BLOCKED: Cure(
+            "other vehicles of the fleet have given no leave for `yield_max_s` (60 s where the "
+            "contract does not state it); the vehicle waits at rest and goes on by itself",
+            "move away the vehicle that the text names, or end its flight: it gives up what it "
+            "holds; if its daemon does not run, start it where it stands",
         ),
         EventName.CERTIFICATE: Cure(
             "a trajectory did not certify and was not flown", "report it with the flight's log"
@@ -169,6 +181,10 @@ EVENT_CURES: Final[Mapping[EventName, Cure]] = MappingProxyType(
         EventName.FAILSAFE: Cure(
             "the autopilot's own failsafe has taken the mode",
             "let it act, or take over; the ground station names its cause (battery, radio, fence)",
+        ),
+        EventName.FLEET_REFUSED: Cure(
+            "a message of the fleet was dropped, or not sent; the text says why",
+            "give all vehicles the same fleet.yaml, its contracts and the fleet's key; restart",
         ),
         EventName.FLIGHT_LEFT: Cure(
             "the last flight of this mission was left before its end",
@@ -205,6 +221,15 @@ EVENT_CURES: Final[Mapping[EventName, Cure]] = MappingProxyType(
             "a mission at another altitude was received in flight, one leaves the geofence, or the "
             "one on board cannot be flown",
             "correct what the text names; at another altitude, send it before the take-off",
+        ),
+        EventName.PEER_DEVIATES: Cure(
+            "another vehicle of the fleet is outside of what it has leave for: its pilot flies it, "
+            "or it is astray; this one rests where that one may come",
+            "land it, or leave it at rest: it then asks for leave to be where it is",
+        ),
+        EventName.PEER_SILENT: Cure(
+            "nothing is heard of another vehicle of the fleet; what it held stays its own",
+            "start its daemon; see that both are on one Zenoh network (docs/fleet.md)",
         ),
         EventName.PHASE: Cure("the automaton has changed its phase", _NOTHING),
         EventName.PLAN_KEPT: Cure(

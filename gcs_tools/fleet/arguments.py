@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import os
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +17,7 @@ def add_parser(commands: Any) -> None:
     actions = parser.add_subparsers(required=True, metavar="ACTION")
     _add_check(actions)
     _add_simulate(actions)
+    _add_fly(actions)
 
 
 def _add_check(actions: Any) -> None:
@@ -35,22 +37,7 @@ def _add_simulate(actions: Any) -> None:
     parser.add_argument(
         "--episodes", type=count, default=100, metavar="N", help="how many; default: 100"
     )
-    parser.add_argument(
-        "--seed", type=natural, default=1, metavar="S", help="of the first episode; default: 1"
-    )
-    parser.add_argument(
-        "--loss", type=_share, default=0.3, metavar="SHARE", help="of all messages; default: 0.3"
-    )
-    parser.add_argument(
-        "--delay", type=positive, default=8.0, metavar="S", help="of a late message; default: 8"
-    )
-    parser.add_argument(
-        "--partitions",
-        type=_share,
-        default=0.25,
-        metavar="SHARE",
-        help="of the time in which the network is in two parts; default: 0.25",
-    )
+    _add_network(parser)
     parser.add_argument(
         "--restarts",
         type=positive,
@@ -70,6 +57,57 @@ def _add_simulate(actions: Any) -> None:
     )
     add_output_options(parser, "table", "json")
     parser.set_defaults(run=_simulate)
+
+
+def _add_fly(actions: Any) -> None:
+    parser = actions.add_parser(
+        "fly", help="fly the missions by the whole service, in virtual time over a bad network"
+    )
+    parser.add_argument("fleet", type=Path, metavar="FLEET", help="fleet file, YAML")
+    parser.add_argument(
+        "--episodes",
+        type=count,
+        default=1,
+        metavar="N",
+        help="how many flights; only a single one leaves logs; default: 1",
+    )
+    _add_network(parser)
+    parser.add_argument(
+        "--restarts",
+        type=positive,
+        default=120.0,
+        metavar="S",
+        help="mean time until a daemon dies and is started again; default: 120",
+    )
+    parser.add_argument(
+        "--duration", type=positive, default=300.0, metavar="S", help="at most; default: 300"
+    )
+    parser.add_argument(
+        "--jobs", type=count, metavar="J", help="processes for several flights; default: all cores"
+    )
+    parser.add_argument(
+        "-o", "--out", type=Path, metavar="DIR", help="default: flights/<fleet>-<seed>"
+    )
+    parser.set_defaults(run=_fly)
+
+
+def _add_network(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "--seed", type=natural, default=1, metavar="S", help="of the first episode; default: 1"
+    )
+    parser.add_argument(
+        "--loss", type=_share, default=0.3, metavar="SHARE", help="of all messages; default: 0.3"
+    )
+    parser.add_argument(
+        "--delay", type=positive, default=8.0, metavar="S", help="of a late message; default: 8"
+    )
+    parser.add_argument(
+        "--partitions",
+        type=_share,
+        default=0.25,
+        metavar="SHARE",
+        help="of the time in which the network is in two parts; default: 0.25",
+    )
 
 
 def _share(text: str) -> float:
@@ -92,6 +130,20 @@ def _simulate(options: argparse.Namespace) -> int:
     request = SimulateRequest(options.fleet, options.episodes, options.seed, terms, options.ahead)
     good = simulate_fleet(request, form=options.form, output=options.output)
     return 0 if good else EXIT_NO
+
+
+def _fly(options: argparse.Namespace) -> int:
+    from gcs_tools.fleet.flight import FlightTerms  # noqa: PLC0415  loads the simulator
+    from gcs_tools.fleet.fly import FlyRequest, fly_fleet_file  # noqa: PLC0415  loads rich, too
+    from gcs_tools.fleet.network import NetworkTerms  # noqa: PLC0415  loads no simulator, but late
+
+    network = NetworkTerms(options.loss, options.delay, options.partitions)
+    terms = FlightTerms(network, options.restarts, options.duration)
+    processes = options.jobs or os.cpu_count() or 1
+    request = FlyRequest(
+        options.fleet, options.episodes, options.seed, terms, processes, options.out
+    )
+    return 0 if fly_fleet_file(request) else EXIT_NO
 
 
 def _check(options: argparse.Namespace) -> int:

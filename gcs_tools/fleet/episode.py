@@ -85,7 +85,7 @@ class Episode:
     ) -> None:
         self._flyers, self._terms, self._draw = flyers, terms, draw
         self._carry, self._new_way = carry, new_way
-        self._network = Network(terms.network, tuple(flyers), draw)
+        self._network = Network[Message](terms.network, tuple(flyers), draw)
         self._blocked: set[str] = set()
         self._places_m = _true_places(flyers)
         self.outcome = Outcome([], 0, 0, 0, 0, 0.0, Counter())
@@ -122,7 +122,7 @@ class Episode:
                 for message in flyer.reservation.messages_to_send():
                     carried = self._carry(message)
                     if carried is not None:
-                        self._network.send(carried, now_s)
+                        self._network.send(name, carried, now_s)
         before, self._places_m = self._places_m, _true_places(flyers)
         self.outcome.contacts += self._touching(before)
 

@@ -6,8 +6,9 @@ import heapq
 import random
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from typing import Generic, TypeVar
 
-from onboard.fleet.messages import Message
+Message = TypeVar("Message")
 
 # Of the messages that are late, rather than on time.
 _LATE_SHARE = 0.25
@@ -32,8 +33,8 @@ class NetworkTerms:
     partition_s: float = 10.0
 
 
-class Network:
-    """Carries messages from each vehicle to all others.
+class Network(Generic[Message]):
+    """Carries messages, of whatever kind, from each vehicle to all others.
 
     Args:
         terms: how bad it is.
@@ -48,11 +49,11 @@ class Network:
         self._part: frozenset[str] = frozenset()
         self._part_until_s = 0.0
 
-    def send(self, message: Message, now_s: float) -> None:
+    def send(self, sender: str, message: Message, now_s: float) -> None:
         """Take a message to all others."""
         if now_s >= self._part_until_s:
             self._split(now_s)
-        sender, draw = message.head.sender, self._draw
+        draw = self._draw
         for name in self._names:
             apart = (name in self._part) != (sender in self._part)
             if name == sender or apart or draw.random() < self._terms.loss:

@@ -8,6 +8,7 @@ and run-on included.  The clauses use the inflated one.  Proofs: THEORY.md.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -25,7 +26,7 @@ from onboard.contract.emergence import emergence_m
 from onboard.contract.mover_avoidance import passing_levels
 from onboard.contract.movers import Level, levels
 from onboard.contract.recentring import Corridor
-from onboard.contract.region import RegionOfInfluence
+from onboard.contract.region import RegionOfInfluence, overhang
 from onboard.contract.terms import Terms
 from onboard.files.contract_file import Contract, InputSet
 from onboard.geometry.box import Box
@@ -106,6 +107,20 @@ class Assessment:
     def reserved_trim_mps2(self) -> float:
         """Acceleration that the limits leave for the wind (theory J)."""
         return reserved_trim_mps2(self.terms, SCALAR)
+
+    @property
+    def fastest_mps(self) -> float:
+        """How fast the vehicle may be over ground: at cruise, and swerving (theory A, D)."""
+        swerve, swerving_s = (
+            self.inflated.manoeuvre_encounter,
+            self.inflated.manoeuvre.avoidance_time_s,
+        )
+        left_mps2, right_mps2 = swerve.left_mps2, swerve.right_mps2
+        aside_mps = max(
+            overhang(one_mps2, other_mps2, swerving_s, swerve, SCALAR)[1]
+            for one_mps2, other_mps2 in ((left_mps2, right_mps2), (right_mps2, left_mps2))
+        )
+        return math.hypot(swerve.speed_mps, aside_mps)
 
     def at_altitude(self, mission_altitude_m: float) -> Assessment:
         """Return the same contract for a mission at another height."""

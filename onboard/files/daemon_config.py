@@ -120,6 +120,18 @@ class MavlinkLink(FileModel):
         return refuse_renamed_keys(data, {"stale_after_s": "telemetry_timeout_s"})
 
 
+class FleetSettings(FileModel):
+    """The fleet that the vehicle flies in, by leave of the others."""
+
+    file: FilePath = Field(description="fleet.yaml, the same for all vehicles of the fleet")
+    name: Annotated[str, Field(min_length=1, max_length=32)] = Field(
+        description="of this vehicle in it"
+    )
+    key_file: FilePath | None = Field(
+        None, description="of the whole fleet, 64 hexadecimal digits, mode 0600 or 0640; null: none"
+    )
+
+
 # In place of a mission file: what the autopilot keeps on board.
 FROM_VEHICLE: Final = "from_vehicle"
 
@@ -153,6 +165,9 @@ class DaemonConfig(FileModel):
     )
     geofence: FilePath | None = Field(
         None, description="areas that every flight stays within; null: none of ours"
+    )
+    fleet: FleetSettings | None = Field(
+        None, description="fly only by leave of the other vehicles of a fleet; null: of no fleet"
     )
     input_set: InputSet = "inner"
     mavlink: MavlinkLink = MavlinkLink(

@@ -15,7 +15,11 @@ from onboard.geometry.frames import FloatArray
 
 Place = tuple[float, float]
 
+# By how much more than body and errors reach about a place: a vehicle that rests wanders a little.
+REST_SLACK_M: Final = 0.3
 _ROUND_OFF_M: Final = 1e-6
+# Distances by an autopilot's sphere may be too long by this share of those on WGS84.
+_SPHERE_SHARE: Final = 0.007
 
 
 def around(place_m: Place, reach_m: float) -> FloatArray:
@@ -64,9 +68,33 @@ def holds(area_m: FloatArray, box_m: FloatArray) -> bool:
     return bool(inside.all(axis=1).any())
 
 
+def within(area_m: FloatArray, box_m: FloatArray) -> FloatArray:
+    """Return the part of an area that lies in a box, (1, 4); the box itself if one holds it."""
+    if holds(area_m, box_m):
+        return box_m
+    met_m = area_m[meeting(area_m, box_m)]
+    cut_m = np.empty_like(met_m)
+    cut_m[:, 0::2] = np.maximum(met_m[:, 0::2], box_m[:, 0::2])
+    cut_m[:, 1::2] = np.minimum(met_m[:, 1::2], box_m[:, 1::2])
+    return cut_m
+
+
+def grown(area_m: FloatArray, more_m: float) -> FloatArray:
+    """Return an area with each box larger on all sides; smaller, without what vanishes, if < 0."""
+    boxes_m = area_m + np.array((-more_m, more_m, -more_m, more_m))
+    whole = (boxes_m[:, 0] <= boxes_m[:, 1]) & (boxes_m[:, 2] <= boxes_m[:, 3])
+    left_m: FloatArray = boxes_m[whole]
+    return left_m
+
+
 def distance_m(area_m: FloatArray, place_m: Place) -> float:
     """Return how far a place is from an area; 0 inside, infinite of an empty area."""
     north_m, east_m = place_m
     beside_n = np.maximum(np.maximum(area_m[:, 0] - north_m, north_m - area_m[:, 1]), 0.0)
     beside_e = np.maximum(np.maximum(area_m[:, 2] - east_m, east_m - area_m[:, 3]), 0.0)
     return float(np.hypot(beside_n, beside_e).min(initial=math.inf))
+
+
+def nearer_m(area_m: FloatArray, place_m: Place, more_m: float = 0.0) -> float:
+    """Return how far a place is at least on the Earth from an area, and that much more."""
+    return (distance_m(area_m, place_m) + more_m) * (1.0 - _SPHERE_SHARE)

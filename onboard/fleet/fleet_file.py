@@ -9,6 +9,7 @@ from pydantic import Field, model_validator
 
 from onboard.files.contract_file import NonNegative, Positive
 from onboard.files.yaml_file import FileModel
+from onboard.geometry.local_frame import GeographicPoint, LocalFrame
 
 # As in the keys of Zenoh that begin with it.
 VehicleName = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_-]{0,31}$")]
@@ -44,12 +45,23 @@ class FleetVehicle(FileModel):
         "0.05 m by RTK"
     )
 
+    @property
+    def frame(self) -> LocalFrame:
+        """Its local frame, as the file states it."""
+        place = GeographicPoint(self.origin.latitude_deg, self.origin.longitude_deg)
+        return LocalFrame(place, self.autopilot)
+
 
 class Fleet(FileModel):
     """Vehicles that fly at one site at a time (fleet.yaml)."""
 
     speed_max_mps: Positive = Field(
         description="no vehicle of the fleet is ever faster over ground, with or without a link"
+    )
+    lane_half_width_m: NonNegative = Field(
+        3.0,
+        description="a vehicle asks for leave for so much on each side of its legs, body and "
+        "errors besides: an obstacle is passed within that",
     )
     vehicles: Annotated[
         tuple[FleetVehicle, ...],

@@ -34,8 +34,8 @@ class FleetLink:
         counts = self._reservation.counts
         prefix, _, rest = key.rpartition("/")
         sender = prefix.removeprefix(f"{KEY_PREFIX}/")
-        if sender not in self._reservation.peers:
-            counts["own" if sender == self._reservation.own.name else "not_in_roster"] += 1
+        if sender not in (self._reservation.own.name, *self._reservation.peers):
+            counts["not_in_roster"] += 1
             return
         try:
             message = self._wire.decoded(sender, MessageKind(rest), payload)

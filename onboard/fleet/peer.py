@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import deque
 from typing import Final, NamedTuple
 
-from onboard.fleet.area import Place
+from onboard.fleet.area import REST_SLACK_M, Place, around, holds
 from onboard.fleet.messages import Head, Heartbeat, Tube
 from onboard.geometry.frames import FloatArray
 
@@ -42,12 +42,14 @@ class Peer:
         boot: the run that counts; None before the first.
         records: its tubes that must not be entered, by number; of the run that counts.
         echoed: run and number of its newest heartbeat, to be echoed; None before the first.
+        deviates: whether it was outside its own tube by its newest heartbeat that counted.
     """
 
     def __init__(self) -> None:
         self.boot: str | None = None
         self.records: dict[int, FloatArray] = {}
         self.echoed: tuple[str, int] | None = None
+        self.deviates = False
         self._newest = -1
         self._seen: set[str] = set()
         self._ended: deque[str] = deque(maxlen=_ENDED_MAX)
@@ -115,6 +117,9 @@ class Peer:
         if head.number <= self._newest:
             return False
         self._newest = head.number
+        # Its reach allows for so much more than body and errors.
+        body_m = max(heartbeat.reach_m - REST_SLACK_M, 0.0)
+        self.deviates = not holds(heartbeat.active.boxes_m, around(heartbeat.position_m, body_m))
         held = [heartbeat.active]
         if heartbeat.outstanding is not None:
             held.append(heartbeat.outstanding)

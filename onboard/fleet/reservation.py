@@ -20,15 +20,24 @@ from typing import Final
 
 import numpy as np
 
-from onboard.fleet.area import Place, around, distance_m, holds, is_proper, meet, meeting
+from onboard.fleet.area import (
+    Place,
+    around,
+    holds,
+    is_proper,
+    meet,
+    meeting,
+    nearer_m,
+    within,
+)
 from onboard.fleet.messages import Ack, Commit, Head, Heartbeat, Message, Propose, Tube
 from onboard.fleet.peer import Echo, Peer
 from onboard.geometry.frames import FloatArray
 
 # Heartbeats that are remembered, to date what echoes them.
 _SENT_MAX: Final = 256
-# Distances by an autopilot's sphere may be too long by this share of those on WGS84.
-_SPHERE_SHARE: Final = 0.007
+# Runs under this vehicle's own name that are told apart.
+_NAMESAKES_MAX: Final = 64
 
 
 @dataclass(frozen=True)
@@ -89,6 +98,8 @@ class Reservation:
         active: the tube in which it may fly, or rests.
         expires_s: when it has to be at rest in it.
         outstanding: what it has proposed; None if nothing.
+        rests_s: when the vehicle rests at the latest, if nothing else is decided.
+        namesake_s: when another run under this vehicle's name said something new.
         counts: of messages that were dropped, by reason, and of commits and withdrawals.
     """
 
@@ -101,6 +112,8 @@ class Reservation:
         self.active = Tube(0, around(standing_m, own.reach_m))
         self.expires_s = math.inf
         self.outstanding: Proposal | None = None
+        self.rests_s = self.namesake_s = -math.inf
+        self._namesakes: dict[str, int] = {}
         self._position_m, self._position_s = standing_m, now_s
         self._number = 0
         self._heartbeat_due_s = now_s
@@ -112,7 +125,7 @@ class Reservation:
 
     # ------------------------------------------------------------------ what the flight says
 
-    def report(self, position_m: Place, now_s: float) -> bool:
+    def report(self, position_m: Place, now_s: float, held_m: FloatArray | None = None) -> bool:
         """Say where the vehicle is; give up what it has passed.
 
         It never flies back into that.
@@ -120,6 +133,7 @@ class Reservation:
         Args:
             position_m: north, east, of the reference that it follows.
             now_s: when it is there.
+            held_m: (N, 4), what it may still occupy besides without another decision; None: none.
 
         Returns:
             Whether one box of its tube holds all that it may reach from there.
@@ -136,16 +150,26 @@ class Reservation:
         if not holds(boxes_m, reach_m):
             self.counts["outside"] += 1
             return False
-        passed = int(np.argmax(meeting(boxes_m, reach_m)))
+        kept_m = reach_m if held_m is None else np.concatenate((reach_m, held_m))
+        passed = int(np.argmax(meeting(boxes_m, kept_m)))
         if passed:
             self.active = replace(self.active, boxes_m=boxes_m[passed:])
         return True
 
-    def settle(self) -> None:
-        """Give up all but where the vehicle rests, and will rest until the next leave to fly."""
+    def settle(self, more_m: float = 0.0) -> None:
+        """Give up all but where the vehicle rests, and will rest until the next leave to fly.
+
+        Nothing is taken in place of it: a vehicle outside its tube keeps that tube.
+
+        Args:
+            more_m: how much more is kept around it, as far as the tube holds that.
+        """
         if self.outstanding is None:
-            boxes_m = around(self._position_m, self.own.reach_m)
-            self.active = replace(self.active, boxes_m=boxes_m)
+            boxes_m = within(
+                self.active.boxes_m, around(self._position_m, self.own.reach_m + more_m)
+            )
+            if len(boxes_m):
+                self.active = replace(self.active, boxes_m=boxes_m)
             self.expires_s = math.inf
 
     def free_of_records(self, onward_m: FloatArray) -> int:
@@ -217,9 +241,10 @@ class Reservation:
     def receive(self, message: Message, now_s: float) -> None:
         """Take a message: compare, record and acknowledge are one step."""
         peer = self.peers.get(message.head.sender)
-        if peer is None:
-            own = message.head.sender == self.own.name
-            self.counts["own" if own else "not_in_roster"] += 1
+        if message.head.sender == self.own.name:
+            self._note_own(message.head, now_s)
+        elif peer is None:
+            self.counts["not_in_roster"] += 1
         elif isinstance(message, Heartbeat):
             if not peer.hear(message, self._echo(message), self._number + 1):
                 self.counts["late_or_unconfirmed"] += 1
@@ -231,6 +256,16 @@ class Reservation:
             self._take_ack(message, now_s)
         elif not message.committed:
             peer.records.pop(message.tube_number, None)
+
+    def _note_own(self, head: Head, now_s: float) -> None:
+        """Note who else flies under this name: a run before this one, or another vehicle."""
+        self.counts["own"] += 1
+        known = self._namesakes.get(head.boot, -1)
+        if head.boot == self.own.boot or head.number <= known:
+            return
+        if known >= 0 or len(self._namesakes) < _NAMESAKES_MAX:
+            self._namesakes[head.boot] = head.number
+        self.namesake_s = now_s
 
     def _answer(self, message: Propose, peer: Peer) -> None:
         """Acknowledge a proposal, or say nothing."""
@@ -281,8 +316,7 @@ class Reservation:
         for name, peer in self.peers.items():
             disc = peer.disc(until_s, self.own.speed_max_mps)
             # From the middle of this vehicle: its boxes are in metres of the sphere, too.
-            away_m = math.inf if disc is None else distance_m(boxes_m, disc[0]) + reach_m
-            if disc is None or away_m * (1.0 - _SPHERE_SHARE) <= disc[1] + reach_m:
+            if disc is None or nearer_m(boxes_m, disc[0], reach_m) <= disc[1] + reach_m:
                 needed.add(name)
         return frozenset(needed)
 
@@ -296,7 +330,9 @@ class Reservation:
         self._send(Commit(self._head(), proposal.tube.number, committed=True))
 
     def _may_commit(self, proposal: Proposal, now_s: float) -> bool:
-        return proposal.need <= proposal.acked and now_s < proposal.expires_s
+        # The way that is held may end later than what was asked for.
+        in_time = max(now_s, self.rests_s) < proposal.expires_s
+        return in_time and proposal.need <= proposal.acked
 
     # ------------------------------------------------------------------ what is sent
 

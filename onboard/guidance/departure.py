@@ -56,6 +56,7 @@ class RefusalKind(StrEnum):
     START_WORD = "start_word"
     MISSION = "mission"
     LEFT_FLIGHT = "left_flight"
+    FLEET = "fleet"
     NO_PROGRESS = "no_progress"
     PROGRESS_VOID = "progress_void"
 
@@ -85,6 +86,8 @@ def departure_refusals(situation: Situation, pose: Pose) -> list[Refusal]:
     ]
     if situation.left_flight is not None:
         refusals.append(Refusal(RefusalKind.LEFT_FLIGHT, situation.left_flight))
+    if situation.fleet_objection is not None:
+        refusals.append(Refusal(RefusalKind.FLEET, situation.fleet_objection))
     if (objection := situation.fence_objection(situation.route.mission)) is not None:
         refusals.append(Refusal(RefusalKind.GEOFENCE, objection))
     if situation.best_effort:  # no region matters where only the space seen free is flown into

@@ -75,12 +75,8 @@ class FlightState(StrEnum):
     @property
     def changes_mission(self) -> bool:
         """Whether the vehicle stops as soon as it can, to fly another mission from there."""
-        return self in (
-            FlightState.STOPPING_UNALIGNED,
-            FlightState.STOPPING,
-            FlightState.AVOIDING_THEN_STOPPING,
-            FlightState.RESTING,
-        )
+        stopping = self in (FlightState.STOPPING, FlightState.STOPPING_UNALIGNED)
+        return stopping or self in (FlightState.AVOIDING_THEN_STOPPING, FlightState.RESTING)
 
 
 @unique
@@ -101,6 +97,7 @@ class Trigger(StrEnum):
     WAY_FOUND = "way found"
     NO_WAY = "no way"
     MOVER_NEAR = "mover near"
+    NO_LEAVE = "no leave"
     WAY_CLEAR = "way clear"
     START_UNSEEN = "start unseen"
     START_SEEN = "start seen"
@@ -141,7 +138,7 @@ STATES: Final = MappingProxyType(
             _P.PAUSE, "stay on the way to rest, turn the nose and look until a better one certifies"
         ),
         _S.YIELDING: StateFacts(
-            _P.YIELD, "rest, or come to rest, for a mover; go on once the way is clear"
+            _P.YIELD, "rest, or come to rest, for a mover or for leave; go on once the way is clear"
         ),
         _S.RESTING: StateFacts(_P.THREAD, "come to rest on the way held, for another mission"),
         _S.ARRIVED: StateFacts(_P.ARRIVED, "hover at the end of the mission"),
@@ -170,11 +167,12 @@ TRIGGERS: Final = MappingProxyType(
         " at rest or for long without progress, a better way to rest",
         _T.MOVER_NEAR: "what leads on is free but for movers, which may be there before the vehicle"
         " could rest",
-        _T.WAY_CLEAR: "a way to rest that leads on certifies against movers again",
+        _T.NO_LEAVE: "what leads on is free, but others of the fleet have given no leave for it",
+        _T.WAY_CLEAR: "a way to rest that leads on certifies against movers again, and has leave",
         _T.START_UNSEEN: "aligned, but the place where the vehicle hovers is not seen free",
         _T.START_SEEN: "it has been looked at all round, and a way to rest is held",
         _T.BACK_TO_CRUISE: "a leg has been threaded to its end, and the next one is cruised again;"
-        " or a cruise is clear of movers again",
+        " or a cruise is clear again, and has leave",
         _T.MISSION_CHANGED: "the operator has sent another mission",
         _T.LEG_FLOWN: "at rest at the leg's end, or stopped for another mission; a leg follows",
         _T.MISSION_FLOWN: "the same, and no leg follows",
@@ -200,6 +198,7 @@ TRANSITIONS: Final = MappingProxyType(
         (_S.CRUISING, _T.PRE_CONDITION): _S.AVOIDING,
         (_S.CRUISING, _T.NO_WAY): _S.LOOKING,
         (_S.CRUISING, _T.MOVER_NEAR): _S.YIELDING,
+        (_S.CRUISING, _T.NO_LEAVE): _S.YIELDING,
         (_S.CRUISING, _T.MISSION_CHANGED): _S.STOPPING,
         (_S.CRUISING, _T.LEG_FLOWN): _S.ALIGNING,
         (_S.CRUISING, _T.MISSION_FLOWN): _S.ARRIVED,
@@ -210,6 +209,7 @@ TRANSITIONS: Final = MappingProxyType(
         (_S.RECENTRING, _T.CRUISE_REPLANNED): _S.CRUISING,
         (_S.RECENTRING, _T.NO_WAY): _S.LOOKING,
         (_S.RECENTRING, _T.MOVER_NEAR): _S.YIELDING,
+        (_S.RECENTRING, _T.NO_LEAVE): _S.YIELDING,
         (_S.RECENTRING, _T.PRE_CONDITION): _S.AVOIDING,
         (_S.RECENTRING, _T.MISSION_CHANGED): _S.STOPPING,
         (_S.RECENTRING, _T.LEG_FLOWN): _S.ALIGNING,
@@ -220,6 +220,7 @@ TRANSITIONS: Final = MappingProxyType(
         (_S.AVOIDING, _T.POST_CONDITION): _S.CRUISING,
         (_S.AVOIDING, _T.NO_WAY): _S.LOOKING,
         (_S.AVOIDING, _T.MOVER_NEAR): _S.YIELDING,
+        (_S.AVOIDING, _T.NO_LEAVE): _S.YIELDING,
         (_S.AVOIDING, _T.MISSION_CHANGED): _S.AVOIDING_THEN_STOPPING,
         (_S.AVOIDING, _T.ASSUMPTION_FAILED): _S.HOLDING,
         (_S.AVOIDING, _T.CONTROL_TAKEN): _S.STANDBY,
@@ -247,6 +248,7 @@ TRANSITIONS: Final = MappingProxyType(
 
         (_S.THREADING, _T.NO_WAY): _S.LOOKING,
         (_S.THREADING, _T.MOVER_NEAR): _S.YIELDING,
+        (_S.THREADING, _T.NO_LEAVE): _S.YIELDING,
         (_S.THREADING, _T.MISSION_CHANGED): _S.RESTING,
         (_S.THREADING, _T.LEG_FLOWN): _S.LOOKING,
         (_S.THREADING, _T.BACK_TO_CRUISE): _S.ALIGNING,
@@ -257,6 +259,7 @@ TRANSITIONS: Final = MappingProxyType(
         (_S.LOOKING, _T.WAY_FOUND): _S.THREADING,
         (_S.LOOKING, _T.NO_WAY): _S.LOOKING,
         (_S.LOOKING, _T.MOVER_NEAR): _S.YIELDING,
+        (_S.LOOKING, _T.NO_LEAVE): _S.YIELDING,
         (_S.LOOKING, _T.START_SEEN): _S.ALIGNING,
         (_S.LOOKING, _T.MISSION_CHANGED): _S.RESTING,
         (_S.LOOKING, _T.ASSUMPTION_FAILED): _S.HOLDING,

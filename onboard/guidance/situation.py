@@ -89,6 +89,7 @@ class Situation:
         rest_held: whether what is flown is a way to rest in the space seen free, also in HOLDING.
         fence: the geofence that legs keep within, in local NED; None if there is none.
         mission_doubt: why the mission may not be the one to fly; None while it is.
+        fleet_objection: why the vehicle may not depart in its fleet; None if it may, or is of none.
         left_flight: that the operator has to say how a flight goes on; None otherwise.
         hold_cause: what failed last, so that the vehicle held, and when; None before.
     """
@@ -111,6 +112,7 @@ class Situation:
         self.rest_held = False
         self.fence: Fence | None = None
         self.mission_doubt: str | None = None
+        self.fleet_objection: str | None = None
         self.left_flight: str | None = None
         self.hold_cause: tuple[Assumption, float] | None = None
         self._limiter = EventLimiter()

@@ -49,6 +49,10 @@ class DetectionEvaluator:
             present local frame, north and east; several where an estimator reset leaves that open.
         counters: count frames that cannot be placed.
         heights_stand: whether a height in local NED with that stamp is one in the present frame.
+
+    Attributes:
+        is_peer: tells whether a box, by its corners in local NED and by how much they may be off,
+            may be another vehicle of the fleet.  It hides what is behind it, and is no obstacle.
     """
 
     def __init__(
@@ -66,9 +70,14 @@ class DetectionEvaluator:
         self._placements_m = placements_m
         self._counters = counters
         self._heights_stand = heights_stand
+        self.is_peer: Callable[[Corners, float], bool] = lambda *_: False
         self.movers = MoverSpace(flight, self._static_boxes_ned_m)
         self.seen = SeenSpace(
-            flight, poses, is_mover=self.movers.is_mover, on_void=self._void_movers
+            flight,
+            poses,
+            is_mover=self.movers.is_mover,
+            is_peer=self._is_peer,
+            on_void=self._void_movers,
         )
 
     def evaluate(
@@ -139,7 +148,7 @@ class DetectionEvaluator:
             frame.track_id(seen) for seen in frame.obstacles if self.movers.is_mover(frame, seen)
         }
         for box in placed:
-            if box.track_id not in moving:
+            if box.track_id not in moving and not self._is_peer(box.corners_ned_m):
                 yield from self._take_everywhere(box, stamp_s, now_s)
 
     def _take_reports(
@@ -182,7 +191,7 @@ class DetectionEvaluator:
         corners_ned_m = {
             frame.track_id(seen): corners_ned(seen, pose)
             for seen in frame.obstacles[:TRACKS_PER_FRAME]
-            if not self.movers.is_mover(frame, seen)
+            if not self.movers.is_mover(frame, seen) and not self._is_peer(corners_ned(seen, pose))
         }
         residuals = self.bearings.residuals(
             pose, corners_ned_m, terms.map_error_m, terms.heading_error_rad
@@ -240,6 +249,9 @@ class DetectionEvaluator:
         In STANDBY nothing is flown by the map: what encloses all places is one obstacle.
         """
         return seen.track_id if placement.apart and in_control(self._flight, now_s) else None
+
+    def _is_peer(self, corners_ned_m: Corners) -> bool:
+        return self.is_peer(corners_ned_m, self._flight.assessment.terms.map_error_m)
 
     def _void_movers(self, frame_stands: bool) -> None:
         self.movers.void(frame_stands=frame_stands)

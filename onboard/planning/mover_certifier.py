@@ -37,6 +37,8 @@ if TYPE_CHECKING:
 # A reference slower than this is at rest.
 REST_MPS: Final = 0.01
 _REST_MPS2: Final = 0.05
+# The gains of a setpoint's own place, beside those of its run-on.
+OWN_PLACE: Final = (0.0, 0.0)
 # A piece is halved until it is no longer than this: a mover gains v_o times that on its box.
 _PIECE_MAX_S: Final = 0.1
 _HALVINGS_MAX: Final = 6
@@ -144,19 +146,17 @@ def mover_failures(
         movers: what is known of them.
     """
     points, begins_s, ends_s = _short_pieces(way)
-    speed_mps = np.hypot(points[1, :, :, 0], points[1, :, :, 1]).max(axis=1)
-    pull_mps2 = np.hypot(points[2, :, :, 0], points[2, :, :, 1]).max(axis=1)
-    moving = np.flatnonzero((speed_mps > REST_MPS) | (pull_mps2 > _REST_MPS2))
+    speed_mps, pull_mps2, moving = _moving(points)
     if not moving.size:
         return ()
     last = int(moving[-1])
     # A reference that pauses on the way leaves the vehicle moving for as long.
     moving = _unsettled(moving, begins_s, ends_s, settling.rest_settle_s)
     grown_m = limits.body_radius_m + 2.0 * GRID_TOLERANCE_M
-    low, high = _swept_ned(points[:, moving], limits, leg)
+    low, high = swept_ned(points[:, moving], (OWN_PLACE, *limits.run_on.gains), leg)
     until_s = ends_s[moving] + settling.after_s(speed_mps[moving], pull_mps2[moving])
     # Where it comes to rest, until the vehicle has.
-    end_low, end_high = _swept_ned(points[:1, last : last + 1, -1:], None, leg)
+    end_low, end_high = swept_ned(points[:1, last : last + 1, -1:], (OWN_PLACE,), leg)
     low, high = np.concatenate((low, end_low)), np.concatenate((high, end_high))
     until_s = np.append(until_s, ends_s[last] + settling.rest_settle_s)
     low, high = low - grown_m, high + grown_m
@@ -165,6 +165,13 @@ def mover_failures(
     if reached is not None:
         return (f"a mover may be on the way from {begins_s[reached] - way.start_s:.1f} s ahead on",)
     return _met(low, high, until_s, movers)
+
+
+def _moving(points: FloatArray) -> tuple[FloatArray, FloatArray, IntArray]:
+    """Return the greatest speed and acceleration of each piece, and which pieces move."""
+    speed_mps = np.hypot(points[1, :, :, 0], points[1, :, :, 1]).max(axis=1)
+    pull_mps2 = np.hypot(points[2, :, :, 0], points[2, :, :, 1]).max(axis=1)
+    return speed_mps, pull_mps2, np.flatnonzero((speed_mps > REST_MPS) | (pull_mps2 > _REST_MPS2))
 
 
 def _unsettled(
@@ -195,21 +202,35 @@ def _short_pieces(way: Trajectory) -> tuple[FloatArray, FloatArray, FloatArray]:
     return points[:, order], begins_s[order], begins_s[order] + durations_s[order]
 
 
-def _swept_ned(
-    points: FloatArray, limits: RestLimits | None, leg: LegFrame
+def swept_ned(
+    points: FloatArray, gains: Sequence[tuple[float, float]], leg: LegFrame
 ) -> tuple[FloatArray, FloatArray]:
-    """Return the boxes, along north and east, of the points of each piece and of its run-on."""
+    """Return the boxes, along north and east, of a part of the run-on of each piece.
+
+    Args:
+        points: Bernstein points (3, n, k, 2) of pieces, leg frame.
+        gains: (kappa [s], c [s²]) of each point of the run-on, the setpoint's own included.
+        leg: the frame.
+    """
     north_east = np.stack((leg.rotation_ned_from_leg[:2, X], leg.rotation_ned_from_leg[:2, Y]))
     turned = points @ north_east
-    swept = turned[0]
-    if limits is not None and limits.run_on.gains:
-        run_on = [
-            turned[0] + kappa_s * turned[1] + c_s2 * turned[2]
-            for kappa_s, c_s2 in limits.run_on.gains
-        ]
-        swept = np.concatenate((swept, *run_on), axis=1)
+    ahead = [
+        turned[0] + kappa_s * turned[1] + c_s2 * turned[2] if kappa_s or c_s2 else turned[0]
+        for kappa_s, c_s2 in gains
+    ]
+    swept = np.concatenate(ahead, axis=1)
     origin = np.array(leg.origin_ned_m[:2])
     return swept.min(axis=1) + origin, swept.max(axis=1) + origin
+
+
+def moving_until_s(way: Trajectory, settling: Settling) -> float | None:
+    """Return until when the vehicle moves on a way, at the latest; None if it never does."""
+    points, _, ends_s = _short_pieces(way)
+    speed_mps, pull_mps2, moving = _moving(points)
+    if not moving.size:
+        return None
+    lost_s = ends_s[moving] + settling.after_s(speed_mps[moving], pull_mps2[moving])
+    return max(float(lost_s.max()), float(ends_s[moving[-1]]) + settling.rest_settle_s)
 
 
 def _met(low: FloatArray, high: FloatArray, until_s: FloatArray, movers: Movers) -> tuple[str, ...]:

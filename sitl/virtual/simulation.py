@@ -110,6 +110,7 @@ class Simulation:
 
     Args:
         flight: to simulate.
+        equip: called with each service before its first tick; a restart makes one more.
 
     Attributes:
         now_s: virtual time.
@@ -117,7 +118,11 @@ class Simulation:
         scene, autonomy, operator: vehicle and world; the service; who arms and lands.
     """
 
-    def __init__(self, flight: SimulatedFlight) -> None:
+    def __init__(
+        self,
+        flight: SimulatedFlight,
+        equip: Callable[[Autonomy], None] = lambda _: None,
+    ) -> None:
         config = flight.sitl.model_copy(update={"seed": flight.seed})
         self.now_s = 0.0
         self.scene = Scene(config, flight.obstacles, EPOCH_UNIX_S, round(TICK_S * TICK_RATE_HZ))
@@ -128,11 +133,12 @@ class Simulation:
             schedule, self.scene.vehicle, config.system_id, config.flavour, OPERATOR_LINK
         )
         self._service_faults = ServiceFaults(schedule, flight.mission)
-        self.autonomy = _start_service(flight, self._service_faults.solver)
+        self._equip = equip
+        self.flight = flight
+        self.autonomy = self._started_service()
         self.operator = Operator(
             config.system_id, flight.mission.altitude_m, _signing(_vehicle_key(flight))
         )
-        self.flight = flight
         self._steps = 0
         self._dead = False
         self._idle_since_s = self._paused_since_s = math.inf
@@ -142,6 +148,11 @@ class Simulation:
     def over(self) -> bool:
         """Whether the vehicle is back on the ground."""
         return self.operator.step is Step.DONE
+
+    @property
+    def service_runs(self) -> bool:
+        """Whether the service's process runs."""
+        return not self._dead
 
     @property
     def aborted(self) -> str | None:
@@ -185,8 +196,13 @@ class Simulation:
     def _restart_daemon_if_killed(self) -> None:
         dead = self._service_faults.dead
         if self._dead and not dead:
-            self.autonomy = _start_service(self.flight, self._service_faults.solver)
+            self.autonomy = self._started_service()
         self._dead = dead
+
+    def _started_service(self) -> Autonomy:
+        service = _start_service(self.flight, self._service_faults.solver)
+        self._equip(service)
+        return service
 
     def _operate(self) -> None:
         self.operator.receive(self.scene.vehicle.bytes_to_send(OPERATOR_LINK))
@@ -270,6 +286,26 @@ def without_cycle_collection() -> Iterator[None]:
             gc.enable()
 
 
+class ServiceJournal:
+    """Collects the records of a flight's service, also where it is restarted.
+
+    Args:
+        simulation: the flight.
+        shown: whether a display shows the flight; see `Journal`.
+    """
+
+    def __init__(self, simulation: Simulation, *, shown: bool = True) -> None:
+        self._simulation, self._shown = simulation, shown
+        self._journal = Journal(simulation.autonomy, timed=False, shown=shown)
+
+    def collect(self) -> list[Record]:
+        """Return the records of the tick that has just been simulated."""
+        service = self._simulation.autonomy
+        if self._journal.autonomy is not service:
+            self._journal = Journal(service, timed=False, shown=self._shown)
+        return self._journal.collect(self._simulation.now_s)
+
+
 def ticks(simulation: Simulation, *, shown: bool = True) -> Iterator[list[Record]]:
     """Advance a flight to its end, or its time limit; yield the records of each tick.
 
@@ -277,15 +313,21 @@ def ticks(simulation: Simulation, *, shown: bool = True) -> Iterator[list[Record
         simulation: the flight.
         shown: whether a display shows the flight; see `Journal`.
     """
-    service = simulation.autonomy
-    journal = Journal(service, timed=False, shown=shown)
+    journal = ServiceJournal(simulation, shown=shown)
     with without_cycle_collection():
         while not simulation.over and simulation.now_s < simulation.flight.time_limit_s:
             simulation.advance()
-            if service is not simulation.autonomy:  # it was restarted
-                service = simulation.autonomy
-                journal = Journal(service, timed=False, shown=shown)
-            yield journal.collect(simulation.now_s)
+            yield journal.collect()
+
+
+def log_metadata(flight: SimulatedFlight) -> dict[str, str]:
+    """Return what the flight log says of a flight."""
+    return {
+        "contract": flight.contract.model_dump_json(),
+        "contract_sha256": flight.contract.sha256,
+        "mission": flight.mission.model_dump_json(),
+        "seed": str(flight.seed),
+    }
 
 
 def fly(
@@ -304,14 +346,8 @@ def fly(
     warm_up()  # once per process, so that the flight does not include loading compiled code
     began_s = time.perf_counter()
     simulation = Simulation(flight)
-    metadata = {
-        "contract": flight.contract.model_dump_json(),
-        "contract_sha256": flight.contract.sha256,
-        "mission": flight.mission.model_dump_json(),
-        "seed": str(flight.seed),
-    }
     with ExitStack() as stack:
-        flight_log = stack.enter_context(FlightLog(directory / "flight.mcap", metadata))
+        flight_log = stack.enter_context(FlightLog(directory / "flight.mcap", log_metadata(flight)))
         truth_log = stack.enter_context(
             TruthLog(directory / "truth.mcap", EPOCH_UNIX_S, simulation.scene.world.field)
         )

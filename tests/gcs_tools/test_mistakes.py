@@ -318,6 +318,8 @@ MISTAKES = [
     Mistake("a flight signed by another file", "fly --mavlink-key contract.yaml",
             ("contract.yaml: mode", "chmod 600")),
     Mistake("a fleet of one file", "fleet check mission.yaml", ("mission.yaml", "vehicles")),
+    Mistake("a flight of a mission", "fleet fly mission.yaml", ("mission.yaml", "vehicles")),
+    Mistake("a network without messages", "fleet fly fleet.yaml --loss 1", ("--loss", "share")),
     Mistake("a campaign that does not exist", "campaign thorough", ("thorough", "nominal")),
     Mistake("no jobs", "campaign nominal --jobs 0", ("--jobs",)),
     Mistake("a benchmark that does not exist", "benchmark rando", ("rando", "sando")),

@@ -24,7 +24,6 @@ from gcs_tools.identify.flight.programme import Programme, programme
 from gcs_tools.identify.flight.records import event_record, state_record
 from gcs_tools.logs.flight_log import read_log
 from onboard.authentication.keys import DaemonKeys
-from onboard.autonomy import fence_of
 from onboard.contract.assessment import TICK_S, assess
 from onboard.contract.run_on import contract_run_on
 from onboard.files.contract_file import Contract
@@ -40,6 +39,7 @@ from onboard.heap import freeze_gc_heap
 from onboard.mavlink.connections import open_link
 from onboard.mavlink.endpoint import MavlinkEndpoint
 from onboard.mavlink.link_url import LinkError
+from onboard.missions.fences import fence_of
 from onboard.recording.messages import Record
 from onboard.recording.recorder import FlightRecorder, LogFileError, LogPlace
 from onboard.timing import Clock, request_realtime_priority

@@ -2,19 +2,16 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from pathlib import Path
 
-from onboard.contract.arithmetic import SCALAR
 from onboard.contract.assessment import Assessment, assess
-from onboard.contract.region import overhang
 from onboard.files.contract_file import load_contract
 from onboard.files.geofence_file import Geofence
 from onboard.files.mission_file import Mission
 from onboard.files.yaml_file import FileError, load_yaml
 from onboard.fleet.fleet_file import Fleet, FleetVehicle
-from onboard.geometry.local_frame import GeographicPoint, LocalFrame
+from onboard.geometry.local_frame import LocalFrame
 
 
 @dataclass(frozen=True)
@@ -46,9 +43,7 @@ class Member:
     @property
     def frame(self) -> LocalFrame:
         """Its local frame."""
-        origin = self.vehicle.origin
-        place = GeographicPoint(origin.latitude_deg, origin.longitude_deg)
-        return LocalFrame(place, self.vehicle.autopilot)
+        return self.vehicle.frame
 
     @property
     def margin_m(self) -> float:
@@ -58,14 +53,7 @@ class Member:
     @property
     def fastest_mps(self) -> float:
         """How fast its contract lets it be over ground: at cruise, and swerving (theory A, D)."""
-        inflated = self.assessment.inflated
-        swerve, swerving_s = inflated.manoeuvre_encounter, inflated.manoeuvre.avoidance_time_s
-        left_mps2, right_mps2 = swerve.left_mps2, swerve.right_mps2
-        aside_mps = max(
-            overhang(one_mps2, other_mps2, swerving_s, swerve, SCALAR)[1]
-            for one_mps2, other_mps2 in ((left_mps2, right_mps2), (right_mps2, left_mps2))
-        )
-        return math.hypot(swerve.speed_mps, aside_mps)
+        return self.assessment.fastest_mps
 
 
 def read_fleet(path: Path) -> tuple[Fleet, tuple[Member, ...]]:

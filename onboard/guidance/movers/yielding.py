@@ -1,7 +1,8 @@
-"""YIELD: come to rest for a mover, wait, and go on once its way is clear; reversible, unlike HOLD.
+"""YIELD: come to rest for a mover or for leave, wait, and go on; reversible, unlike HOLD.
 
 The vehicle is on the way to rest that it holds, or rests at its end.  Being touched there is no
-failure of passive safety.  What leads on is flown as soon as it certifies.
+failure of passive safety.  What leads on is flown as soon as it certifies.  For leave of other
+vehicles of its fleet it waits as long as it takes.
 """
 
 from __future__ import annotations
@@ -10,6 +11,7 @@ import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
+from onboard.events import Event, EventName, Severity
 from onboard.guidance.phases import Trigger
 from onboard.monitoring.assumptions import Assumption, Violation
 
@@ -29,6 +31,8 @@ _OUT_OF_VIEW: Final = (
 CLEAR_S: Final = 1.0
 # Whether it is clear is asked this often.
 _LOOK_S: Final = 0.5
+# At rest without leave for so long, where the contract does not say how long, it is blocked.
+_BLOCKED_S: Final = 60.0
 # A way that leads nowhere but for movers has been refused within this: they are the reason.
 LATELY_S: Final = 1.0
 
@@ -36,6 +40,9 @@ LATELY_S: Final = 1.0
 @dataclass
 class _Wait:
     since_s: float
+    # What the vehicle waits for leave is no wait for movers.
+    for_movers_since_s: float
+    blocked: bool = False
     rest_since_s: float | None = None
     clear_since_s: float | None = None
     looked_s: float = -math.inf
@@ -52,29 +59,33 @@ class Yielding:
 
     def __init__(self, situation: Situation, guard: MoverGuard, fallback: Fallback) -> None:
         self._situation, self._guard, self._fallback = situation, guard, fallback
-        self._wait = _Wait(0.0)
+        self._wait = _Wait(0.0, 0.0)
 
     def is_due(self, now_s: float) -> bool:
-        """Tell whether movers are why nothing leads on."""
+        """Tell whether movers, or missing leave, are why nothing leads on."""
         return self._guard.has_refused(now_s, LATELY_S)
 
     def begin(self, now_s: float) -> None:
-        """Wait from now on (MOVER_NEAR)."""
-        self._wait = _Wait(now_s)
-        text = f"yielding: {self._guard.reason}"
-        self._situation.fire(Trigger.MOVER_NEAR, now_s, text=text)
+        """Wait from now on (MOVER_NEAR, NO_LEAVE)."""
+        self._wait = _Wait(now_s, now_s)
+        for_leave = self._guard.waits_for_leave(now_s, LATELY_S)
+        trigger = Trigger.NO_LEAVE if for_leave else Trigger.MOVER_NEAR
+        self._situation.fire(trigger, now_s, text=f"yielding: {self._guard.reason}")
 
     def rest(self, now_s: float) -> bool:
         """Note that the vehicle rests on its way; tell whether it still waits.
 
-        After a wait that is longer than the contract allows, it holds; where movers are no longer
-        the reason, it looks for another way (NO_WAY).
+        After a wait for movers that is longer than the contract allows, it holds; one for leave it
+        reports.  Where neither is the reason any more, it looks for another way (NO_WAY).
         """
         wait = self._wait
         if wait.rest_since_s is None:
             wait.rest_since_s = now_s
         longest_s = self._situation.assessment.contract.requirements.yield_max_s
-        waited_s = now_s - wait.since_s
+        if self._guard.waits_for_leave(now_s, LATELY_S):
+            wait.for_movers_since_s = now_s
+            self._report_if_blocked(longest_s or _BLOCKED_S, now_s)
+        waited_s = now_s - wait.for_movers_since_s
         if longest_s is not None and waited_s > longest_s:
             self._fallback.report_and_hold(
                 Violation(Assumption.YIELD_TIME, waited_s, longest_s, "s"), now_s
@@ -92,6 +103,14 @@ class Yielding:
             self._situation.fire(Trigger.NO_WAY, now_s)
             return False
         return True
+
+    def _report_if_blocked(self, longest_s: float, now_s: float) -> None:
+        wait = self._wait
+        waited_s = now_s - wait.since_s
+        if waited_s > longest_s and not wait.blocked:
+            wait.blocked = True
+            text = f"blocked, at rest for {waited_s:.0f} s: {self._guard.reason}"
+            self._situation.emit(Event(now_s, EventName.BLOCKED, Severity.WARNING, text))
 
     def has_been_clear(self, is_clear: Callable[[], bool], now_s: float) -> bool:
         """Tell whether a way has been clear for long enough.

@@ -67,11 +67,13 @@ class SeenSpace:
         poses: where the body was.
         frames_needed: K, see `SeenFree`.
         is_mover: tells what moves: it hides what is behind it, and contradicts nothing.
+        is_peer: the same of a box, by its corners, that is another vehicle of the fleet.
         on_void: learns that nothing counts any more, and whether the local frame stands.
 
     Attributes:
         relied_on: whether what is flown was certified in the set, so that a contradiction is a
             violation; guidance says so.  Otherwise it only voids the set.
+        lane_half_width_m: beyond so much beside a leg nothing counts as free, whatever is asked.
         void_reason: why the set was emptied last; empty if it never was.
         frames_needed: K, as given.
     """
@@ -83,14 +85,16 @@ class SeenSpace:
         *,
         frames_needed: int = 3,
         is_mover: Callable[[DetectionFrame, Detection], bool] = lambda _, __: False,
+        is_peer: Callable[[Corners], bool] = lambda _: False,
         on_void: Callable[[bool], None] = lambda _: None,
     ) -> None:
-        self._flight, self._poses, self._is_mover = flight, poses, is_mover
+        self._flight, self._poses = flight, poses
+        self._is_mover, self._is_peer = is_mover, is_peer
         self._set = SeenFree(frames_needed=frames_needed)
         self._leg = flight.leg
         self._heights = HeightsSeen(flight)
         self._set.level_m = self._heights.level_m
-        self._half_width_m = math.inf
+        self._half_width_m = self.lane_half_width_m = math.inf
         self._pending = SightQueue[Sight](self._break_row)
         self._stamps_s: dict[str, float] = {}
         self._looks = LooksAround()
@@ -179,8 +183,8 @@ class SeenSpace:
 
     def limit(self, half_width_m: float) -> None:
         """Call nothing free that is farther than this from the line of a leg; stays in force."""
-        self._half_width_m = half_width_m
-        self._set.limit(half_width_m)
+        self._half_width_m = min(half_width_m, self.lane_half_width_m)
+        self._set.limit(self._half_width_m)
 
     def keep_in(self, fence: Fence | None) -> None:
         """Call nothing free that a geofence in local NED forbids; stays in force; None: ends."""
@@ -308,8 +312,7 @@ class SeenSpace:
             self.void("the vehicle has left the height of the leg", frame_stands=True)
         for _ in range(1 if len(self._pending) <= 2 else 2):
             sight = self._pending.pop()
-            violation = None if sight is None else self._see(sight)
-            if violation is not None:
+            if sight is not None and (violation := self._see(sight)) is not None:
                 return violation
         return None
 
@@ -324,8 +327,9 @@ class SeenSpace:
         margins_m = e + clock_error_m + heading_error_rad * far_m
         still = [
             i
-            for i, seen in enumerate(sight.detections)
-            if not self._is_mover(frame, seen) and self._heights.surely_in_way(frame, seen, pose)
+            for i, (seen, at) in enumerate(zip(sight.detections, sight.corners_ned_m, strict=True))
+            if not (self._is_mover(frame, seen) or self._is_peer(at))
+            and self._heights.surely_in_way(frame, seen, pose)
         ]
         contradicting = self._contradicting(seen_leg_m[still], margins_m[still])
         if contradicting is None and still:

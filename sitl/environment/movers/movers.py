@@ -113,6 +113,10 @@ class Movers:
         self.contacts_moving = self.contacts_at_rest = 0
         self.clearance_min_m, self.speed_at_contact_mps = math.inf, 0.0
 
+    def add(self, mover: Mover) -> None:
+        """Have one more mover in the world; the sensors see it, too."""
+        self.all.append(mover)
+
     def advance(
         self,
         now_s: float,

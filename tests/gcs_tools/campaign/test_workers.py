@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Iterator
 
 import pytest
@@ -10,7 +9,7 @@ import pytest
 from gcs_tools.campaign import workers
 from gcs_tools.campaign.flight import FlightRow
 from gcs_tools.campaign.sources import GeneratedSource, Source
-from gcs_tools.campaign.workers import FlightJob, fly_locally, fly_on_cluster, run_locally
+from gcs_tools.campaign.workers import FlightJob, fly_locally, fly_on_cluster
 from gcs_tools.console.errors import CommandError
 from tests.gcs_tools.campaign.rows import row
 
@@ -48,13 +47,3 @@ def test_no_scheduler_is_one_line(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(workers, "_CONNECT_TIMEOUT_S", 0.5)
     with pytest.raises(CommandError, match=r"--dask tcp://127\.0\.0\.1:9: no scheduler answers"):
         next(fly_on_cluster([FlightJob(QUICK, 1, 0)], "tcp://127.0.0.1:9"))
-
-
-def test_several_processes_do_all_jobs() -> None:
-    jobs = [(number, 2) for number in range(20)]
-    assert sorted(run_locally(pow, jobs, 2)) == [number**2 for number in range(20)]
-
-
-def test_a_process_that_dies_is_one_line() -> None:
-    with pytest.raises(CommandError, match="a worker process died"):
-        list(run_locally(os._exit, [(1,)], 2))

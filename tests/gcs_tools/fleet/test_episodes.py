@@ -85,11 +85,11 @@ def flown(
 class Watched(Reservation):
     """Counts reports of motion after a tube has expired."""
 
-    def report(self, position_m: Place, now_s: float) -> bool:
+    def report(self, position_m: Place, now_s: float, held_m: FloatArray | None = None) -> bool:
         moved = position_m != self._position_m
         self.counts["moved_late"] += moved and now_s > self.expires_s
         self.counts["moved_in_time"] += moved and now_s <= self.expires_s < math.inf
-        return super().report(position_m, now_s)
+        return super().report(position_m, now_s, held_m)
 
 
 def test_no_two_vehicles_touch_while_one_of_them_moves() -> None:
@@ -179,10 +179,10 @@ def test_what_leaves_out_a_rule_collides(make: type[Reservation]) -> None:
 
 def test_the_network_is_as_bad_as_it_is_said_to_be() -> None:
     terms = NetworkTerms(loss=0.3, delay_max_s=8.0, partition_share=0.0)
-    network = Network(terms, NAMES, random.Random(1))
+    network = Network[Commit](terms, NAMES, random.Random(1))
     sent = 2000
     for number in range(sent):
-        network.send(Commit(Head("a", "", number), 1, committed=True), number * 0.01)
+        network.send("a", Commit(Head("a", "", number), 1, committed=True), number * 0.01)
     arrivals = [
         (receiver, message.head.number, step * 0.1 - message.head.number * 0.01)
         for step in range(400)
@@ -199,9 +199,9 @@ def test_the_network_is_as_bad_as_it_is_said_to_be() -> None:
 
 def test_a_partition_lets_nothing_across() -> None:
     terms = NetworkTerms(loss=0.0, partition_share=1.0, partition_s=1e9)
-    network = Network(terms, NAMES, random.Random(3))
+    network = Network[Commit](terms, NAMES, random.Random(3))
     for name in NAMES:
-        network.send(Commit(Head(name, "", 1), 1, committed=True), 0.0)
+        network.send(name, Commit(Head(name, "", 1), 1, committed=True), 0.0)
     heard = {(message.head.sender, receiver) for receiver, message in network.arrived(100.0)}
     assert heard == {(b, a) for a, b in heard}
     assert len(heard) < len(NAMES) * (len(NAMES) - 1)

@@ -368,3 +368,44 @@ def test_who_is_not_in_the_roster_is_ignored_and_counted() -> None:
     tell(first, messages, 2.0)
     assert (first.counts["not_in_roster"], first.counts["own"]) == (2, 1)
     assert not any(isinstance(message, Ack) for message in said(first))
+
+
+@pytest.mark.parametrize(
+    ("proposer", "boot", "more"), [("c", BOOTS["a"], 0), ("a", "c" * 16, 0), ("a", BOOTS["a"], 1)]
+)
+def test_leave_for_another_tube_is_none_for_this(proposer: str, boot: str, more: int) -> None:
+    """Of another vehicle, of the run before, or for what was proposed before."""
+    first, _ = acquainted((20.0, 0.0))
+    first.propose(way((0.0, 0.0), (8.0, 0.0)), 30.0, 1.5)
+    assert first.outstanding is not None
+    number = first.outstanding.tube.number - more
+    first.receive(Ack(Head("b", BOOTS["b"], 90), proposer, boot, number), 2.0)
+    assert first.counts["committed"] == 0
+
+
+def test_a_way_that_is_held_for_longer_than_the_leave_has_none() -> None:
+    """Else it would fly on after its tube has ended, for who was not asked."""
+    first, second = vehicle("a", (0.0, 0.0)), vehicle("b", FAR)
+    talk(first, second, KNOWN_S)
+    first.rests_s = 6.0
+    assert first.propose(way((0.0, 0.0), (5.0, 0.0)), 4.0, 1.5)
+    assert first.counts["committed"] == 0
+    first.rests_s = 5.0
+    assert first.outstanding is not None
+    first.withdraw()
+    assert first.propose(way((0.0, 0.0), (5.0, 0.0)), 4.0, 1.5)
+    assert (first.counts["committed"], first.expires_s) == (1, 5.5)
+
+
+def test_another_run_under_the_own_name_is_noted_while_it_speaks() -> None:
+    first = vehicle("a", (0.0, 0.0))
+    twin = vehicle("a", (40.0, 0.0), boot="c" * 16)
+    tell(first, said(first, 1.0), 1.0)
+    assert first.namesake_s == -math.inf, "what is its own says nothing"
+    heard = said(twin, 2.0)
+    tell(first, heard, 2.0)
+    assert first.namesake_s == 2.0
+    tell(first, heard, 9.0)
+    assert first.namesake_s == 2.0, "nor does what is repeated"
+    tell(first, said(twin, 9.5), 9.5)
+    assert first.namesake_s == 9.5

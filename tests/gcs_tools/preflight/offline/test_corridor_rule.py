@@ -36,7 +36,7 @@ def test_a_vehicle_of_disjoint_lanes_may_fly(clearway: Clearway) -> None:
 
 
 def test_ways_that_cross_are_not_flown(clearway: Clearway) -> None:
-    ran = checked(clearway, "crossing.yaml", *geofence("site"), mission="northbound")
+    ran = checked(clearway, "crossing.yaml", *geofence("northbound"), mission="northbound")
     assert ran.code == 1, ran
     (refusal,) = [each for each in json.loads(ran.out)["refusals"] if "corridors" in each]
     assert "northbound and southbound may fly in the same place" in refusal
