@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from gcs_tools.benchmark.planner_flight import Flight, Outcome
-from gcs_tools.benchmark.suites import Selection, benchmark_named
+from gcs_tools.benchmark.scenes import Selection
+from gcs_tools.benchmark.suites import benchmark_named
 from gcs_tools.benchmark.vehicles import vehicles
 from tests.benchmarks.measurement import Measurement, sized
 

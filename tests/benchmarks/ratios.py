@@ -20,7 +20,8 @@ from typing import Final
 import numpy as np
 
 from gcs_tools.benchmark.planner_flight import Flight
-from gcs_tools.benchmark.suites import Selection, benchmark_named
+from gcs_tools.benchmark.scenes import Selection
+from gcs_tools.benchmark.suites import benchmark_named
 from gcs_tools.benchmark.vehicles import vehicles
 from gcs_tools.scenario import load_scenario
 from onboard.contract.assessment import assess

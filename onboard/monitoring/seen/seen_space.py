@@ -340,10 +340,8 @@ class SeenSpace:
             track_id = frame.track_id(sight.detections[still[contradicting]])
             self.void(f"{track_id} is reported where all was seen free")
             return contradiction(track_id)
-        boxes = [
-            *enclosing_boxes(seen_leg_m, e),
-            *self._known_boxes(x_m, y_m, terms.detection_range_m),
-        ]
+        near = self._known_boxes(x_m, y_m, terms.detection_range_m)
+        boxes = [*enclosing_boxes(seen_leg_m, e), *near]
         view = view_of(sight, self._leg, terms, boxes, (clock_error_m, heading_error_rad))
         self._set.centre_on(x_m, y_m)
         self._set.see(view, frame.source)
@@ -377,8 +375,7 @@ class SeenSpace:
         if not suspects.any():
             return None
         for box, side in np.argwhere(suspects).tolist():
-            begin_m, end_m = begins_m[box, side], ends_m[box, side]
-            pieces = strip_around(begin_m, end_m, float(margins_m[box]))
+            pieces = strip_around(begins_m[box, side], ends_m[box, side], float(margins_m[box]))
             if self._set.are_free(*pieces):
                 return int(box)
         return None

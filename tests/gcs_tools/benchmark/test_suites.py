@@ -7,7 +7,8 @@ from typing import Any
 
 import pytest
 
-from gcs_tools.benchmark.suites import BENCHMARKS, Selection, benchmark_named
+from gcs_tools.benchmark.scenes import Selection
+from gcs_tools.benchmark.suites import BENCHMARKS, benchmark_named
 from gcs_tools.console.errors import CommandError
 from tests.gcs_tools.benchmark.public_files import PILLARS, write_all
 

@@ -7,7 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from gcs_tools.benchmark.suites import Selection, benchmark_named
+from gcs_tools.benchmark.scenes import Selection
+from gcs_tools.benchmark.suites import benchmark_named
 from gcs_tools.benchmark.world_file import read_world
 from onboard.files.yaml_file import FileError
 
