@@ -65,13 +65,15 @@ def clauses(terms: Terms[Q], derived: Derived[Q], ops: Arithmetic[Q]) -> tuple[C
     )
     if not terms.stop:
         return found
-    # The constructor takes a fraction of what `_replace` takes.
-    return tuple(
-        [
-            Clause(*clause[:-1], "progress") if clause.name in PROGRESS_CLAUSES else clause
-            for clause in found
-        ]
-    )
+    return tuple([_concerning(clause) for clause in found])
+
+
+def _concerning(clause: Clause[Q]) -> Clause[Q]:
+    """Return a clause with what it concerns (`PROGRESS_CLAUSES`)."""
+    if clause.name not in PROGRESS_CLAUSES:
+        return clause
+    # This takes a fraction of what `_replace` takes.
+    return Clause._make((*clause[:-1], "progress"))
 
 
 def _agility_clauses(terms: Terms[Q], ops: Arithmetic[Q]) -> tuple[Clause[Q], ...]:

@@ -41,7 +41,8 @@ class PeerWatch:
         """Report what has changed."""
         for text in self._dropped:
             if self._limiter.allows(text.partition(":")[0], now_s):
-                self._say(EventName.FLEET_REFUSED, f"fleet: {text}", now_s)
+                said = f"fleet: {text}"
+                self._emit(Event(now_s, EventName.FLEET_REFUSED, Severity.WARNING, said))
         self._dropped.clear()
         for name, peer in self._peers.items():
             if peer.echoed != self._newest[name]:
@@ -50,14 +51,12 @@ class PeerWatch:
             elif now_s - self._since_s[name] > SILENT_S and name not in self._silent:
                 self._silent.add(name)
                 what = "is silent" if peer.echoed is not None else "has not been heard"
-                self._say(EventName.PEER_SILENT, f"{name} {what}: no leave comes from it", now_s)
+                text = f"{name} {what}: no leave comes from it"
+                self._emit(Event(now_s, EventName.PEER_SILENT, Severity.WARNING, text))
             if peer.deviates and name not in self._deviating:
                 text = f"{name} is outside its tube: resting where it may come"
                 if self._limiter.allows(f"deviates {name}", now_s):
                     self._deviating.add(name)
-                    self._say(EventName.PEER_DEVIATES, text, now_s)
+                    self._emit(Event(now_s, EventName.PEER_DEVIATES, Severity.WARNING, text))
             elif not peer.deviates:
                 self._deviating.discard(name)
-
-    def _say(self, name: EventName, text: str, now_s: float) -> None:
-        self._emit(Event(now_s, name, Severity.WARNING, text))
